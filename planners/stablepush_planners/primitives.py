@@ -1,0 +1,174 @@
+"""Motion primitives from the stable region: a straight push, and turns as tight as the contact allows.
+
+For one contact, choose a direction ``d`` of stable translation and a line across it (at right angles). Let ``c_L, c_R`` be the
+tightest stable CORs on that line, counter-clockwise and clockwise. Their midpoint then moves along ``d`` on arcs of equal
+radius ``r = |c_L - c_R|/2`` either way: the pushed slider is a Dubins vehicle with that reference point, although the two limits
+measured from the body origin differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from stablepush import planar
+from stablepush._arrays import BoolArray, FloatArray
+from stablepush.conservative import lynch_mason_region
+from stablepush.oracle import StabilityOracle
+from stablepush.problem import PlanningProblem
+from stablepush.region import StableRegion
+
+#: Primitives stay this far (rad) inside the stable set, so that the check, which allows 1e-6, never disagrees.
+_INSIDE = 1e-7
+#: Grid of candidate lines: directions across the stable interval, and offsets of the line along the direction, in rho.
+_DIRECTIONS = 9
+_OFFSETS = np.linspace(-2.0, 2.0, 21)
+#: Places along a line, in rho, denser near the slider: the widest turn looked at is 50 rho.
+_PLACES = np.sinh(np.linspace(-np.arcsinh(500.0), np.arcsinh(500.0), 241)) / 10.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Steering:
+    """How one contact steers: a reference frame in B whose origin moves like a Dubins vehicle along its x axis.
+
+    Attributes
+    ----------
+    contact : int
+    frame : array, shape (3,)
+        Pose of the reference frame in B.
+    radius : float
+        Least turning radius (m) of its origin.
+    directions : array, shape (n,)
+        Further directions (rad, in B) of straight pushes: the ends of the stable interval, and the mean normal.
+    accept : callable
+        Tells which body twists (n, 3) may be used.
+    oracle : StabilityOracle
+    """
+
+    contact: int
+    frame: FloatArray
+    radius: float
+    directions: FloatArray
+    accept: Callable[[FloatArray], BoolArray]
+    oracle: StabilityOracle
+
+    def twist(self, curvature: float) -> FloatArray:
+        """Body twist (3,) for unit speed of the reference point along its x axis, turning with a curvature (1/m)."""
+        return planar.transport_twist((1.0, 0.0, curvature), self.frame)
+
+
+def steering(problem: PlanningProblem, contact: int, region: str) -> Steering | None:
+    """Return the tightest steering of a contact, or None if it has no stable translation with turns to both sides."""
+    oracle = StabilityOracle(problem.surface, problem.contacts[contact])
+    accept = _acceptance(problem, contact, oracle, region)
+    rho = problem.surface.characteristic_length
+    heading = float(problem.contacts[contact].frame[2])
+
+    # directions of stable translation, by sampling half a turn about the mean normal
+    angles = heading + np.linspace(-np.pi / 2, np.pi / 2, 361)
+    straight = accept(np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1))
+    if not straight.any():
+        return None
+    good = angles[straight]
+    sideways = np.unique((good[0], good[np.argmin(np.abs(good - heading))], good[-1]))
+    best: Steering | None = None
+    directions = np.unique(good[np.linspace(0, len(good) - 1, _DIRECTIONS).round().astype(int)])
+    offsets = _OFFSETS * rho
+    for _ in range(2):
+        found = _tightest(accept, directions, offsets, rho)
+        if found is None:
+            break
+        direction, offset, left, right = found
+        radius = (left - right) / 2
+        if best is None or radius < best.radius:
+            along = np.array((np.cos(direction), np.sin(direction)))
+            middle = offset * along + (left + right) / 2 * np.array((-along[1], along[0]))
+            best = Steering(contact, np.array((*middle, direction)), radius, sideways, accept, oracle)
+        # once more, finer, about the best line; directions stay within the stable interval
+        step = (good[-1] - good[0]) / (_DIRECTIONS - 1)
+        directions = np.clip(direction + np.linspace(-step, step, _DIRECTIONS), good[0], good[-1])
+        offsets = offset + np.linspace(-1, 1, 21) * (_OFFSETS[1] - _OFFSETS[0]) * rho
+    return best
+
+
+def _acceptance(
+    problem: PlanningProblem, contact: int, oracle: StabilityOracle, region: str
+) -> Callable[[FloatArray], BoolArray]:
+    """Which body twists (n, 3) may be used at a contact."""
+    least = max(0.0, problem.min_margin) + _INSIDE
+    conservative: StableRegion | None = None
+    if region == "conservative":
+        conservative = lynch_mason_region(problem.slider, problem.contacts[contact])
+
+    def accept(twists: FloatArray) -> BoolArray:
+        good = oracle.margin(twists) >= least
+        if conservative is not None:
+            good &= _region_contains(conservative, twists)
+        return np.asarray(good)
+
+    return accept
+
+
+def _region_contains(region: StableRegion, twists: FloatArray) -> BoolArray:
+    turning = twists[:, 2] != 0
+    inside = np.zeros(len(twists), dtype=bool)
+    if turning.any():
+        cors, sense = planar.cor_from_twist(twists[turning])
+        inside[turning] = region.contains(cors, sense)
+    if region.translations is not None and (~turning).any():
+        low, high = region.translations
+        angle = np.arctan2(twists[~turning, 1], twists[~turning, 0])
+        inside[~turning] = np.mod(angle - low, 2 * np.pi) <= high - low
+    return inside
+
+
+def _tightest(
+    accept: Callable[[FloatArray], BoolArray], directions: FloatArray, offsets: FloatArray, rho: float
+) -> tuple[float, float, float, float] | None:
+    """Direction (rad), offset and places (m) of the CORs nearest to each other on any of the lines."""
+    places = _PLACES * rho
+    best: tuple[float, float, float, float] | None = None
+    along = np.stack((np.cos(directions), np.sin(directions)), axis=-1)
+    straight = accept(np.column_stack((along, np.zeros(len(along)))))
+    for d, direction in zip(along[straight], directions[straight], strict=True):
+        normal = np.array((-d[1], d[0]))
+        cors = offsets[:, None, None] * d + places[None, :, None] * normal
+        flat = cors.reshape(-1, 2)
+        shape = cors.shape[:2]
+        left = accept(planar.twist_from_cor(flat, 1.0)).reshape(shape)
+        right = accept(planar.twist_from_cor(flat, -1.0)).reshape(shape)
+        for row, offset in enumerate(offsets):
+            if not (left[row].any() and right[row].any()):
+                continue
+            i, j = int(np.argmax(left[row])), len(places) - 1 - int(np.argmax(right[row][::-1]))
+            if places[i] <= places[j] or (best is not None and places[i] - places[j] > 1.05 * (best[2] - best[3])):
+                continue
+            s_left = _refine(accept, offset * d, normal, 1.0, places, i, i - 1)
+            s_right = _refine(accept, offset * d, normal, -1.0, places, j, j + 1)
+            if s_left > s_right and (best is None or s_left - s_right < best[2] - best[3]):
+                best = (float(direction), float(offset), s_left, s_right)
+    return best
+
+
+def _refine(
+    accept: Callable[[FloatArray], BoolArray],
+    foot: FloatArray,
+    normal: FloatArray,
+    sense: float,
+    places: FloatArray,
+    inside: int,
+    outside: int,
+) -> float:
+    """Narrow the boundary between a stable place and its unstable neighbour; the result is stable."""
+    good = places[inside]
+    if not 0 <= outside < len(places):
+        return float(good)
+    bad = places[outside]
+    for _ in range(3):
+        tried = np.linspace(good, bad, 18)[1:-1]
+        stable = accept(planar.twist_from_cor(foot + tried[:, None] * normal, sense))
+        count = len(stable) if stable.all() else int(np.argmin(stable))
+        good, bad = (tried[count - 1] if count else good), (tried[count] if count < len(tried) else bad)
+    return float(good)

@@ -1,0 +1,108 @@
+"""Plan stable pushes of flat objects: limit surfaces from a few pokes, stable rotation centres, push paths."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from stablepush.check import CheckReport, check_plan
+    from stablepush.conservative import lynch_mason_region
+    from stablepush.contact import PushContact, WrenchCone
+    from stablepush.errors import (
+        ConvergenceError,
+        InputError,
+        SolverError,
+        StablepushError,
+        UnsupportedContactError,
+    )
+    from stablepush.formats import load_contact, load_model, load_slider, save_model
+    from stablepush.identify import Certificate, Fit, certify, fit_limit_surface
+    from stablepush.logs import Noise, PushLog, Rig, read_pushlog, write_pushlog
+    from stablepush.models import IdealLimitSurface, LimitSurface, PolynomialLimitSurface, monomial_exponents
+    from stablepush.oracle import StabilityOracle
+    from stablepush.path import PlanResult, Push, Transfer, load_plan, save_plan
+    from stablepush.planning import plan, planner_names
+    from stablepush.problem import PlanningProblem, load_scene, save_scene
+    from stablepush.region import StableRegion, stable_region
+    from stablepush.slider import Slider
+    from stablepush.support import SupportDistribution
+
+__version__ = "0.1.0"
+
+#: Where each public name lives. Names are loaded on first use: the program answers --help before numpy is imported.
+_HOMES = {
+    "check": ("CheckReport", "check_plan"),
+    "conservative": ("lynch_mason_region",),
+    "contact": ("PushContact", "WrenchCone"),
+    "errors": ("ConvergenceError", "InputError", "SolverError", "StablepushError", "UnsupportedContactError"),
+    "formats": ("load_contact", "load_model", "load_slider", "save_model"),
+    "identify": ("Certificate", "Fit", "certify", "fit_limit_surface"),
+    "logs": ("Noise", "PushLog", "Rig", "read_pushlog", "write_pushlog"),
+    "models": ("IdealLimitSurface", "LimitSurface", "PolynomialLimitSurface", "monomial_exponents"),
+    "oracle": ("StabilityOracle",),
+    "path": ("PlanResult", "Push", "Transfer", "load_plan", "save_plan"),
+    "planning": ("plan", "planner_names"),
+    "problem": ("PlanningProblem", "load_scene", "save_scene"),
+    "region": ("StableRegion", "stable_region"),
+    "slider": ("Slider",),
+    "support": ("SupportDistribution",),
+}
+_HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "Certificate",
+    "CheckReport",
+    "ConvergenceError",
+    "Fit",
+    "IdealLimitSurface",
+    "InputError",
+    "LimitSurface",
+    "Noise",
+    "PlanResult",
+    "PlanningProblem",
+    "PolynomialLimitSurface",
+    "Push",
+    "PushContact",
+    "PushLog",
+    "Rig",
+    "Slider",
+    "SolverError",
+    "StabilityOracle",
+    "StableRegion",
+    "StablepushError",
+    "SupportDistribution",
+    "Transfer",
+    "UnsupportedContactError",
+    "WrenchCone",
+    "certify",
+    "check_plan",
+    "fit_limit_surface",
+    "load_contact",
+    "load_model",
+    "load_plan",
+    "load_scene",
+    "load_slider",
+    "lynch_mason_region",
+    "monomial_exponents",
+    "plan",
+    "planner_names",
+    "read_pushlog",
+    "save_model",
+    "save_plan",
+    "save_scene",
+    "stable_region",
+    "write_pushlog",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'stablepush' has no attribute {name!r}")
+    value = getattr(import_module(f"stablepush.{_HOME_OF[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *_HOME_OF]

@@ -1,0 +1,6 @@
+"""``python -m stablepush``."""
+
+from stablepush.cli import main
+
+if __name__ == "__main__":
+    main()

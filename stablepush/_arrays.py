@@ -1,0 +1,97 @@
+"""Checks that turn what a caller passes into clean float64 arrays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stablepush.errors import InputError
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+#: Largest magnitude (SI units) that any quantity may have: beyond it lies a slip of units, not an object on a table.
+LARGEST_MAGNITUDE = 1e6
+
+
+def check_array(value: ArrayLike, name: str, shape: tuple[int | None, ...]) -> FloatArray:
+    """Return ``value`` as a finite float64 array whose trailing shape is ``shape`` (``None`` matches any length)."""
+    array = _as_float(value, name)
+    if array.ndim != len(shape) or any(want is not None and have != want for have, want in zip(array.shape, shape, strict=True)):
+        raise InputError(f"{name}: expected shape {_shape_text(shape)}, got {_shape_text(array.shape)}")
+    return _check_magnitude(array, name)
+
+
+def check_vectors(value: ArrayLike, name: str, length: int) -> FloatArray:
+    """Return ``value`` as a finite float64 array of shape (..., length)."""
+    array = _as_float(value, name)
+    if array.ndim == 0 or array.shape[-1] != length:
+        raise InputError(f"{name}: expected shape (..., {length}), got {_shape_text(array.shape)}")
+    if not np.isfinite(array).all():
+        raise InputError(f"{name}: expected finite numbers")
+    return array
+
+
+def check_number(
+    value: Any,
+    name: str,
+    *,
+    at_least: float | None = None,
+    above: float | None = None,
+    largest: float = LARGEST_MAGNITUDE,
+) -> float:
+    """Return ``value`` as a finite float within the given limits."""
+    if isinstance(value, (bool, str, bytes)):
+        raise InputError(f"{name}: expected a number, got {value!r}")
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: expected a number, got {type(value).__name__}") from None
+    if not np.isfinite(number):
+        raise InputError(f"{name}: expected a finite number, got {number}")
+    if abs(number) > largest:
+        raise InputError(f"{name}: expected a magnitude of at most {largest:g} (SI units), got {number:g}")
+    if at_least is not None and number < at_least:
+        raise InputError(f"{name}: expected a number >= {at_least:g}, got {number:g}")
+    if above is not None and number <= above:
+        raise InputError(f"{name}: expected a number > {above:g}, got {number:g}")
+    return number
+
+
+def check_sense(sense: ArrayLike) -> FloatArray:
+    """Return ``sense`` as an array of +1 (counter-clockwise) and -1 (clockwise)."""
+    array = _as_float(sense, "sense")
+    if not np.isin(array, (-1.0, 1.0)).all():
+        raise InputError("sense: expected +1 (counter-clockwise) or -1 (clockwise)")
+    return array
+
+
+def read_only(array: FloatArray) -> FloatArray:
+    """Return a copy of ``array`` that cannot be written."""
+    frozen = np.array(array, dtype=np.float64, copy=True)
+    frozen.flags.writeable = False
+    return frozen
+
+
+def _as_float(value: ArrayLike, name: str) -> FloatArray:
+    try:
+        raw = np.asarray(value)
+        if raw.dtype.kind not in "fiu" and raw.size:
+            raise TypeError
+        return raw.astype(np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: expected an array of numbers") from None
+
+
+def _check_magnitude(array: FloatArray, name: str) -> FloatArray:
+    if not np.isfinite(array).all():
+        raise InputError(f"{name}: expected finite numbers")
+    if array.size and np.abs(array).max() > LARGEST_MAGNITUDE:
+        raise InputError(f"{name}: expected magnitudes of at most {LARGEST_MAGNITUDE:g} (SI units), got {np.abs(array).max():g}")
+    return array
+
+
+def _shape_text(shape: tuple[int | None, ...]) -> str:
+    return "(" + ", ".join("n" if length is None else str(length) for length in shape) + ")"

@@ -1,0 +1,362 @@
+"""Commands: thin shells around the library. Heavy modules are imported inside, so that ``--help`` is quick."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stablepush import __version__
+from stablepush.errors import InputError
+
+if TYPE_CHECKING:
+    from stablepush.path import PlanResult
+    from stablepush.problem import PlanningProblem
+
+app = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Plan stable pushes of flat objects: from pokes to a limit surface, stable rotation centres and push paths.",
+)
+
+
+def _number(text: str | float) -> float:
+    """Parse a number; the message quotes what was given, in every version of the argument parser."""
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"expected a number, got {text!r}") from None
+
+
+def _whole_number(text: str | int) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise typer.BadParameter(f"expected a whole number, got {text!r}") from None
+
+
+Output = Annotated[Path, typer.Option("-o", "--output", help="File to write.")]
+Contact = Annotated[Path, typer.Option("--contact", help="Contact of the pusher (JSON).")]
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+) -> None:
+    if version:
+        print(f"stablepush {__version__}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+        raise typer.Exit
+
+
+@app.command()
+def demo(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")] = Path("stablepush-demo"),
+    seed: Annotated[int, typer.Option(parser=_whole_number, metavar="INTEGER", help="Seed of the simulated pokes.")] = 0,
+) -> None:
+    """Run the whole chain on a small built-in rig: pokes, fit, map, plan, check, report."""
+    from stablepush.cli.demo import run_demo
+
+    _require_seed(seed)
+    _require_folder(output)
+    raise typer.Exit(run_demo(output, seed))
+
+
+@app.command("import")
+def import_logs(
+    source: Annotated[Path, typer.Argument(help="Raw log, a folder of them, or a clone of the lab's repository.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write; several logs give one folder each.")],
+    kind: Annotated[str | None, typer.Option(help="mlab-poke or mlab-stable; both if not given.")] = None,
+    slider: Annotated[Path | None, typer.Option(help="slider/1 file that replaces the lab's triangle.")] = None,
+) -> None:
+    """Read a lab's raw logs into pushlog/1 folders."""
+    from stablepush.formats import load_slider
+    from stablepush.logs import write_pushlog
+    from stablepush.logs.mlab import find_sources, import_source
+
+    _require_folder(output)
+    replacement = None if slider is None else load_slider(slider)
+    sources = find_sources(source, kind)
+    several = len(sources) > 1
+    failed = 0
+    with _progress("import", len(sources)) as step:
+        for item in sources:
+            try:
+                log, notes = import_source(item, replacement)
+            except InputError as error:
+                if not several:
+                    raise
+                # one broken log of many must not keep the others out; it is named, and the exit code tells
+                step.say(f"stablepush: error: {error}")
+                failed += 1
+                continue
+            target = output / item.name if several else output
+            write_pushlog(log, target)
+            for note in notes:
+                step.say(f"note: {note}")
+            pairs = log.pairs()
+            forward = int(((pairs[0] * pairs[1]).sum(axis=1) > 0).sum())
+            summary = f", {len(pairs[0])} pairs, {forward} with F·V > 0" if len(pairs[0]) else ""
+            step.say(f"{target}: {item.kind}, {len(log)} pushes{summary}", error=False)
+            step()
+    if failed:
+        raise InputError(f"{source}: {failed} of {len(sources)} logs could not be read")
+
+
+@app.command()
+def fit(
+    log: Annotated[Path, typer.Argument(help="pushlog/1 folder.")],
+    output: Output,
+    model: Annotated[str, typer.Option(help="poly4-cvx, poly4, poly6-cvx or quadratic.")] = "poly4-cvx",
+    seed: Annotated[int, typer.Option(parser=_whole_number, metavar="INTEGER", help="Seed of the cross-validation's folds.")] = 0,
+    no_slider: Annotated[bool, typer.Option("--no-slider", help="Do not use what the log says of the slider.")] = False,
+) -> None:
+    """Identify a limit surface from a log of pokes."""
+    import numpy as np
+
+    from stablepush.identify import MODELS, fit_limit_surface
+    from stablepush.logs import read_pushlog
+
+    if model not in MODELS:
+        raise InputError(f"--model: expected one of {', '.join(MODELS)}, got {model!r}")
+    _require_seed(seed)
+    _require_file(output)
+    pokes = read_pushlog(log)
+    loads, twists, names = pokes.pairs()
+    if not names:
+        raise InputError(f"{log}: expected push rows with forces and motion, found none")
+    with _progress("fit") as step:
+        result = fit_limit_surface(
+            loads, twists, model, slider=None if no_slider else pokes.rig.slider, seed=seed, progress=step.to
+        )
+    from stablepush.formats import save_model
+
+    save_model(result.surface, output)
+    print(f"{output}: {model} from {len(names)} pokes, {result.status}, {result.total_time:.2f} s")
+    if result.cross_validation_error is not None:
+        print(f"angle error on held-out folds: {math.degrees(result.cross_validation_error):.2f} deg")
+    print(f"angle error on the pokes used:  {math.degrees(float(np.mean(result.angle_errors))):.2f} deg")
+    if result.certificate is not None:
+        word = "SOS-convex" if result.certificate.sos_convex else "NOT certified convex"
+        print(
+            f"certificate: {word}, smallest eigenvalue {result.certificate.min_eigenvalue:.3g}, "
+            f"residual {result.certificate.residual:.1g}"
+        )
+
+
+@app.command()
+def classify(
+    model: Annotated[Path, typer.Argument(help="model/1 file.")],
+    contact: Contact,
+    cors: Annotated[Path, typer.Option("--cors", help="CSV with columns cor_x, cor_y, sense.")],
+    output: Output,
+) -> None:
+    """Tell which rotation centres are stable, and by what margin."""
+    import numpy as np
+
+    from stablepush.files import write_atomically
+    from stablepush.formats import load_contact, load_model
+    from stablepush.logs.table import IS_SENSE, read_table, table_text
+    from stablepush.oracle import BOUNDARY_SLACK, StabilityOracle
+    from stablepush.planar import twist_from_cor
+
+    _require_file(output)
+    columns = ("cor_x", "cor_y", "sense")
+    oracle = StabilityOracle(load_model(model), load_contact(contact))
+    table = read_table(cors, required=columns, numbers=columns, filled=columns, rules={"sense": IS_SENSE})
+    centers = np.stack((table["cor_x"], table["cor_y"]), axis=-1).reshape(-1, 2)
+    margins = oracle.margin(twist_from_cor(centers, table["sense"])) if len(centers) else np.empty(0)
+    stable = (margins >= -BOUNDARY_SLACK).astype(float)
+    blank = np.full(len(centers), "", dtype=object)
+    write_atomically(output, table_text({**table, "stable": stable, "margin": margins, "probability": blank}))
+    print(f"{output}: {int(stable.sum())} of {len(stable)} rotation centres stable")
+
+
+@app.command("map")
+def draw_map(
+    model: Annotated[Path, typer.Argument(help="model/1 file.")],
+    contact: Contact,
+    output: Output,
+    slider: Annotated[Path | None, typer.Option(help="slider/1 file; needed for the conservative region.")] = None,
+    regions_file: Annotated[Path | None, typer.Option("--json", help="Regions as JSON.")] = None,
+    extent: Annotated[float | None, typer.Option(parser=_number, metavar="METRES", help="Half side of the map in m.")] = None,
+) -> None:
+    """Draw the stable regions: of the model, and the conservative one."""
+    from stablepush.conservative import lynch_mason_region
+    from stablepush.files import write_json
+    from stablepush.formats import load_contact, load_model, load_slider
+    from stablepush.plot import plot_regions, save_figure
+    from stablepush.region import regions_to_json, stable_region
+
+    if extent is not None and not (math.isfinite(extent) and 0 < extent <= 1e6):
+        raise InputError(f"--extent: expected a number > 0, got {extent}")
+    _require_file(output)
+    if regions_file is not None:
+        _require_file(regions_file)
+    surface, fingers = load_model(model), load_contact(contact)
+    body = None if slider is None else load_slider(slider)
+    regions = [stable_region(surface, fingers)]
+    if body is not None:
+        regions.append(lynch_mason_region(body, fingers))
+    save_figure(plot_regions(regions, fingers, body, extent), output)
+    if regions_file is not None:
+        write_json(regions_file, regions_to_json(regions, extent))
+    for region in regions:
+        span = "no stable translation"
+        if region.translations is not None:
+            low, high = (math.degrees(a) for a in region.translations)
+            span = f"translations from {low:.1f} to {high:.1f} deg"
+        print(f"{region.name}: {span}")
+    print(f"{output}: written")
+
+
+@app.command()
+def plan(
+    scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
+    output: Output,
+    planner: Annotated[str, typer.Option(help="Name of the planner.")] = "cor-lattice",
+    time_limit: Annotated[
+        float, typer.Option(parser=_number, metavar="SECONDS", help="Wall time in s, from the start of the program.")
+    ] = 30.0,
+    seed: Annotated[
+        int, typer.Option(parser=_whole_number, metavar="INTEGER", help="Seed of planners that draw random numbers.")
+    ] = 0,
+    region: Annotated[str, typer.Option(help="Rotation centres to use: model or conservative.")] = "model",
+    view: Annotated[Path | None, typer.Option(help="Animation of the plan as an HTML page.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Picture of the plan as PNG.")] = None,
+) -> None:
+    """Plan a path of stable pushes."""
+    from stablepush.cli import STARTED
+    from stablepush.files import write_atomically
+    from stablepush.path import save_plan
+    from stablepush.planning import REGIONS, planner_names
+    from stablepush.planning import plan as make_plan
+    from stablepush.problem import load_scene
+
+    if not (math.isfinite(time_limit) and 0 <= time_limit <= 1e6):
+        raise InputError(f"--time-limit: expected a time in s from 0 to 1e6, got {time_limit:g}")
+    if planner not in planner_names():
+        raise InputError(f"--planner: expected one of {', '.join(planner_names())}, got {planner!r}")
+    if region not in REGIONS:
+        raise InputError(f"--region: expected {' or '.join(REGIONS)}, got {region!r}")
+    _require_seed(seed)
+    for path in (output, view, picture):
+        if path is not None:
+            _require_file(path)
+    problem = load_scene(scene)
+    left = max(0.0, time_limit - (time.perf_counter() - STARTED))
+    with _progress("plan") as step:
+        result = make_plan(problem, planner, left, seed, region=region, progress=step.describe)
+    save_plan(result, output)
+    if view is not None:
+        from stablepush.report import plan_html
+
+        write_atomically(view, plan_html(problem, result))
+    if picture is not None:
+        from stablepush.plot import plot_plan, save_figure
+
+        save_figure(plot_plan(problem, result), picture)
+    print(f"{output}: {_plan_line(result)}")
+    raise typer.Exit(0 if result.solved else 1)
+
+
+@app.command()
+def check(
+    scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
+    plan_file: Annotated[Path, typer.Argument(metavar="PLAN", help="plan/1 file.")],
+) -> None:
+    """Verify a plan independently of the planner that made it."""
+    from stablepush.check import check_plan
+    from stablepush.path import load_plan
+    from stablepush.problem import load_scene
+
+    problem: PlanningProblem = load_scene(scene)
+    report = check_plan(problem, load_plan(plan_file))
+    for objection in report.objections:
+        print(objection)
+    print(f"{plan_file}: {'valid' if report.valid else 'NOT valid'}")
+    raise typer.Exit(0 if report.valid else 1)
+
+
+def _plan_line(result: PlanResult) -> str:
+    if not result.solved:
+        return f"{result.status}: {result.message}"
+    bound = "" if result.lower_bound is None else f" (at least {result.lower_bound:.1f} s)"
+    return (
+        f"solved in {result.planning_time:.2f} s: {len(result.pushes)} pushes, {result.length:.3f} m, "
+        f"{result.duration:.1f} s{bound}, {result.switches} changes of contact, "
+        f"least margin {math.degrees(result.min_margin):.2f} deg"
+    )
+
+
+def _require_seed(seed: int) -> None:
+    if not 0 <= seed < 2**32:
+        raise InputError(f"--seed: expected a whole number from 0 to 4294967295, got {seed}")
+
+
+def _require_file(path: Path) -> None:
+    """Refuse an output that cannot be written before any work is done."""
+    if path.is_dir():
+        raise InputError(f"{path}: cannot write: is a directory")
+    _require_parent(path)
+
+
+def _require_folder(path: Path) -> None:
+    if path.exists() and not path.is_dir():
+        raise InputError(f"{path}: cannot write: exists and is not a folder")
+    _require_parent(path)
+
+
+def _require_parent(path: Path) -> None:
+    import os
+
+    parent = path.parent
+    while not parent.exists() and parent != parent.parent:
+        parent = parent.parent
+    if not parent.is_dir():
+        raise InputError(f"{path}: cannot write: {parent} is not a folder")
+    if not os.access(parent, os.W_OK):
+        raise InputError(f"{path}: cannot write: no permission in {parent}")
+
+
+class _progress:
+    """A line on standard error while something runs, only where a person can see it."""
+
+    def __init__(self, name: str, total: int | None = None) -> None:
+        self._name, self._total, self._done, self._shown = name, total, 0, 0.0
+        self._live = sys.stderr.isatty()
+
+    def __enter__(self) -> _progress:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._clear()
+
+    def __call__(self) -> None:
+        self._done += 1
+        self.to(self._done, self._total or self._done)
+
+    def to(self, done: int, total: int) -> None:
+        self.describe(f"{done} of {total}")
+
+    def describe(self, text: str) -> None:
+        now = time.perf_counter()
+        if self._live and now - self._shown > 0.1:
+            self._shown = now
+            print(f"\r\x1b[K{self._name}: {text}", end="", file=sys.stderr, flush=True)
+
+    def say(self, line: str, error: bool = True) -> None:
+        self._clear()
+        print(line, file=sys.stderr if error else sys.stdout)
+
+    def _clear(self) -> None:
+        if self._live and self._shown:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,23 @@
+"""Exceptions of the library: one root, and messages of one line."""
+
+from __future__ import annotations
+
+
+class StablepushError(Exception):
+    """Root of every error that the library raises on purpose."""
+
+
+class InputError(StablepushError, ValueError):
+    """Input that breaks a format or a physical rule; the message names the place and what was expected."""
+
+
+class ConvergenceError(StablepushError, ArithmeticError):
+    """An iteration did not reach its tolerance, as happens on surfaces that are not convex."""
+
+
+class SolverError(StablepushError, RuntimeError):
+    """An optimisation back end failed; the message carries its status."""
+
+
+class UnsupportedContactError(StablepushError, ValueError):
+    """A method does not cover this arrangement of contacts."""

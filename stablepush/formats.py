@@ -1,0 +1,160 @@
+"""Sliders, contacts and limit surfaces as JSON (``slider/1``, ``contact``, ``model/1``)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stablepush.contact import PushContact
+from stablepush.errors import InputError
+from stablepush.files import Node, read_json, write_json
+from stablepush.models import IdealLimitSurface, LimitSurface, PolynomialLimitSurface, monomial_exponents
+from stablepush.models.polynomial import FORCE_UNITS
+from stablepush.slider import Slider
+from stablepush.support import SupportDistribution
+
+
+def slider_from_node(node: Node) -> Slider:
+    """Read the value of a ``slider/1``."""
+    node["format"].text(("slider/1",))
+    vertices = node["vertices"].array(None, 2)
+    mass_node = node["mass"] if "mass" in node.object() else None
+    mass = None if mass_node is None or mass_node.value is None else mass_node.number(at_least=0.0)
+    support_node = node.get("support")
+    support = None
+    if support_node is not None:
+        points = support_node["points"].array(None, 2)
+        weights = support_node["weights"].array(None)
+        support = support_node.checked(lambda: SupportDistribution(points, weights))
+    node["vertices"].checked(lambda: Slider(vertices))
+    return node.checked(lambda: Slider(vertices, mass, support))
+
+
+def slider_to_json(slider: Slider) -> dict[str, Any]:
+    """Return the ``slider/1`` of a slider."""
+    support = slider.support
+    return {
+        "format": "slider/1",
+        "vertices": slider.vertices.tolist(),
+        "mass": slider.mass,
+        "support": None if support is None else {"points": support.points.tolist(), "weights": support.weights.tolist()},
+    }
+
+
+def load_slider(path: str | Path) -> Slider:
+    """Read a ``slider/1`` file."""
+    return slider_from_node(read_json(path, "slider/1"))
+
+
+def contact_from_node(node: Node) -> PushContact:
+    """Read the value of a ``contact``."""
+    points = node["points"].array(None, 2)
+    normals = node["normals"].array(None, 2)
+    mu = node["mu"].number(at_least=0.0)
+    return node.checked(lambda: PushContact(points, normals, mu))
+
+
+def contact_to_json(contact: PushContact) -> dict[str, Any]:
+    """Return the ``contact`` of a contact."""
+    return {"points": contact.points.tolist(), "normals": contact.normals.tolist(), "mu": contact.mu}
+
+
+def load_contact(path: str | Path) -> PushContact:
+    """Read a ``contact`` file."""
+    return contact_from_node(read_json(path))
+
+
+def model_from_node(node: Node) -> LimitSurface:
+    """Read the value of a ``model/1``."""
+    node["format"].text(("model/1",))
+    kind = node["kind"].text(("polynomial", "support"))
+    if kind == "support":
+        points = node["points"].array(None, 2)
+        loads = node["loads"].array(None)
+        if (loads < 0).any():
+            node["loads"].fail(f"expected loads >= 0, got {loads.min():g}")
+        return node.checked(lambda: IdealLimitSurface(SupportDistribution(points, loads), float(loads.sum())))
+    degree = node["degree"].integer(at_least=2)
+    if degree not in (2, 4, 6, 8, 10):
+        node["degree"].fail(f"expected an even number from 2 to 10, got {degree}")
+    rho = node["characteristic_length"].number(above=0.0)
+    coefficients = _coefficients(node, degree)
+    certificate = node.get("certificate")
+    if certificate is not None:
+        certificate.object()
+    covariance_node = node.get("covariance")
+    covariance = None
+    if covariance_node is not None:
+        size = len(coefficients)
+        covariance = covariance_node.array(size, size)
+    provenance = node.get("provenance")
+    unit_node = node.get("force_unit")
+    force_unit = "N" if unit_node is None else unit_node.text(FORCE_UNITS)
+    return node.checked(
+        lambda: PolynomialLimitSurface(
+            coefficients,
+            degree,
+            rho,
+            force_unit=force_unit,
+            certificate=None if certificate is None else certificate.object(),
+            covariance=covariance,
+            provenance=None if provenance is None else provenance.object(),
+        )
+    )
+
+
+def _coefficients(node: Node, degree: int) -> np.ndarray:
+    """Coefficients in the library's order, whatever order the file has; monomials that it leaves out are zero."""
+    exponents = node["exponents"].array(None, 3)
+    given = node["coefficients"].array(None)
+    if len(exponents) != len(given):
+        node["coefficients"].fail(f"expected {len(exponents)} numbers, one for each exponent, got {len(given)}")
+    place = {tuple(row): i for i, row in enumerate(monomial_exponents(degree).tolist())}
+    coefficients = np.zeros(len(place))
+    seen: set[int] = set()
+    for entry, row, value in zip(node["exponents"].items(), exponents.tolist(), given, strict=True):
+        index = place.get(tuple(row))
+        if index is None:
+            entry.fail(f"expected three whole numbers >= 0 with the sum {degree}, got {entry.value}")
+        if index in seen:
+            entry.fail(f"expected every monomial once, {entry.value} stands twice")
+        seen.add(index)
+        coefficients[index] = value
+    return coefficients
+
+
+def model_to_json(surface: LimitSurface) -> dict[str, Any]:
+    """Return the ``model/1`` of a limit surface."""
+    if isinstance(surface, IdealLimitSurface):
+        return {
+            "format": "model/1",
+            "kind": "support",
+            "points": surface.support.points.tolist(),
+            "loads": surface.loads.tolist(),
+        }
+    if not isinstance(surface, PolynomialLimitSurface):
+        raise InputError(f"surface: expected a limit surface of this library, got {type(surface).__name__}")
+    return {
+        "format": "model/1",
+        "kind": "polynomial",
+        "degree": surface.degree,
+        "characteristic_length": surface.characteristic_length,
+        "force_unit": surface.force_unit,
+        "exponents": surface.exponents.tolist(),
+        "coefficients": surface.coefficients.tolist(),
+        "certificate": None if surface.certificate is None else dict(surface.certificate),
+        "covariance": None if surface.covariance is None else surface.covariance.tolist(),
+        "provenance": dict(surface.provenance),
+    }
+
+
+def load_model(path: str | Path) -> LimitSurface:
+    """Read a limit surface from a ``model/1`` file."""
+    return model_from_node(read_json(path, "model/1"))
+
+
+def save_model(surface: LimitSurface, path: str | Path) -> None:
+    """Write a limit surface to a ``model/1`` file."""
+    write_json(path, model_to_json(surface))

@@ -1,0 +1,286 @@
+"""``pushlog/1``: pushes as a lab records them, read and written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stablepush._arrays import FloatArray, read_only
+from stablepush.errors import InputError
+from stablepush.files import Node, read_json, whole_folder, write_atomically, write_json
+from stablepush.formats import slider_from_node, slider_to_json
+from stablepush.logs.table import IS_FLAG, IS_POSITIVE, IS_SENSE, Column, read_table, table_text
+from stablepush.se2 import compose, inverse, log
+from stablepush.slider import Slider
+
+CONTACT_KINDS = ("point", "two-point", "held")
+PHASES = ("rest", "approach", "push", "retract")
+
+TRIAL_NUMBERS = ("start_time", "speed", "cor_x", "cor_y", "sense", "angle", "stable")
+SAMPLE_NUMBERS = (
+    *("t", "x", "y", "theta", "fx", "fy", "tau", "vx", "vy", "omega"),
+    *("c1x", "c1y", "c2x", "c2y", "px", "py", "ptheta"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Standard deviations of one row: force (N), position (m), angle (rad)."""
+
+    force: float
+    position: float
+    angle: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rig:
+    """What the operator believes about the rig: the nominal simulation.
+
+    ``support_friction`` and ``contact_friction`` are coefficients, ``gravity`` in m/s², ``finger_radius`` in m; None is unknown.
+    ``extra`` keeps entries of ``rig.json`` that this version does not use, so that writing loses nothing.
+    """
+
+    slider: Slider
+    contact_kind: str = "point"
+    support_friction: float | None = None
+    contact_friction: float | None = None
+    gravity: float = 9.81
+    finger_radius: float | None = None
+    noise: Noise | None = None
+    extra: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PushLog:
+    """A log of pushes: a rig, and two tables as mappings from column to array.
+
+    ``trials`` has a row for each push, ``samples`` the rows of all pushes; text columns (``trial``, ``group``, ``phase``)
+    are object arrays with ``""`` for a blank, the others float arrays with NaN for a missing value. Units and frames are
+    those of ``pushlog/1``: SI, poses in W, wrenches, twists and contact points in B.
+    """
+
+    rig: Rig
+    trials: Mapping[str, Column]
+    samples: Mapping[str, Column]
+
+    def __len__(self) -> int:
+        return len(self.trials["trial"])
+
+    def rows(self, trial: str) -> np.ndarray[Any, np.dtype[np.intp]]:
+        """Return the rows (n,) of ``samples`` that belong to a trial, in the order of the file."""
+        return np.flatnonzero(self.samples["trial"] == trial)
+
+    def pairs(self) -> tuple[FloatArray, FloatArray, list[str]]:
+        """Return one load (n, 3), one slip twist (n, 3) and the trial for each trial that has them.
+
+        Both are means over the trial's ``push`` rows that have forces; twists that the log does not hold are differences
+        of the poses. A log without a ``phase`` column counts every row. Trials whose mean load or twist is missing or
+        zero are left out.
+        """
+        if not {"fx", "fy", "tau"} <= self.samples.keys():
+            return np.empty((0, 3)), np.empty((0, 3)), []
+        loads = self._stack("fx", "fy", "tau")
+        twists = self.twists()
+        phase = self.samples.get("phase")
+        pushed = np.ones(len(loads), dtype=bool) if phase is None else phase == "push"
+        usable = pushed & np.isfinite(loads).all(axis=1)
+        f, v, names = [], [], []
+        for name, rows in self._rows_by_trial().items():
+            kept = rows[usable[rows]]
+            moving = kept[np.isfinite(twists[kept]).all(axis=1)]
+            if not len(moving):
+                continue
+            load, twist = loads[kept].mean(axis=0), twists[moving].mean(axis=0)
+            if load.any() and twist.any():
+                f.append(load)
+                v.append(twist)
+                names.append(name)
+        return np.reshape(f, (-1, 3)), np.reshape(v, (-1, 3)), names
+
+    def twists(self) -> FloatArray:
+        """Return the body twists (n, 3) of all rows: as logged where they are, else differentiated from the poses.
+
+        The twist between two rows is ``log(pose_i⁻¹ pose_{i+1})/dt``, exact for a constant body twist; a row takes the mean of
+        its two neighbouring intervals weighted by their length, the ends their only one. NaN where a pose is missing.
+        """
+        poses = self._stack("x", "y", "theta")
+        twists = np.full(poses.shape, np.nan)
+        if {"vx", "vy", "omega"} <= self.samples.keys():
+            twists[:] = self._stack("vx", "vy", "omega")
+        lacking = ~np.isfinite(twists).all(axis=1)
+        if not lacking.any():
+            return twists
+        times = self.samples["t"]
+        for rows in self._rows_by_trial().values():
+            known = rows[np.isfinite(poses[rows]).all(axis=1)]
+            known = known[np.argsort(times[known], kind="stable")]
+            known = known[np.concatenate(([True], np.diff(times[known]) > 0))] if len(known) else known
+            if len(known) < 2:
+                continue
+            dt = np.diff(times[known])
+            step = log(compose(inverse(poses[known[:-1]]), poses[known[1:]]))
+            span = np.concatenate(([0.0], dt)) + np.concatenate((dt, [0.0]))
+            total = np.concatenate((np.zeros((1, 3)), step)) + np.concatenate((step, np.zeros((1, 3))))
+            own = lacking[known]
+            twists[known[own]] = (total / span[:, None])[own]
+        return twists
+
+    def _stack(self, *columns: str) -> FloatArray:
+        return np.stack([np.asarray(self.samples[c], dtype=np.float64) for c in columns], axis=-1)
+
+    def _rows_by_trial(self) -> dict[str, np.ndarray[Any, np.dtype[np.intp]]]:
+        names = self.samples["trial"]
+        groups: dict[str, list[int]] = {name: [] for name in self.trials["trial"]}
+        for row, name in enumerate(names):
+            groups[name].append(row)
+        return {name: np.array(rows, dtype=np.intp) for name, rows in groups.items()}
+
+
+def read_pushlog(path: str | Path) -> PushLog:
+    """Read a ``pushlog/1`` folder.
+
+    Raises :class:`InputError` with file, line and column, or key, for whatever breaks the format.
+    """
+    folder = Path(path)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: expected a pushlog/1 folder with rig.json, trials.csv and samples.csv")
+    rig = _rig_from_node(read_json(folder / "rig.json", "pushlog/1"))
+    trials = read_table(
+        folder / "trials.csv",
+        required=("trial", "start_time"),
+        numbers=TRIAL_NUMBERS,
+        filled=("trial", "start_time"),
+        rules={"sense": IS_SENSE, "stable": IS_FLAG, "speed": IS_POSITIVE},
+    )
+    samples, source = _read_samples(folder)
+    _check_trials(trials, str(folder / "trials.csv"))
+    _check_samples(samples, trials, source)
+    for table in (trials, samples):
+        for column in table.values():
+            column.flags.writeable = False
+    return PushLog(rig, trials, samples)
+
+
+def write_pushlog(log: PushLog, path: str | Path) -> None:
+    """Write a ``pushlog/1`` folder. It appears as a whole; in a folder that exists, each file is replaced as a whole."""
+    folder = Path(path)
+    with whole_folder(folder) as place:
+        write_atomically(place / "trials.csv", table_text(log.trials))
+        write_atomically(place / "samples.csv", table_text(log.samples))
+        write_json(place / "rig.json", _rig_to_json(log.rig))
+
+
+def _rig_from_node(node: Node) -> Rig:
+    friction = node["friction"]
+    noise = node.get("noise")
+    radius = node.get("finger_radius")
+    known = {"format", "slider", "friction", "gravity", "contact_kind", "finger_radius", "noise"}
+
+    def optional(parent: Node, key: str) -> float | None:
+        child = parent.get(key)
+        return None if child is None else child.number(at_least=0.0)
+
+    return Rig(
+        slider=slider_from_node(node["slider"]),
+        contact_kind=node["contact_kind"].text(CONTACT_KINDS),
+        support_friction=optional(friction, "support"),
+        contact_friction=optional(friction, "contact"),
+        gravity=9.81 if node.get("gravity") is None else node["gravity"].number(above=0.0),
+        finger_radius=None if radius is None else radius.number(at_least=0.0),
+        noise=None if noise is None else Noise(*(noise[key].number(at_least=0.0) for key in ("force", "position", "angle"))),
+        extra={k: v for k, v in node.object().items() if k not in known},
+    )
+
+
+def _rig_to_json(rig: Rig) -> dict[str, Any]:
+    noise = rig.noise
+    return {
+        "format": "pushlog/1",
+        "slider": slider_to_json(rig.slider),
+        "friction": {"support": rig.support_friction, "contact": rig.contact_friction},
+        "gravity": rig.gravity,
+        "contact_kind": rig.contact_kind,
+        "finger_radius": rig.finger_radius,
+        "noise": None if noise is None else {"force": noise.force, "position": noise.position, "angle": noise.angle},
+        **(rig.extra or {}),
+    }
+
+
+def _read_samples(folder: Path) -> tuple[dict[str, Column], str]:
+    table, parquet = folder / "samples.csv", folder / "samples.parquet"
+    required = ("trial", "t", "x", "y", "theta")
+    if parquet.exists() and not table.exists():
+        return _read_parquet(parquet, required), str(parquet)
+    return read_table(table, required=required, numbers=SAMPLE_NUMBERS, filled=("trial", "t")), str(table)
+
+
+def _read_parquet(path: Path, required: tuple[str, ...]) -> dict[str, Column]:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise InputError(f"{path}: reading parquet needs pyarrow: pip install 'stablepush[parquet]'") from None
+    try:
+        table = pyarrow.parquet.read_table(path)
+    except (OSError, pyarrow.ArrowException) as error:
+        raise InputError(f"{path}: cannot read: {str(error).splitlines()[0]}") from None
+    columns: dict[str, Column] = {}
+    for name in table.column_names:
+        values = table.column(name).to_pylist()
+        if name in SAMPLE_NUMBERS:
+            try:
+                columns[name] = np.array([np.nan if v is None else float(v) for v in values])
+            except (TypeError, ValueError):
+                raise InputError(f"{path}: column {name}: expected numbers") from None
+            bad = np.flatnonzero(np.isinf(columns[name]) | (np.abs(columns[name]) > 1e6))
+            if len(bad):
+                raise InputError(f"{path}: row {bad[0] + 1}: column {name}: expected a finite number of at most 1e6")
+        else:
+            columns[name] = np.array(["" if v is None else str(v) for v in values], dtype=object)
+    for name in required:
+        if name not in columns:
+            raise InputError(f"{path}: column {name}: missing column")
+    return columns
+
+
+def _check_trials(trials: Mapping[str, Column], source: str) -> None:
+    if len(trials["trial"]) == 0:
+        raise InputError(f"{source}: expected at least one trial")
+    seen: dict[str, int] = {}
+    for row, name in enumerate(trials["trial"]):
+        if name in seen:
+            raise InputError(f"{source}: row {row + 1}: column trial: expected each trial once, {name!r} stands twice")
+        seen[name] = row
+
+
+def _check_samples(samples: Mapping[str, Column], trials: Mapping[str, Column], source: str) -> None:
+    if len(samples["trial"]) == 0:
+        raise InputError(f"{source}: expected at least one row")
+    known = set(trials["trial"])
+    for row, name in enumerate(samples["trial"]):
+        if name not in known:
+            raise InputError(f"{source}: row {row + 1}: column trial: expected a trial of trials.csv, got {name[:40]!r}")
+    if "phase" in samples:
+        for row, phase in enumerate(samples["phase"]):
+            if phase and phase not in PHASES:
+                raise InputError(
+                    f"{source}: row {row + 1}: column phase: expected {', '.join(PHASES)} or a blank, got {phase[:40]!r}"
+                )
+
+
+def freeze(table: Mapping[str, Any]) -> dict[str, Column]:
+    """Return a table with read-only columns: text stays an object array, numbers become float64."""
+    result: dict[str, Column] = {}
+    for name, values in table.items():
+        array = np.asarray(values)
+        if array.dtype.kind in "OUS":
+            text = np.array([str(v) for v in values], dtype=object)
+            text.flags.writeable = False
+            result[name] = text
+        else:
+            result[name] = read_only(array)
+    return result

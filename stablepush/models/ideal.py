@@ -1,0 +1,109 @@
+"""The ideal limit surface of Coulomb friction at support points (Goyal, Ruina, Papadopoulos 1991)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stablepush._arrays import FloatArray, check_number, check_vectors
+from stablepush.errors import ConvergenceError, InputError
+from stablepush.planar import normalize_twist, normalize_wrench, unit
+from stablepush.support import SupportDistribution
+
+#: Products of twists and support points that are worked on at a time: bounds the memory to some tens of MB.
+_BLOCK = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IdealLimitSurface:
+    """Limit surface of isotropic Coulomb friction at support points.
+
+    The load of a twist is ``F(V) = Σ m_k (e_k, x_k × e_k)`` where ``e_k`` is the unit velocity of point ``k`` and ``m_k = mu
+    N_k`` its share of the friction load; the support function is ``h(V) = Σ m_k |v_k|``. A rotation about a support point
+    leaves that point's friction free: those loads fill a facet, of which :meth:`wrench` returns the centre.
+
+    Parameters
+    ----------
+    support : SupportDistribution
+        Support points (m, in B) and their shares; at least two points must carry load.
+    friction_load : float
+        Total ``mu*N`` in N.
+    """
+
+    support: SupportDistribution
+    friction_load: float
+    characteristic_length: float
+
+    def __init__(self, support: SupportDistribution, friction_load: float) -> None:
+        loaded = np.unique(support.points[support.weights > 0], axis=0)
+        if len(loaded) < 2:
+            raise InputError("support: expected at least two different points that carry load")
+        object.__setattr__(self, "support", support)
+        object.__setattr__(self, "friction_load", check_number(friction_load, "friction_load", above=0.0))
+        object.__setattr__(self, "characteristic_length", support.characteristic_length)
+
+    @property
+    def loads(self) -> FloatArray:
+        """Friction loads ``m_k`` (n,) of the support points, in N."""
+        return self.support.weights * self.friction_load
+
+    @property
+    def force_unit(self) -> str:
+        """Unit of the forces: always N."""
+        return "N"
+
+    def wrench(self, twists: ArrayLike) -> FloatArray:
+        """Return the loads (..., 3) ``F(V)`` of twists (..., 3); only the direction of a twist counts."""
+        v = normalize_twist(check_vectors(twists, "twists", 3), self.characteristic_length)
+        flat = unit(v).reshape(-1, 3)
+        if not flat.any(axis=1).all():
+            raise InputError("twists: expected twists that are not zero")
+        points, loads = self.support.points / self.characteristic_length, self.loads
+        result = np.empty_like(flat)
+        block = max(1, _BLOCK // len(points))
+        for i in range(0, len(flat), block):
+            part = flat[i : i + block, None, :]
+            velocity = np.stack((part[..., 0] - part[..., 2] * points[:, 1], part[..., 1] + part[..., 2] * points[:, 0]), axis=-1)
+            # a point this slow is at rest to rounding: the direction of its friction is not determined
+            velocity[np.linalg.norm(velocity, axis=-1) < 1e-14] = 0.0
+            direction = unit(velocity) * loads[:, None]
+            result[i : i + block, :2] = direction.sum(axis=1)
+            result[i : i + block, 2] = (points[:, 0] * direction[..., 1] - points[:, 1] * direction[..., 0]).sum(axis=1)
+        result[:, 2] *= self.characteristic_length
+        return result.reshape(v.shape)
+
+    def value(self, wrenches: ArrayLike) -> FloatArray:
+        """Return the gauge ``H(F) = max_V F·V/h(V)`` (...) of wrenches (..., 3): 1 on the surface, of degree one in F."""
+        f = normalize_wrench(check_vectors(wrenches, "wrenches", 3), self.characteristic_length)
+        size = np.linalg.norm(f, axis=-1)
+        power = np.ones(size.shape)
+        nonzero = size > 0
+        if nonzero.any():
+            power[nonzero] = self._slip(unit(f[nonzero]))[1]
+        return np.asarray(size / power)
+
+    def twist(self, wrenches: ArrayLike) -> FloatArray:
+        """Return the slip twists (..., 3) ``argmax F·V/h(V)`` of wrenches (..., 3), of unit length in ``(vx, vy, rho*omega)``."""
+        f = unit(normalize_wrench(check_vectors(wrenches, "wrenches", 3), self.characteristic_length))
+        if not f.any(axis=-1).all():
+            raise InputError("wrenches: expected wrenches that are not zero")
+        slip, _ = self._slip(f.reshape(-1, 3))
+        return (unit(slip) / (1.0, 1.0, self.characteristic_length)).reshape(f.shape)
+
+    def _slip(self, wrenches: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Twists (n, 3) that minimise ``h(V)`` on ``F·V = 1`` for unit normalised loads (n, 3), and their ``h`` (n,)."""
+        from stablepush.models._kernels import TOLERANCE, minimize_power
+
+        points = np.ascontiguousarray(self.support.points / self.characteristic_length)
+        twists = np.empty_like(wrenches)
+        powers = np.empty(len(wrenches))
+        residuals = np.empty(len(wrenches))
+        minimize_power(points, np.array(self.loads), np.ascontiguousarray(wrenches), twists, powers, residuals)
+        if (residuals > TOLERANCE).any():
+            raise ConvergenceError(
+                f"slip twist: {int((residuals > TOLERANCE).sum())} of {len(wrenches)} loads did not converge "
+                f"(worst {residuals.max():.1e})"
+            )
+        return twists, powers

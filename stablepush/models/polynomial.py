@@ -1,0 +1,148 @@
+"""Limit surfaces that are level sets of homogeneous polynomials (Zhou, Paolini, Bagnell, Mason 2016)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stablepush._arrays import FloatArray, check_number, check_vectors, read_only
+from stablepush.errors import ConvergenceError, InputError
+from stablepush.models.monomials import gradient_rows, hessian_operator, monomial_exponents, monomials
+from stablepush.planar import normalize_wrench, unit
+
+#: What ``force_unit`` may be: forces in newton, or in units of the maximal friction force mu*N.
+FORCE_UNITS = ("N", "mu*N")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PolynomialLimitSurface:
+    """The 1-level set of ``H(F) = sum_m a_m fx^i fy^j (tau/rho)^k`` of even degree ``i + j + k = d``.
+
+    During slip the load ``F`` lies on ``H = 1`` and the twist is along the gradient: ``(vx, vy, rho*omega) ∝ ∇H``, where the
+    gradient is taken in the normalised load. Degree 2 is the ellipsoid.
+
+    Parameters
+    ----------
+    coefficients : array-like, shape (m,)
+        Coefficients ``a_m`` in the order of :attr:`exponents` (:func:`stablepush.monomial_exponents`).
+    degree : int
+        Even degree, 2 to 10.
+    characteristic_length : float
+        ``rho`` in m.
+    force_unit : {"N", "mu*N"}
+        Unit of the forces for which ``H = 1`` is the surface.
+    certificate : Certificate, optional
+        Proof that ``H`` is SOS-convex (:func:`stablepush.certify`).
+    covariance : array-like, shape (m, m), optional
+        Covariance of the coefficients.
+    provenance : mapping, optional
+        Where the surface comes from; any JSON object.
+    """
+
+    coefficients: FloatArray
+    degree: int
+    characteristic_length: float
+    force_unit: str
+    certificate: Mapping[str, Any] | None
+    covariance: FloatArray | None
+    provenance: Mapping[str, Any]
+    _hessian: FloatArray = field(repr=False)
+
+    def __init__(
+        self,
+        coefficients: ArrayLike,
+        degree: int,
+        characteristic_length: float,
+        *,
+        force_unit: str = "N",
+        certificate: Mapping[str, Any] | None = None,
+        covariance: ArrayLike | None = None,
+        provenance: Mapping[str, Any] | None = None,
+    ) -> None:
+        if degree not in (2, 4, 6, 8, 10):
+            raise InputError(f"degree: expected an even number from 2 to 10, got {degree}")
+        exponents = monomial_exponents(degree)
+        a = check_vectors(coefficients, "coefficients", len(exponents))
+        if a.ndim != 1:
+            raise InputError(f"coefficients: expected shape ({len(exponents)},), got {a.shape}")
+        if not a.any():
+            raise InputError("coefficients: expected at least one that is not zero")
+        if force_unit not in FORCE_UNITS:
+            raise InputError(f"force_unit: expected one of {', '.join(FORCE_UNITS)}, got {force_unit!r}")
+        if covariance is not None:
+            covariance = check_vectors(covariance, "covariance", len(a))
+            if covariance.shape != (len(a), len(a)):
+                raise InputError(f"covariance: expected shape ({len(a)}, {len(a)}), got {covariance.shape}")
+            covariance = read_only(covariance)
+        rho = check_number(characteristic_length, "characteristic_length", above=0.0)
+        object.__setattr__(self, "coefficients", read_only(a))
+        object.__setattr__(self, "degree", int(degree))
+        object.__setattr__(self, "characteristic_length", rho)
+        object.__setattr__(self, "force_unit", force_unit)
+        object.__setattr__(self, "certificate", None if certificate is None else MappingProxyType(dict(certificate)))
+        object.__setattr__(self, "covariance", covariance)
+        object.__setattr__(self, "provenance", MappingProxyType(dict(provenance or {})))
+        object.__setattr__(self, "_hessian", read_only(hessian_operator(degree) @ a))
+
+    @property
+    def exponents(self) -> NDArray[np.int64]:
+        """Exponents (m, 3) of ``fx``, ``fy`` and ``tau/rho``, in the order of the coefficients."""
+        return monomial_exponents(self.degree)
+
+    def value(self, wrenches: ArrayLike) -> FloatArray:
+        """Return ``H(F)`` (...) of wrenches (..., 3) ``(fx, fy, tau)``: below 1 at rest, 1 during slip."""
+        f = self._normalized(wrenches)
+        return np.asarray(monomials(f, self.degree) @ self.coefficients)
+
+    def gradient(self, wrenches: ArrayLike) -> FloatArray:
+        """Return ``∇H`` (..., 3) with respect to the normalised load ``(fx, fy, tau/rho)``."""
+        f = self._normalized(wrenches)
+        return np.asarray(gradient_rows(f, self.degree) @ self.coefficients)
+
+    def twist(self, wrenches: ArrayLike) -> FloatArray:
+        """Return the slip twists (..., 3) ``(vx, vy, omega)`` of wrenches, of unit length in ``(vx, vy, rho*omega)``.
+
+        Only the direction of a wrench counts. A zero wrench has no slip direction and is an error.
+        """
+        f = unit(self._normalized(wrenches))
+        if not f.any(axis=-1).all():
+            raise InputError("wrenches: expected wrenches that are not zero")
+        slip = unit(gradient_rows(f, self.degree) @ self.coefficients)
+        return slip / (1.0, 1.0, self.characteristic_length)
+
+    def wrench(self, twists: ArrayLike) -> FloatArray:
+        """Return ``H_inv``: the loads (..., 3) on ``H = 1`` whose slip twists are along the given ones (..., 3).
+
+        ``F = argmax V·F`` over ``H <= 1``, found as the minimiser of ``H(F) - V·F`` by damped Newton, then scaled onto the
+        level set; accurate to 1e-10 in the direction of the twist. Raises :class:`ConvergenceError` where a surface is
+        not convex and a twist has no such load.
+        """
+        from stablepush.models._kernels import invert_polynomial
+
+        v = check_vectors(twists, "twists", 3)
+        flat = np.ascontiguousarray(v.reshape(-1, 3))
+        if not flat.any(axis=1).all():
+            raise InputError("twists: expected twists that are not zero")
+        # H along the axes sets the scale: coefficients of newtons and of kilonewtons run the same iterations
+        pure = self.coefficients[(self.exponents == self.degree).any(axis=1)]
+        if not (pure > 0).all():
+            raise ConvergenceError("H_inv: the surface is not bounded along every axis, so twists have no load on it")
+        half_axes = pure ** (-1.0 / self.degree)
+        size = float(half_axes.max())
+        hessian = np.ascontiguousarray(self._hessian * size**self.degree)
+        loads = np.empty_like(flat)
+        worst, missed = invert_polynomial(hessian, self.degree, self.characteristic_length, flat, (half_axes / size) ** 2, loads)
+        if missed:
+            raise ConvergenceError(
+                f"H_inv: {missed} of {len(flat)} twists have no load to 1e-10 (worst {worst:.1e}); is the surface convex?"
+            )
+        loads *= size
+        return loads.reshape(v.shape)
+
+    def _normalized(self, wrenches: ArrayLike) -> FloatArray:
+        return normalize_wrench(check_vectors(wrenches, "wrenches", 3), self.characteristic_length)

@@ -1,0 +1,87 @@
+"""One entry for all planners; whatever they return passes the independent check first."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.metadata import entry_points
+from typing import Protocol
+
+from stablepush._arrays import check_number
+from stablepush.check import check_plan
+from stablepush.errors import InputError
+from stablepush.path import PlanResult
+from stablepush.problem import PlanningProblem
+
+#: Sets of rotation centres that a plan may draw on.
+REGIONS = ("model", "conservative")
+
+
+class Planner(Protocol):
+    """What a package registers under the entry point group ``stablepush.planners``.
+
+    ``deadline`` is a value of :func:`time.perf_counter`; ``progress`` takes short words on the state of the search.
+    """
+
+    def __call__(
+        self,
+        problem: PlanningProblem,
+        *,
+        deadline: float,
+        seed: int,
+        region: str,
+        progress: Callable[[str], None] | None,
+    ) -> PlanResult: ...
+
+
+def planner_names() -> list[str]:
+    """Return the names of all installed planners."""
+    return sorted(entry.name for entry in entry_points(group="stablepush.planners"))
+
+
+def plan(
+    problem: PlanningProblem,
+    planner: str = "cor-lattice",
+    time_limit: float = 30.0,
+    seed: int | None = None,
+    *,
+    region: str = "model",
+    progress: Callable[[str], None] | None = None,
+) -> PlanResult:
+    """Plan a path of stable pushes.
+
+    Parameters
+    ----------
+    problem : PlanningProblem
+    planner : str
+        Name of an installed planner (:func:`planner_names`).
+    time_limit : float
+        Wall time in s after which the planner stops with the status ``"timeout"``.
+    seed : int, optional
+        Seed of planners that draw random numbers; 0 if not given.
+    region : {"model", "conservative"}
+        Which CORs may be used: those the limit surface calls stable, or only those of these that Lynch and Mason's
+        STABLE accepts for every pressure distribution.
+    progress : callable, optional
+        Called now and then with a line on the state of the search.
+
+    Returns
+    -------
+    PlanResult
+        Solved plans have passed :func:`check_plan`; one that the check refuses comes back as ``"rejected"``, without its path.
+    """
+    started = time.perf_counter()
+    limit = check_number(time_limit, "time_limit", at_least=0.0)
+    if region not in REGIONS:
+        raise InputError(f"region: expected {' or '.join(REGIONS)}, got {region!r}")
+    found = {entry.name: entry for entry in entry_points(group="stablepush.planners")}
+    if planner not in found:
+        raise InputError(f"planner: expected one of {', '.join(sorted(found)) or 'none installed'}, got {planner!r}")
+    run: Planner = found[planner].load()
+    result = run(problem, deadline=started + limit, seed=0 if seed is None else int(seed), region=region, progress=progress)
+    if result.solved:
+        report = check_plan(problem, result)
+        if not report.valid:
+            result = PlanResult("rejected", planner, seed=result.seed, message=f"check: {report.objections[0]}")
+    return replace(result, planning_time=time.perf_counter() - started)

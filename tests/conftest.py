@@ -1,0 +1,94 @@
+"""What tests share: the lab's data where it is present, and a zoo of surfaces and contacts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stablepush as sp
+
+LAB_DATA = Path(__file__).parents[2] / "shared" / "data"
+
+
+@pytest.fixture(scope="session")
+def lab() -> Path:
+    folder = LAB_DATA / "zhou2016"
+    if not folder.is_dir():
+        pytest.skip("the lab's logs are not beside the project")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def practice() -> Path:
+    folder = LAB_DATA / "practice"
+    if not folder.is_dir():
+        pytest.skip("the practice logs are not beside the project")
+    return folder
+
+
+def power_form(directions: np.ndarray, degree: int) -> np.ndarray:
+    """Coefficients of ``Σ (l·F)^d``, which is convex, and SOS-convex, for every set of directions (n, 3)."""
+    exponents = sp.monomial_exponents(degree)
+    factorial = np.concatenate(([1], np.cumprod(np.arange(1, degree + 1))))
+    multinomial = factorial[degree] / factorial[exponents].prod(axis=1)
+    return np.asarray((multinomial * (directions[:, None, :] ** exponents).prod(axis=-1)).sum(axis=0))
+
+
+def triangle() -> sp.Slider:
+    """The lab's right triangle, COM at the origin."""
+    return sp.Slider(np.array(((0.0, 0.0), (0.15, 0.0), (0.0, 0.15))) - 0.05, 1.5)
+
+
+def three_feet() -> sp.SupportDistribution:
+    return sp.SupportDistribution(((-0.02, -0.02), (0.04, -0.02), (-0.02, 0.04)), (1, 1, 1))
+
+
+def surface_zoo() -> dict[str, object]:
+    rng = np.random.default_rng(1)
+    exponents = sp.monomial_exponents(4)
+    axes = np.where((exponents == 4).any(axis=1), 1.0, 0.0)
+    tiny = power_form(rng.normal(size=(9, 3)), 4)
+    return {
+        "quadratic": sp.PolynomialLimitSurface(power_form(rng.normal(size=(5, 3)), 2), 2, 0.05),
+        "quartic": sp.PolynomialLimitSurface(power_form(rng.normal(size=(12, 3)), 4), 4, 0.05),
+        "sextic": sp.PolynomialLimitSurface(power_form(rng.normal(size=(20, 3)), 6), 6, 0.05),
+        # Hessian singular along the axes
+        "x4+y4+z4": sp.PolynomialLimitSurface(axes, 4, 0.05),
+        # facets: two steep directions and a hint of a third
+        "flat": sp.PolynomialLimitSurface(
+            power_form(np.array(((1.0, 0.1, 0.0), (0.0, 1.0, 0.1), (0.02, 0.0, 0.05), (0.01, 0.02, 0.0))), 4), 4, 0.05
+        ),
+        "kilonewtons": sp.PolynomialLimitSurface(tiny * 1e-12, 4, 0.5),
+        "millinewtons": sp.PolynomialLimitSurface(tiny * 1e12, 4, 0.005),
+        "three feet": sp.IdealLimitSurface(three_feet(), 5.0),
+        "ring": sp.IdealLimitSurface(sp.SupportDistribution.ring(0.05, 36), 3.0),
+        "patch": sp.IdealLimitSurface(sp.SupportDistribution.from_polygon(triangle().vertices, 0.02), 4.0),
+    }
+
+
+POLYNOMIALS = ("quadratic", "quartic", "sextic", "x4+y4+z4", "flat", "kilonewtons", "millinewtons")
+IDEALS = ("three feet", "ring", "patch")
+
+
+def random_twists(n: int, rho: float, seed: int = 0) -> np.ndarray:
+    """Twists of random direction, of unit length in ``(vx, vy, rho*omega)``."""
+    v = np.random.default_rng(seed).normal(size=(n, 3))
+    return v / np.linalg.norm(v, axis=1, keepdims=True) / (1.0, 1.0, rho)
+
+
+def small_scene(**changes: object) -> sp.PlanningProblem:
+    """Two fingers push the triangle past a wall."""
+    settings: dict[str, object] = {
+        "slider": triangle(),
+        "surface": sp.IdealLimitSurface(three_feet(), 5.0),
+        "contacts": [sp.PushContact.on_edge(triangle(), 0, 0.05, 0.05, 0.9)],
+        "start": (0.2, 0.2, 0.0),
+        "goal": (0.9, 0.3, -1.5),
+        "obstacles": [((0.45, 0.0), (0.55, 0.0), (0.55, 0.5), (0.45, 0.5))],
+        "bounds": (0.0, 0.0, 1.2, 1.0),
+        "pusher": ((-0.03, -0.03), (0.0, -0.03), (0.0, 0.03), (-0.03, 0.03)),
+        "min_margin": 0.02,
+    }
+    return sp.PlanningProblem(**{**settings, **changes})  # type: ignore[arg-type]

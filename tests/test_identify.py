@@ -1,0 +1,187 @@
+import numpy as np
+import pytest
+from conftest import power_form, random_twists, three_feet, triangle
+
+import stablepush as sp
+from stablepush.identify.moments import Moments
+from stablepush.identify.sos import gram_equations, gram_parametrization, sos_convex_program
+from stablepush.models.monomials import gradient_rows, hessian_operator, monomials
+from stablepush.planar import angle_between, normalize_twist, normalize_wrench, unit
+
+RHO = 0.05
+
+
+def pairs(n, noise=0.0, seed=0):
+    surface = sp.IdealLimitSurface(three_feet(), 5.0)
+    twists = random_twists(n, RHO, seed)
+    loads = surface.wrench(twists)
+    rng = np.random.default_rng(seed + 1)
+    return loads + noise * 5 * rng.normal(size=loads.shape) * (1, 1, RHO), twists
+
+
+@pytest.mark.parametrize(("degree", "count"), ((2, 6), (4, 36), (6, 90)))
+def test_number_of_equations(degree, count):
+    assert len(gram_equations(degree)[0]) == count
+
+
+@pytest.mark.parametrize("degree", (2, 4, 6))
+def test_every_gram_matrix_of_the_parametrization_is_the_hessian_form(degree):
+    """zᵀ∇²H(F)z = yᵀQy with y = z ⊗ monomials, for random coefficients and free parts."""
+    rng = np.random.default_rng(0)
+    particular, free = gram_parametrization(degree)
+    a = rng.normal(size=particular.shape[1])
+    size = round(len(particular) ** 0.5)
+    gram = (particular @ a + free @ rng.normal(size=free.shape[1])).reshape(size, size)
+    for _ in range(20):
+        f, z = rng.normal(size=3), rng.normal(size=3)
+        xx, xy, xz, yy, yz, zz = (hessian_operator(degree) @ a) @ monomials(f, degree - 2)
+        hessian = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+        y = np.kron(z, monomials(f, (degree - 2) // 2))
+        assert y @ gram @ y == pytest.approx(z @ hessian @ z)
+
+
+def test_moments_are_the_paper_s_sums_and_add():
+    loads, twists = pairs(30, 0.05)
+    f, v = normalize_wrench(loads, RHO) / 5, unit(normalize_twist(twists, RHO))
+    a = np.random.default_rng(3).normal(size=15)
+    whole = Moments.from_pairs(f, v, 4)
+    gradient = gradient_rows(f, 4) @ a
+    alpha = ((gradient - (gradient * v).sum(axis=1, keepdims=True) * v) ** 2).sum()
+    beta = ((monomials(f, 4) @ a - 1) ** 2).sum()
+    assert a @ whole.slip @ a == pytest.approx(alpha)
+    assert a @ whole.level @ a - 2 * whole.target @ a + whole.count == pytest.approx(beta)
+    both = Moments.from_pairs(f[:10], v[:10], 4) + Moments.from_pairs(f[10:], v[10:], 4)
+    np.testing.assert_allclose(both.slip, whole.slip)
+    np.testing.assert_allclose(both.target, whole.target)
+
+
+@pytest.mark.parametrize("model", ("poly4-cvx", "quadratic"))
+def test_the_program_agrees_with_another_solver(model):
+    """Clarabel through the parametrization against SCS on the paper's own form: equations on Q, Q ⪰ eps I."""
+    import cvxpy as cp
+
+    from stablepush.identify.fit import MODELS
+    from stablepush.identify.sos import LEAST_EIGENVALUE
+
+    degree = MODELS[model][0]
+    loads, twists = pairs(25, 0.1)
+    f, v = normalize_wrench(loads, RHO) / 5, unit(normalize_twist(twists, RHO))
+    m = Moments.from_pairs(f, v, degree)
+    quadratic = np.eye(len(m.target)) + 10 * m.slip + 10 * m.level
+    ours = sos_convex_program(degree).solve(quadratic, 10 * m.target)
+    equations, targets = gram_equations(degree)
+    a = cp.Variable(len(m.target))
+    q = cp.Variable(equations.shape[1:], PSD=True)
+    constraints = [cp.trace(e @ q) == t @ a for e, t in zip(equations, targets, strict=True)]
+    constraints.append(q >> LEAST_EIGENVALUE * np.eye(q.shape[0]))
+    problem = cp.Problem(cp.Minimize(cp.quad_form(a, cp.psd_wrap(quadratic)) - 20 * m.target @ a), constraints)
+    problem.solve(solver=cp.SCS, eps=1e-8, max_iters=100_000)
+    np.testing.assert_allclose(ours.coefficients, a.value, atol=2e-5 * np.abs(a.value).max())
+
+
+@pytest.mark.parametrize("model", ("poly4-cvx", "poly6-cvx", "quadratic"))
+def test_fits_are_certified_by_code_that_is_not_the_solver(model):
+    fit = sp.fit_limit_surface(*pairs(20, 0.1), model, characteristic_length=RHO)
+    assert fit.status == "optimal"
+    assert fit.certificate is not None and fit.certificate.sos_convex
+    # from scratch: the Gram matrix in the model's file proves convexity of the coefficients in the file
+    entry = fit.surface.certificate
+    gram = np.array(entry["gram"])
+    equations, targets = gram_equations(fit.surface.degree)
+    size = np.abs(fit.surface.coefficients).max()
+    assert np.abs(np.tensordot(equations, gram, 2) - targets @ fit.surface.coefficients).max() < 1e-12 * size
+    assert np.linalg.eigvalsh(gram)[0] == pytest.approx(entry["min_eigenvalue"])
+    assert entry["min_eigenvalue"] > 0
+
+
+def test_certificates_of_what_is_not_convex_fail():
+    convex = power_form(np.random.default_rng(0).normal(size=(12, 3)), 4)
+    gram = sos_convex_program(4).solve(np.eye(15), convex).gram
+    bent = convex.copy()
+    bent[sp.monomial_exponents(4).tolist().index([2, 2, 0])] -= 40 * np.abs(convex).max()
+    assert not sp.certify(bent, gram, 4).sos_convex
+    # a right Gram matrix for other coefficients proves nothing about these
+    assert not sp.certify(-convex, gram, 4).sos_convex
+
+
+def test_exact_data_of_a_quadratic_are_recovered():
+    truth = sp.PolynomialLimitSurface(power_form(np.random.default_rng(4).normal(size=(5, 3)), 2), 2, RHO)
+    twists = random_twists(60, RHO)
+    fit = sp.fit_limit_surface(truth.wrench(twists), twists, "quadratic", characteristic_length=RHO)
+    other = random_twists(200, RHO, 8)
+    error = angle_between(normalize_twist(fit.surface.twist(truth.wrench(other)), RHO), normalize_twist(other, RHO))
+    assert np.degrees(error.max()) < 0.5
+    np.testing.assert_allclose(fit.level_errors, 0, atol=0.01)
+
+
+def test_quartic_beats_ellipsoid_on_three_feet():
+    test_loads, test_twists = pairs(1000, seed=77)
+    errors = {}
+    for model in ("poly4-cvx", "poly4", "quadratic"):
+        fit = sp.fit_limit_surface(*pairs(60), model, characteristic_length=RHO)
+        slip = normalize_twist(fit.surface.twist(test_loads), RHO)
+        errors[model] = np.degrees(angle_between(slip, normalize_twist(test_twists, RHO)).mean())
+    assert errors["poly4-cvx"] < 0.8 * errors["quadratic"]
+    assert errors["poly4"] < 0.8 * errors["quadratic"]
+
+
+def test_fits_repeat_and_scale():
+    loads, twists = pairs(20, 0.05)
+    one = sp.fit_limit_surface(loads, twists, slider=triangle(), seed=3)
+    two = sp.fit_limit_surface(loads, twists, slider=triangle(), seed=3)
+    np.testing.assert_array_equal(one.surface.coefficients, two.surface.coefficients)
+    assert one.surface.characteristic_length == pytest.approx(0.05)
+    # a lighter slider has the same shape
+    light = sp.fit_limit_surface(loads * 1e-3, twists * 7, slider=triangle(), seed=3)
+    np.testing.assert_allclose(light.surface.twist(loads), one.surface.twist(loads), rtol=1e-4, atol=1e-6)
+    assert light.surface.force_unit == "mu*N"
+    assert np.abs(light.surface.coefficients).max() <= 1e6
+    assert one.surface.force_unit == "N"
+
+
+def test_few_pairs_and_no_length_are_enough():
+    loads, twists = pairs(3)
+    fit = sp.fit_limit_surface(loads, twists)
+    assert fit.cross_validation_error is None
+    assert fit.certificate is not None and fit.certificate.sos_convex
+    assert 0.02 < fit.surface.characteristic_length < 0.1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda f, v: (f[:, :2], v), "shape"),
+        (lambda f, v: (f[:3], v), "shape"),
+        (lambda f, v: (f * np.nan, v), "finite"),
+        (lambda f, v: (f * 0, v), "row 0 is zero"),
+        (lambda f, v: (-f, v), "sign"),
+        (lambda f, v: (f[:0], v[:0]), "at least one"),
+    ],
+)
+def test_bad_pairs_are_refused(change, message):
+    with pytest.raises(sp.InputError, match=message):
+        sp.fit_limit_surface(*change(*pairs(6)))
+
+
+def test_unknown_models_are_refused():
+    with pytest.raises(sp.InputError, match="poly4-cvx"):
+        sp.fit_limit_surface(*pairs(6), model="poly5")
+
+
+def test_lab_pokes_are_fitted_as_well_as_published(lab):
+    """Zhou et al. 2016, figure 5 over four arrangements: 12.6 deg (convex quartic), 14.9 deg (ellipsoid), 30 pokes of wood."""
+    from stablepush.logs.mlab import find_sources, import_source
+
+    (source,) = find_sources(lab / "raw/SlidingExpCode/FusionMatlab/RandPushExp/SensorLogs/wood_30_90_30_30_30_90")
+    log, _ = import_source(source)
+    loads, twists, _ = log.pairs()
+    errors = {"poly4-cvx": [], "quadratic": []}
+    for seed in range(5):
+        order = np.random.default_rng(seed).permutation(len(loads))
+        train, test = order[:40], order[40:]
+        for model, found in errors.items():
+            fit = sp.fit_limit_surface(loads[train], twists[train], model, slider=log.rig.slider, seed=seed)
+            slip = normalize_twist(fit.surface.twist(loads[test]), 0.05)
+            found.append(angle_between(slip, normalize_twist(twists[test], 0.05)).mean())
+    assert np.degrees(np.mean(errors["poly4-cvx"])) < 14.5
+    assert np.mean(errors["poly4-cvx"]) < np.mean(errors["quadratic"])

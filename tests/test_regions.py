@@ -1,0 +1,156 @@
+import numpy as np
+import pytest
+import shapely
+from conftest import random_twists, surface_zoo, three_feet, triangle
+
+import stablepush as sp
+from stablepush.planar import normalize_wrench, twist_from_cor
+from stablepush.region import regions_to_json
+
+SQUARE = sp.Slider(((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)))
+SQUARE_PUSH = sp.PushContact(((-0.25, -0.5), (0.25, -0.5)), (0, 1), 0.5)
+ZOO = surface_zoo()
+
+
+def grid(size=4.0, n=41):
+    line = np.linspace(-size, size, n)
+    return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+
+
+def edge_contact(mu=0.9):
+    return sp.PushContact.on_edge(triangle(), 0, 0.05, 0.05, mu)
+
+
+def counts(region):
+    return sum(int(region.contains(grid(), sense).sum()) for sense in (1, -1))
+
+
+def test_reference_counts_on_the_unit_square():
+    """41 x 41 CORs over [-4, 4]^2 in both senses: STABLE accepts 144, 12 of them on its boundary; even pressure 398."""
+    assert counts(sp.lynch_mason_region(SQUARE, SQUARE_PUSH)) == 144
+    even = sp.IdealLimitSurface(sp.SupportDistribution.from_polygon(SQUARE.vertices, 0.04), 1.0)
+    assert counts(sp.stable_region(even, SQUARE_PUSH)) == 398
+
+
+def test_conservative_cors_are_stable_for_every_pressure():
+    """Random pressures on the square with its COM: no COR that STABLE accepts is unstable."""
+    rng = np.random.default_rng(0)
+    region = sp.lynch_mason_region(SQUARE, SQUARE_PUSH)
+    for _ in range(30):
+        points = rng.uniform(-0.5, 0.5, size=(4, 2))
+        # with its mirror image every point set has the COM in its middle
+        support = sp.SupportDistribution(np.concatenate((points, -points)), np.tile(rng.uniform(0.1, 1, 4), 2))
+        oracle = sp.StabilityOracle(sp.IdealLimitSurface(support, 1.0), SQUARE_PUSH)
+        for sense in (1, -1):
+            accepted = grid()[region.contains(grid(), sense)]
+            assert oracle.is_stable_cor(accepted, sense).all()
+        low, high = region.translations
+        angles = np.linspace(low, high, 9)
+        assert oracle.is_stable(np.column_stack((np.cos(angles), np.sin(angles), 0 * angles))).all()
+
+
+def test_conservative_region_uses_the_support_not_the_contacts():
+    wide = sp.lynch_mason_region(SQUARE, SQUARE_PUSH)
+    feet = sp.SupportDistribution(((0.1, 0), (-0.05, 0.1), (-0.05, -0.1)), (1, 1, 1))
+    narrow = sp.lynch_mason_region(sp.Slider(SQUARE.vertices, support=feet), SQUARE_PUSH)
+    assert counts(narrow) > counts(wide)
+
+
+@pytest.mark.parametrize("sense", (1, -1))
+def test_polygons_of_the_conservative_region_match_its_inequalities(sense):
+    region = sp.lynch_mason_region(SQUARE, SQUARE_PUSH)
+    points = np.random.default_rng(2).uniform(-4, 4, size=(20_000, 2))
+    merged = shapely.union_all(region.polygons(sense, 4.0))
+    np.testing.assert_array_equal(shapely.contains_xy(merged, *points.T), region.contains(points, sense))
+    # the mirror image of the other sense
+    other = shapely.union_all(region.polygons(-sense, 4.0))
+    assert merged.area == pytest.approx(other.area)
+
+
+@pytest.mark.parametrize("name", ZOO)
+@pytest.mark.parametrize("mu", (0.2, 1.0))
+def test_polygons_against_brute_force(name, mu):
+    """Polygons come from gradients on the cone's facets, membership from H_inv: they meet only if both are right."""
+    surface = ZOO[name]
+    contact = edge_contact(mu)
+    region = sp.stable_region(surface, contact)
+    extent = 0.5
+    points = np.random.default_rng(3).uniform(-extent, extent, size=(4000, 2))
+    for sense in (1, -1):
+        merged = shapely.union_all(region.polygons(sense, extent))
+        inside = shapely.contains_xy(merged, *points.T)
+        stable = region.contains(points, sense)
+        wrong = points[inside != stable]
+        if len(wrong):
+            assert shapely.distance(shapely.boundary(merged), shapely.points(wrong)).max() < 2e-5 * extent
+
+
+@pytest.mark.parametrize("name", ("quartic", "three feet", "patch"))
+def test_translations_end_where_the_margin_changes_sign(name):
+    oracle = sp.StabilityOracle(ZOO[name], edge_contact())
+    low, high = sp.stable_region(ZOO[name], edge_contact()).translations
+
+    def margin(angle):
+        return float(oracle.margin((np.cos(angle), np.sin(angle), 0.0)))
+
+    assert margin(low + 1e-4) > 0 > margin(low - 1e-4)
+    assert margin(high - 1e-4) > 0 > margin(high + 1e-4)
+
+
+def test_membership_is_never_cut_and_polygons_are():
+    region = sp.stable_region(ZOO["patch"], edge_contact())
+    assert region.contains((-1e4, 0.0), 1)
+    assert region.default_extent == pytest.approx(100 * 0.0559, rel=0.2)
+    box = shapely.union_all(region.polygons(1)).bounds
+    assert max(map(abs, box)) <= region.default_extent * (1 + 1e-12)
+    assert region.contains(np.zeros((2, 3, 2)), np.array((1, -1, 1))).shape == (2, 3)
+
+
+def test_order_of_contact_points_has_no_meaning():
+    contact = edge_contact()
+    swapped = sp.PushContact(contact.points[::-1], contact.normals[::-1], contact.mu)
+    for build in (lambda c: sp.stable_region(ZOO["quartic"], c), lambda c: sp.lynch_mason_region(triangle(), c)):
+        one, two = build(contact), build(swapped)
+        np.testing.assert_array_equal(one.contains(grid(1.0), 1), two.contains(grid(1.0), 1))
+        assert one.translations == pytest.approx(two.translations)
+
+
+def test_contacts_without_a_region_are_refused():
+    finger = sp.PushContact([(0.0, -0.05)], [(0, 1)], 1.0)
+    with pytest.raises(sp.UnsupportedContactError, match="interior"):
+        sp.stable_region(ZOO["quartic"], finger)
+    with pytest.raises(sp.UnsupportedContactError, match="line contact"):
+        sp.lynch_mason_region(triangle(), finger)
+    corner = sp.PushContact(((0.0, -0.05), (-0.05, 0.0)), ((0, 1), (1, 0)), 1.0)
+    with pytest.raises(sp.UnsupportedContactError, match="common normal"):
+        sp.lynch_mason_region(triangle(), corner)
+
+
+def test_frictionless_pushes_are_stable_on_a_line_only():
+    """Without friction the force is along the normal: an even, symmetric push goes straight, and nowhere else."""
+    oracle = sp.StabilityOracle(sp.IdealLimitSurface(sp.SupportDistribution.ring(0.05, 24), 1.0), edge_contact(0.0))
+    assert oracle.is_stable((0.0, 1.0, 0.0))
+    assert not oracle.is_stable((0.1, 1.0, 0.0))
+    assert oracle.is_stable((0.0, 1.0, 1e-3)) or oracle.cone.rank == 2
+
+
+def test_margin_against_the_definition():
+    surface = sp.IdealLimitSurface(three_feet(), 5.0)
+    oracle = sp.StabilityOracle(surface, edge_contact())
+    rho = surface.characteristic_length
+    for twist in random_twists(50, rho):
+        f = normalize_wrench(surface.wrench(twist), rho)
+        f /= np.linalg.norm(f)
+        assert float(oracle.margin(twist)) == pytest.approx(min(np.arcsin(oracle.cone.normals @ f)))
+    cors = np.random.default_rng(0).normal(size=(30, 2))
+    np.testing.assert_array_equal(oracle.is_stable_cor(cors, -1), oracle.is_stable(twist_from_cor(cors, -1)))
+
+
+def test_regions_as_json_are_plain():
+    import json
+
+    region = sp.lynch_mason_region(SQUARE, SQUARE_PUSH)
+    value = json.loads(json.dumps(regions_to_json([region], 4.0), allow_nan=False))
+    entry = value["regions"][0]
+    area = sum(shapely.geometry.shape(p).area for p in entry["clockwise"])
+    assert area == pytest.approx(sum(p.area for p in region.polygons(-1, 4.0)))
