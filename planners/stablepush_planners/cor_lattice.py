@@ -40,6 +40,9 @@ LARGEST_ARC = math.pi / 3
 STRAIGHTS = (1.0, 3.0)
 #: Poses between which collisions are looked for lie at most this share of the slider's radius apart; and the finest step.
 STEP_SHARE, FINEST_SHARE = 0.04, 0.0025
+#: With less time (s) than this left no search begins: the first load of a fresh install compiles for a second or two, which
+#: cannot be cut short.
+LEAST_TIME = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +90,7 @@ def plan_cor_lattice(
     def answer(status: str, message: str) -> PlanResult:
         return PlanResult(status, NAME, lower_bound=float(bound), seed=seed, message=message)
 
-    if time.perf_counter() > deadline:
+    if time.perf_counter() > deadline - LEAST_TIME:
         return answer("timeout", "the time limit left no time to search")
     bodies = [FootprintChecker(problem, contact) for contact in problem.contacts]
     if not bodies[0].free(problem.start).all():

@@ -231,7 +231,7 @@ def plan(
     ] = 0,
     region: Annotated[str, typer.Option(help="Rotation centres to use: model or conservative.")] = "model",
     view: Annotated[Path | None, typer.Option(help="Animation of the plan as an HTML page.")] = None,
-    picture: Annotated[Path | None, typer.Option(help="Picture of the plan as PNG.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Picture of the plan as PNG, if one is found.")] = None,
 ) -> None:
     """Plan a path of stable pushes."""
     from stablepush.cli import STARTED
@@ -260,7 +260,7 @@ def plan(
         from stablepush.report import plan_html
 
         write_atomically(view, plan_html(problem, result))
-    if picture is not None:
+    if picture is not None and result.solved:
         from stablepush.plot import plot_plan, save_figure
 
         save_figure(plot_plan(problem, result), picture)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,148 +17,160 @@ TOLERANCE = 1e-10
 #: A well-scaled surface takes 5 to 6 steps; a facet with curvature 1e-9 of its neighbourhood took fewer than 60.
 MOST_STEPS = 300
 
+#: Multiply-adds may be fused, which only makes them more accurate; nothing else of fast maths, for NaN must stay NaN.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
+
 
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile on first call; keep the machine code on disk unless no place can be written."""
     try:
-        return njit(cache=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+        return njit(cache=True, **_OPTIONS)(function)  # type: ignore[no-any-return]
     except RuntimeError:  # numba found neither the package nor the user's cache folder writable
-        return njit(error_model="numpy")(function)  # type: ignore[no-any-return]
+        return njit(**_OPTIONS)(function)  # type: ignore[no-any-return]
 
 
-@_compiled
-def invert_polynomial(hessian, degree, rho, twists, start, wrenches):  # type: ignore[no-untyped-def]
-    """Fill ``wrenches`` (n, 3) with ``argmax V·F`` over ``H <= 1`` and return the worst ``|∇H/|∇H| - V|`` and how many miss.
-
-    Twists ``(vx, vy, omega)`` and wrenches ``(fx, fy, tau)`` carry units and are normalised by ``rho``; twists need not be of
-    unit length. The load is the minimiser of ``H(F) - V·F``, scaled onto the level set.
-
-    ``hessian`` (6, n): second derivatives as forms of degree ``d - 2``. By Euler's identity for homogeneous functions they give
-    the rest: ``∇H = ∇²H F/(d-1)``, ``H = ∇H·F/d``. Damped Newton: the objective is convex with one minimiser, so every
-    step along the Newton direction that passes the line search comes closer, from any start. ``start`` (3,) holds the squared
-    half axes of an ellipsoid that has the size of the surface; its inverse is the first guess, scaled onto the ray's minimum.
-    """
+@cache
+def polynomial_inverter(degree: int) -> Callable[..., Any]:
+    """Return the kernel of ``H_inv`` for a degree, which is a constant of its code: the loops over monomials unroll."""
     order = degree - 2
-    n = hessian.shape[1]
-    form = np.empty(n)
-    powers = np.ones((3, order + 1))
-    scale = 1.0 / (degree - 1)
-    worst = 0.0
-    missed = 0
-    for q in range(twists.shape[0]):
-        vx, vy, vz = twists[q, 0], twists[q, 1], rho * twists[q, 2]
-        # by the largest entry first: squares of tiny and of huge twists must not leave the range of floats
-        largest = max(abs(vx), abs(vy), abs(vz))
-        vx, vy, vz = vx / largest, vy / largest, vz / largest
-        norm = math.sqrt(vx * vx + vy * vy + vz * vz)
-        vx, vy, vz = vx / norm, vy / norm, vz / norm
-        x, y, z = start[0] * vx, start[1] * vy, start[2] * vz
-        # the state at the accepted point; ``merit`` is the objective, ``size`` the norm of its gradient
-        merit = size = math.inf
-        dx = dy = dz = slope = 0.0
-        bx, by, bz = x, y, z
-        step = 0.0
-        best = math.inf
-        fx, fy, fz, level = x, y, z, 1.0
-        stalled = 0
-        for iteration in range(MOST_STEPS):
-            # second derivatives, gradient and value at (x, y, z)
-            for p in range(order):
-                powers[0, p + 1] = powers[0, p] * x
-                powers[1, p + 1] = powers[1, p] * y
-                powers[2, p + 1] = powers[2, p] * z
-            m = 0
-            for i in range(order, -1, -1):
-                for j in range(order - i, -1, -1):
-                    form[m] = powers[0, i] * powers[1, j] * powers[2, order - i - j]
-                    m += 1
-            hxx = hxy = hxz = hyy = hyz = hzz = 0.0
-            for m in range(n):
-                c = form[m]
-                hxx += hessian[0, m] * c
-                hxy += hessian[1, m] * c
-                hxz += hessian[2, m] * c
-                hyy += hessian[3, m] * c
-                hyz += hessian[4, m] * c
-                hzz += hessian[5, m] * c
-            gx = scale * (hxx * x + hxy * y + hxz * z)
-            gy = scale * (hxy * x + hyy * y + hyz * z)
-            gz = scale * (hxz * x + hyz * y + hzz * z)
-            value = (gx * x + gy * y + gz * z) / degree
-            power = vx * x + vy * y + vz * z
-            if iteration == 0 and value > 0.0:
-                # minimum of s^d H - s V·F along the ray of the first guess
-                s = (power / (degree * value)) ** scale
-                x, y, z = s * x, s * y, s * z
-                power *= s
-                s_order = s**order
-                hxx, hxy, hxz = s_order * hxx, s_order * hxy, s_order * hxz
-                hyy, hyz, hzz = s_order * hyy, s_order * hyz, s_order * hzz
-                s_order *= s
-                gx, gy, gz = s_order * gx, s_order * gy, s_order * gz
-                value *= s_order * s
-            # how far the direction of the gradient is from the twist
-            norm = math.sqrt(gx * gx + gy * gy + gz * gz)
-            if norm > 0.0:
-                ex, ey, ez = gx / norm - vx, gy / norm - vy, gz / norm - vz
-                residual = math.sqrt(ex * ex + ey * ey + ez * ez)
-            else:
-                residual = 2.0
-            if residual < best and value > 0.0:
-                if residual > 0.5 * best:
-                    stalled += 1
-                else:
-                    stalled = 0
-                best = residual
-                fx, fy, fz = x, y, z
-                level = value
-            else:
-                stalled += 1
-            if best <= CONVERGED or (stalled > 8 and best <= 1e-11):
-                break
-            rx, ry, rz = gx - vx, gy - vy, gz - vz
-            new_merit = value - power
-            new_size = math.sqrt(rx * rx + ry * ry + rz * rz)
-            # Armijo on the objective; close to the minimum its differences drown in rounding and the gradient decides
-            accepted = new_merit <= merit + 1e-4 * step * slope or new_size <= 0.5 * size
-            if not accepted:
-                step *= 0.5
-                if step < 1e-18:
-                    break
-                x, y, z = bx + step * dx, by + step * dy, bz + step * dz
-                continue
-            merit, size = new_merit, new_size
-            # Newton direction; the shift keeps the factors positive on facets and where a surface is not convex
-            shift = 1e-15 * (abs(hxx) + abs(hyy) + abs(hzz)) + 1e-300
-            for _ in range(60):
-                d1 = hxx + shift
-                if d1 > 0.0:
-                    l21 = hxy / d1
-                    l31 = hxz / d1
-                    d2 = hyy + shift - l21 * hxy
-                    if d2 > 0.0:
-                        t = hyz - l31 * hxy
-                        l32 = t / d2
-                        d3 = hzz + shift - l31 * hxz - l32 * t
-                        if d3 > 0.0:
-                            break
-                shift = shift * 10.0
-            u1 = -rx
-            u2 = -ry - l21 * u1
-            u3 = (-rz - l31 * u1 - l32 * u2) / d3
-            dz = u3
-            dy = u2 / d2 - l32 * dz
-            dx = u1 / d1 - l21 * dy - l31 * dz
-            slope = dx * rx + dy * ry + dz * rz
+    count = degree * (degree - 1) // 2
+
+    @_compiled
+    def invert_polynomial(hessian, rho, twists, start, wrenches):  # type: ignore[no-untyped-def]
+        """Fill ``wrenches`` (n, 3) with ``argmax V·F`` over ``H <= 1`` and return the worst ``|∇H/|∇H| - V|`` and how many miss.
+
+        Twists ``(vx, vy, omega)`` and wrenches ``(fx, fy, tau)`` carry units and are normalised by ``rho``; twists need not be of
+        unit length. The load is the minimiser of ``H(F) - V·F``, scaled onto the level set.
+
+        ``hessian`` (6, n): second derivatives as forms of degree ``d - 2``. By Euler's identity for homogeneous functions they
+        give the rest: ``∇H = ∇²H F/(d-1)``, ``H = ∇H·F/d``. Damped Newton: the objective is convex with one minimiser, so every
+        step along the Newton direction that passes the line search comes closer, from any start. ``start`` (3,) holds the squared
+        half axes of an ellipsoid that has the size of the surface; its inverse is the first guess, scaled onto the ray's minimum.
+        """
+        form = np.empty(count)
+        powers = np.ones((3, order + 1))
+        scale = 1.0 / (degree - 1)
+        worst = 0.0
+        missed = 0
+        for q in range(twists.shape[0]):
+            vx, vy, vz = twists[q, 0], twists[q, 1], rho * twists[q, 2]
+            # by the largest entry first: squares of tiny and of huge twists must not leave the range of floats
+            largest = max(abs(vx), abs(vy), abs(vz))
+            vx, vy, vz = vx / largest, vy / largest, vz / largest
+            norm = math.sqrt(vx * vx + vy * vy + vz * vz)
+            vx, vy, vz = vx / norm, vy / norm, vz / norm
+            x, y, z = start[0] * vx, start[1] * vy, start[2] * vz
+            # the state at the accepted point; ``merit`` is the objective, ``size`` the squared norm of its gradient
+            merit = size = math.inf
+            dx = dy = dz = slope = 0.0
             bx, by, bz = x, y, z
-            step = 1.0
-            x, y, z = bx + dx, by + dy, bz + dz
-        level **= -1.0 / degree
-        wrenches[q, 0], wrenches[q, 1], wrenches[q, 2] = level * fx, level * fy, rho * level * fz
-        worst = max(worst, best)
-        if not best <= TOLERANCE:
-            missed += 1
-    return worst, missed
+            step = 0.0
+            best = math.inf
+            fx, fy, fz, level = x, y, z, 1.0
+            stalled = 0
+            for iteration in range(MOST_STEPS):
+                # second derivatives, gradient and value at (x, y, z)
+                for p in range(order):
+                    powers[0, p + 1] = powers[0, p] * x
+                    powers[1, p + 1] = powers[1, p] * y
+                    powers[2, p + 1] = powers[2, p] * z
+                m = 0
+                for i in range(order, -1, -1):
+                    for j in range(order - i, -1, -1):
+                        form[m] = powers[0, i] * powers[1, j] * powers[2, order - i - j]
+                        m += 1
+                hxx = hxy = hxz = hyy = hyz = hzz = 0.0
+                for m in range(count):
+                    c = form[m]
+                    hxx += hessian[0, m] * c
+                    hxy += hessian[1, m] * c
+                    hxz += hessian[2, m] * c
+                    hyy += hessian[3, m] * c
+                    hyz += hessian[4, m] * c
+                    hzz += hessian[5, m] * c
+                gx = scale * (hxx * x + hxy * y + hxz * z)
+                gy = scale * (hxy * x + hyy * y + hyz * z)
+                gz = scale * (hxz * x + hyz * y + hzz * z)
+                value = (gx * x + gy * y + gz * z) / degree
+                power = vx * x + vy * y + vz * z
+                if iteration == 0 and value > 0.0:
+                    # minimum of s^d H - s V·F along the ray of the first guess
+                    s = (power / (degree * value)) ** scale
+                    x, y, z = s * x, s * y, s * z
+                    power *= s
+                    s_order = s**order
+                    hxx, hxy, hxz = s_order * hxx, s_order * hxy, s_order * hxz
+                    hyy, hyz, hzz = s_order * hyy, s_order * hyz, s_order * hzz
+                    s_order *= s
+                    gx, gy, gz = s_order * gx, s_order * gy, s_order * gz
+                    value *= s_order * s
+                # how far the direction of the gradient is from the twist
+                norm = gx * gx + gy * gy + gz * gz
+                if norm > 0.0:
+                    norm = 1.0 / math.sqrt(norm)
+                    ex, ey, ez = gx * norm - vx, gy * norm - vy, gz * norm - vz
+                    residual = math.sqrt(ex * ex + ey * ey + ez * ez)
+                else:
+                    residual = 2.0
+                if residual < best and value > 0.0:
+                    if residual > 0.5 * best:
+                        stalled += 1
+                    else:
+                        stalled = 0
+                    best = residual
+                    fx, fy, fz = x, y, z
+                    level = value
+                else:
+                    stalled += 1
+                if best <= CONVERGED or (stalled > 8 and best <= 1e-11):
+                    break
+                rx, ry, rz = gx - vx, gy - vy, gz - vz
+                new_merit = value - power
+                new_size = rx * rx + ry * ry + rz * rz
+                # Armijo on the objective; close to the minimum its differences drown in rounding and the gradient decides
+                accepted = new_merit <= merit + 1e-4 * step * slope or new_size <= 0.25 * size
+                if not accepted:
+                    step *= 0.5
+                    if step < 1e-18:
+                        break
+                    x, y, z = bx + step * dx, by + step * dy, bz + step * dz
+                    continue
+                merit, size = new_merit, new_size
+                # Newton direction; the shift keeps the factors positive on facets and where a surface is not convex
+                shift = 1e-15 * (abs(hxx) + abs(hyy) + abs(hzz)) + 1e-300
+                for _ in range(60):
+                    d1 = hxx + shift
+                    if d1 > 0.0:
+                        d1 = 1.0 / d1
+                        l21 = hxy * d1
+                        l31 = hxz * d1
+                        d2 = hyy + shift - l21 * hxy
+                        if d2 > 0.0:
+                            d2 = 1.0 / d2
+                            t = hyz - l31 * hxy
+                            l32 = t * d2
+                            d3 = hzz + shift - l31 * hxz - l32 * t
+                            if d3 > 0.0:
+                                break
+                    shift = shift * 10.0
+                u1 = -rx
+                u2 = -ry - l21 * u1
+                u3 = (-rz - l31 * u1 - l32 * u2) / d3
+                dz = u3
+                dy = u2 * d2 - l32 * dz
+                dx = u1 * d1 - l21 * dy - l31 * dz
+                slope = dx * rx + dy * ry + dz * rz
+                bx, by, bz = x, y, z
+                step = 1.0
+                x, y, z = bx + dx, by + dy, bz + dz
+            level **= -1.0 / degree
+            wrenches[q, 0], wrenches[q, 1], wrenches[q, 2] = level * fx, level * fy, rho * level * fz
+            worst = max(worst, best)
+            if not best <= TOLERANCE:
+                missed += 1
+        return worst, missed
+
+    return invert_polynomial
 
 
 @_compiled

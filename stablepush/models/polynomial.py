@@ -122,7 +122,7 @@ class PolynomialLimitSurface:
         level set; accurate to 1e-10 in the direction of the twist. Raises :class:`ConvergenceError` where a surface is
         not convex and a twist has no such load.
         """
-        from stablepush.models._kernels import invert_polynomial
+        from stablepush.models._kernels import polynomial_inverter
 
         v = check_vectors(twists, "twists", 3)
         flat = np.ascontiguousarray(v.reshape(-1, 3))
@@ -136,7 +136,8 @@ class PolynomialLimitSurface:
         size = float(half_axes.max())
         hessian = np.ascontiguousarray(self._hessian * size**self.degree)
         loads = np.empty_like(flat)
-        worst, missed = invert_polynomial(hessian, self.degree, self.characteristic_length, flat, (half_axes / size) ** 2, loads)
+        invert = polynomial_inverter(self.degree)
+        worst, missed = invert(hessian, self.characteristic_length, flat, (half_axes / size) ** 2, loads)
         if missed:
             raise ConvergenceError(
                 f"H_inv: {missed} of {len(flat)} twists have no load to 1e-10 (worst {worst:.1e}); is the surface convex?"
