@@ -20,9 +20,9 @@ from stablepush._arrays import FloatArray
 from stablepush.collision import FootprintChecker
 from stablepush.path import PlanResult, Push, Transfer
 from stablepush.problem import PlanningProblem
-from stablepush.se2 import compose, exp, inverse, log, transform_points, wrap_angle
+from stablepush.se2 import compose, exp, transform_points, wrap_angle
+from stablepush_planners.connect import FINEST_SHARE, STEP_SHARE, Connector, TimedTwist, shorten
 from stablepush_planners.distance_field import DistanceField
-from stablepush_planners.dubins import dubins_paths
 from stablepush_planners.primitives import Steering, steering
 
 NAME = "cor-lattice"
@@ -38,8 +38,8 @@ TURN_RADII = ((1.0, 0.0), (2.0, 1.5))
 LARGEST_ARC = math.pi / 3
 #: Straight pushes, in push lengths.
 STRAIGHTS = (1.0, 3.0)
-#: Poses between which collisions are looked for lie at most this share of the slider's radius apart; and the finest step.
-STEP_SHARE, FINEST_SHARE = 0.04, 0.0025
+#: Poses spread along a path between which the way is shortened in the end.
+PIECES = 24
 #: With less time (s) than this left no search begins: the first load of a fresh install compiles for a second or two, which
 #: cannot be cut short.
 LEAST_TIME = 0.3
@@ -65,7 +65,7 @@ class _Node:
     turn: int
     contact: int
     parent: int
-    pushes: tuple[tuple[FloatArray, float], ...] = field(default=())
+    pushes: tuple[TimedTwist, ...] = field(default=())
 
 
 #: Contact, cell in x and y, heading.
@@ -139,6 +139,7 @@ class _Search:
         self._step = STEP_SHARE * problem.slider.radius
         self._finest = FINEST_SHARE * problem.slider.radius
         self._length = share * problem.slider.radius
+        self._connectors = {i: Connector(problem, s, bodies[i]) for i, s in steerings.items()}
         self._cell = CELL_SHARE * self._length
         self._primitives = {i: self._make_primitives(s) for i, s in steerings.items()}
         self._field = DistanceField(problem, self._cell)
@@ -191,7 +192,7 @@ class _Search:
             _, index = heapq.heappop(queue)
             node = nodes[index]
             if node.pushes and self._at_goal(node.pose):
-                return self._segments(nodes, index)
+                return self._path(nodes, index)
             key = self._key(node)
             if key in closed:
                 continue
@@ -205,10 +206,10 @@ class _Search:
             # near the goal at every node, far from it now and then
             interval = 1 + int(16 * estimate / max(first, 1e-9))
             if expanded % interval == 0 or expanded == 1:
-                finish = self._finish(node)
+                finish = self._connectors[node.contact].join(node.pose, problem.goal)
                 if finish is not None:
                     cost, pushes = finish
-                    push(_Node(node.cost + cost, problem.goal, 0, node.contact, index, pushes), 0.0)
+                    push(_Node(node.cost + cost, problem.goal, 0, node.contact, index, tuple(pushes)), 0.0)
             for child, guess in self._successors(node, index, best):
                 push(child, guess)
         return None
@@ -277,86 +278,57 @@ class _Search:
                     free[i] = body.push_is_free(pose, p.twist, p.duration, self._step / 4, self._finest)
         return [bool(f) for f in free]
 
-    def _finish(self, node: _Node) -> tuple[float, tuple[tuple[FloatArray, float], ...]] | None:
-        """Join a node to the goal exactly: by one push if that is stable, or by a Dubins word; the quickest that is free."""
-        problem, steer = self._problem, self._steerings[node.contact]
-        start = self._reference(node.contact, node.pose)
-        goal = compose(problem.goal, steer.frame)
-        x, y, theta = (float(v) for v in start)
-        candidates: list[tuple[float, tuple[tuple[FloatArray, float], ...]]] = []
-        offset = compose(inverse(node.pose), problem.goal)
-        offset[2] = wrap_angle(offset[2])
-        straight = log(offset)
-        if np.abs(straight).max() > 1e-9 and steer.accept(straight[None])[0]:
-            pace = problem.speed / float(problem.push_speed(straight))
-            candidates.append((1.0 / pace, ((straight * pace, 1.0 / pace),)))
-        for word, lengths in dubins_paths((x, y, theta), (float(goal[0]), float(goal[1]), float(goal[2])), steer.radius):
-            pushes = []
-            for letter, length in zip(word, lengths, strict=True):
-                if length * steer.radius < 1e-9:
-                    continue
-                curvature = {"L": 1.0, "R": -1.0, "S": 0.0}[letter] / steer.radius
-                twist = steer.twist(curvature)
-                pace = problem.speed / float(problem.push_speed(twist))
-                pushes.append((twist * pace, length * steer.radius / pace))
-            candidates.append((sum(d for _, d in pushes), tuple(pushes)))
-        for cost, chosen in sorted(candidates, key=lambda c: c[0])[:3]:
-            pose = node.pose
-            for twist, duration in chosen:
-                if not self._bodies[node.contact].push_is_free(pose, twist, duration, self._step, self._finest):
-                    break
-                pose = compose(pose, exp(twist * duration))
-            else:
-                if chosen and self._at_goal(pose):
-                    return cost, chosen
-        return None
-
     def _nudge(self) -> list[Push | Transfer] | None:
-        """The start is within tolerance already, but a plan has a push: the shortest that stays within, or a loop."""
+        """The start is within tolerance already, but a plan has a push: a short one that stays within, or a loop."""
         problem = self._problem
         for contact, steer in self._steerings.items():
             if contact != 0:
                 continue
-            twist = steer.twist(0.0)
-            pace = problem.speed / float(problem.push_speed(twist))
-            offset = log(compose(inverse(problem.goal), problem.start))[:2]
-            room = problem.tolerance[0] - float(np.hypot(*offset))
+            room = problem.tolerance[0] - float(np.hypot(*(problem.start[:2] - problem.goal[:2])))
             for length in (1e-3 * problem.slider.radius, room / 2, room / 16):
-                end = compose(problem.start, exp(twist * length))
-                if length > 0 and self._at_goal(end):
-                    free = self._bodies[contact].push_is_free(problem.start, twist, length, self._step, self._finest)
-                    if free:
-                        return self._segments(
-                            [
-                                _Node(0.0, problem.start, 0, contact, -1),
-                                _Node(0.0, end, 0, contact, 0, ((twist * pace, length / pace),)),
-                            ],
-                            1,
-                        )
+                push = self._connectors[contact].timed(steer.twist(0.0), length)
+                end = compose(problem.start, exp(push[0] * push[1]))
+                if length > 0 and self._at_goal(end) and self._connectors[contact].is_free(problem.start, push):
+                    return self._segments([(contact, [push])])
         return None
 
-    def _segments(self, nodes: list[_Node], index: int) -> list[Push | Transfer]:
-        """Turn the chain of nodes into segments; equal pushes in a row become one."""
+    def _path(self, nodes: list[_Node], index: int) -> list[Push | Transfer]:
+        """Turn the chain of nodes into segments, each stretch at one contact shortened."""
         chain = []
         while index >= 0:
             chain.append(nodes[index])
             index = nodes[index].parent
-        chain.reverse()
-        steps: list[tuple[int, FloatArray, float]] = []
-        for node in chain:
-            for twist, duration in node.pushes:
-                if steps and steps[-1][0] == node.contact and np.array_equal(steps[-1][1], twist):
-                    steps[-1] = (node.contact, twist, steps[-1][2] + duration)
-                else:
-                    steps.append((node.contact, twist, duration))
+        stretches: list[tuple[int, list[TimedTwist]]] = []
+        for node in reversed(chain):
+            if not stretches or stretches[-1][0] != node.contact:
+                stretches.append((node.contact, []))
+            stretches[-1][1].extend(node.pushes)
+        pose = self._problem.start
+        shortened = []
+        for contact, pushes in stretches:
+            if pushes:
+                shortened.append((contact, shorten(self._connectors[contact], pose, pushes, PIECES, self._deadline)))
+            for twist, duration in pushes:
+                pose = compose(pose, exp(twist * duration))
+        return self._segments(shortened)
+
+    def _segments(self, stretches: list[tuple[int, list[TimedTwist]]]) -> list[Push | Transfer]:
+        """Return the pushes of stretches of one contact each, with the changes between them; equal twists in a row merge."""
         segments: list[Push | Transfer] = []
         pose, contact = self._problem.start, 0
-        for step_contact, twist, duration in steps:
-            if step_contact != contact:
-                segments.append(Transfer(contact, step_contact, np.empty((0, 3)), self._problem.switch_cost))
-                contact = step_contact
-            margin = float(self._steerings[contact].oracle.margin(twist))
-            push = Push.from_start(contact, twist, duration, pose, margin)
-            segments.append(push)
-            pose = push.end
+        for at, pushes in stretches:
+            if at != contact:
+                segments.append(Transfer(contact, at, np.empty((0, 3)), self._problem.switch_cost))
+                contact = at
+            merged: list[TimedTwist] = []
+            for twist, duration in pushes:
+                if merged and np.abs(merged[-1][0] - twist).max() <= 1e-12 * self._problem.speed:
+                    merged[-1] = (merged[-1][0], merged[-1][1] + duration)
+                else:
+                    merged.append((twist, duration))
+            for twist, duration in merged:
+                margin = float(self._steerings[contact].oracle.margin(twist))
+                push = Push.from_start(contact, twist, duration, pose, margin)
+                segments.append(push)
+                pose = push.end
         return segments
