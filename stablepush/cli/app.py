@@ -86,7 +86,7 @@ def import_logs(
     replacement = None if slider is None else load_slider(slider)
     sources = find_sources(source, kind)
     several = len(sources) > 1
-    failed = 0
+    imported = 0
     with _progress("import", len(sources)) as step:
         for item in sources:
             try:
@@ -94,12 +94,12 @@ def import_logs(
             except InputError as error:
                 if not several:
                     raise
-                # one broken log of many must not keep the others out; it is named, and the exit code tells
-                step.say(f"stablepush: error: {error}")
-                failed += 1
+                # a clone holds files of other experiments: one that is no log of ours must not keep the others out
+                step.say(f"note: skipped: {error}")
                 continue
             target = output / item.name if several else output
             write_pushlog(log, target)
+            imported += 1
             for note in notes:
                 step.say(f"note: {note}")
             pairs = log.pairs()
@@ -107,8 +107,8 @@ def import_logs(
             summary = f", {len(pairs[0])} pairs, {forward} with F·V > 0" if len(pairs[0]) else ""
             step.say(f"{target}: {item.kind}, {len(log)} pushes{summary}", error=False)
             step()
-    if failed:
-        raise InputError(f"{source}: {failed} of {len(sources)} logs could not be read")
+    if not imported:
+        raise InputError(f"{source}: expected at least one whole log, none of {len(sources)} could be read")
 
 
 @app.command()
