@@ -49,6 +49,8 @@ def check_number(
         number = float(value)
     except (TypeError, ValueError):
         raise InputError(f"{name}: expected a number, got {type(value).__name__}") from None
+    except OverflowError:
+        number = np.inf
     if not np.isfinite(number):
         raise InputError(f"{name}: expected a finite number, got {number}")
     if abs(number) > largest:
@@ -81,7 +83,7 @@ def _as_float(value: ArrayLike, name: str) -> FloatArray:
         if raw.dtype.kind not in "fiu" and raw.size:
             raise TypeError
         return raw.astype(np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name}: expected an array of numbers") from None
 
 

@@ -129,10 +129,8 @@ def _check_sweep(problem: PlanningProblem, outline: FloatArray, push: Push, plac
     found = []
     placed = transform_points(push.start, outline)
     sweep = _Sweep.from_push(push)
-    if problem.bounds is not None:
-        ways = sweep.extremes(placed)
-        if (ways.min(axis=0) < problem.bounds[:2] - TOLERANCE).any() or (ways.max(axis=0) > problem.bounds[2:] + TOLERANCE).any():
-            found.append(f"{place} leaves the bounds")
+    if not _within(problem.bounds, sweep.extremes(placed)):
+        found.append(f"{place} leaves the bounds")
     for i, obstacle in enumerate(problem.obstacles):
         if any(sweep.hits(ring, obstacle) for ring in _shrunk(placed)):
             found.append(f"{place} hits obstacle {i}")
@@ -161,9 +159,18 @@ def _check_transfer(problem: PlanningProblem, transfer: Transfer, pose: FloatArr
     radius = float(np.linalg.norm(problem.pusher, axis=1).max())
     obstacles = [shapely.Polygon(o) for o in (*problem.obstacles, transform_points(pose, problem.slider.vertices))]
     blocked = shapely.union_all(obstacles)
+    rings = _shrunk(problem.pusher)
     for i, (a, b) in enumerate(pairwise(path)):
         step = np.array((*(b[:2] - a[:2]), float(wrap_angle(b[2] - a[2]))))
-        if not _motion_is_clear(problem, blocked, a, step, radius):
+        if step[:2].any() and step[2]:
+            clear = _motion_is_clear(problem, blocked, a, step, radius)
+        else:
+            # straight, or turning on the spot: exact, also where the pusher slides along something
+            sweep = _Sweep(a[:2] if step[2] else None, float(step[2]), step[:2])
+            placed = [transform_points(a, ring) for ring in rings]
+            clear = not any(sweep.hits(ring, shapely.get_coordinates(o)[:-1]) for ring in placed for o in obstacles)
+            clear = clear and all(_within(problem.bounds, sweep.extremes(ring)) for ring in placed)
+        if not clear:
             found.append(f"{place}: the pusher hits something between path poses {i} and {i + 1}")
     return found
 
@@ -208,6 +215,12 @@ def _check_goal(problem: PlanningProblem, result: PlanResult) -> list[str]:
     if turn > problem.tolerance[1] + TOLERANCE:
         found.append(f"goal: missed by {turn:.6g} rad, the tolerance is {problem.tolerance[1]:g} rad")
     return found
+
+
+def _within(bounds: FloatArray | None, points: FloatArray) -> bool:
+    if bounds is None:
+        return True
+    return bool((points >= bounds[:2] - TOLERANCE).all() and (points <= bounds[2:] + TOLERANCE).all())
 
 
 def _pose_difference(a: FloatArray, b: FloatArray) -> float:

@@ -8,7 +8,7 @@ from stablepush._arrays import BoolArray, FloatArray
 from stablepush.contact import PushContact
 from stablepush.errors import UnsupportedContactError
 from stablepush.planar import unit
-from stablepush.region import EXTENT_RADII, StableRegion
+from stablepush.region import EXTENT_RADII, StableRegion, clip_loop
 from stablepush.se2 import wrap_angle
 from stablepush.slider import Slider
 
@@ -48,13 +48,12 @@ def lynch_mason_region(slider: Slider, contact: PushContact) -> StableRegion:
         return np.asarray(np.where(sense > 0, accepted[1.0], accepted[-1.0]))
 
     extent = EXTENT_RADII * max(slider.radius, contact.radius)
-    loops = tuple(_loop(rows, offsets, sign, extent) for sign, (rows, offsets) in planes.items())
     return StableRegion(
         name="conservative",
         default_extent=extent,
         translations=_translations(contact, normal),
         _contains=contains,
-        _loops=tuple(loop for loop in loops if len(loop)),
+        _loops=lambda size: [_loop(rows, offsets, sign, size) for sign, (rows, offsets) in planes.items()],
     )
 
 
@@ -87,34 +86,11 @@ def _half_planes(
 
 
 def _loop(rows: FloatArray, offsets: FloatArray, sign: float, extent: float) -> FloatArray:
-    """Closed loop of twists (n, 3) round the half-planes' intersection, unbounded parts cut far outside ``extent``."""
-    import shapely
-
-    far = 1e3 * max(extent, float(np.abs(offsets).max()))
-    corners = np.array(((-1, -1), (1, -1), (1, 1), (-1, 1)), dtype=np.float64) * far
+    """Closed loop of twists (n, 3) round the intersection of the half-planes with the square of half side ``extent`` (m)."""
+    points = np.array(((-extent, -extent, 1.0), (extent, -extent, 1.0), (extent, extent, 1.0), (-extent, extent, 1.0)))
     for a, b in zip(rows, offsets, strict=True):
-        if not a.any():
-            if b > 0:
-                return np.empty((0, 3))
-            continue
-        corners = _clip_plane(corners, a, b)
-    if len(corners) < 3 or shapely.Polygon(corners).area == 0:
-        return np.empty((0, 3))
-    return sign * np.column_stack((corners[:, 1], -corners[:, 0], np.ones(len(corners))))
-
-
-def _clip_plane(points: FloatArray, a: FloatArray, b: float) -> FloatArray:
-    if not len(points):
-        return points
-    height = points @ a - b
-    result = []
-    for i in range(len(points)):
-        j = (i + 1) % len(points)
-        if height[i] >= 0:
-            result.append(points[i])
-        if (height[i] >= 0) != (height[j] >= 0):
-            result.append(points[i] + height[i] / (height[i] - height[j]) * (points[j] - points[i]))
-    return np.reshape(result, (-1, 2))
+        points = clip_loop(points, np.array((*a, -b)))
+    return sign * points[:, (1, 0, 2)] * (1.0, -1.0, 1.0)
 
 
 def _translations(contact: PushContact, normal: FloatArray) -> tuple[float, float] | None:

@@ -19,5 +19,9 @@ class SolverError(StablepushError, RuntimeError):
     """An optimisation back end failed; the message carries its status."""
 
 
+class OutOfTimeError(StablepushError, TimeoutError):
+    """A deadline passed in the middle of a computation."""
+
+
 class UnsupportedContactError(StablepushError, ValueError):
     """A method does not cover this arrangement of contacts."""

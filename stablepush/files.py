@@ -195,7 +195,7 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
         if target.exists() and not target.is_file():  # a pipe or a terminal takes what it gets
             target.write_bytes(data)
             return
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".stablepush-")
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)
         # mkstemp makes private files; give the mode that open() would have given
@@ -220,7 +220,7 @@ def whole_folder(path: str | Path) -> Iterator[Path]:
         if target.exists() and not target.is_dir():
             raise InputError(f"{target}: cannot write: exists and is not a folder")
         target.parent.mkdir(parents=True, exist_ok=True)
-        staging = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
+        staging = Path(tempfile.mkdtemp(dir=target.parent, prefix=".stablepush-"))
         yield staging
         target.mkdir(exist_ok=True)
         for file in sorted(staging.iterdir()):

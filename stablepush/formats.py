@@ -20,11 +20,10 @@ def slider_from_node(node: Node) -> Slider:
     """Read the value of a ``slider/1``."""
     node["format"].text(("slider/1",))
     vertices = node["vertices"].array(None, 2)
-    mass_node = node["mass"] if "mass" in node.object() else None
-    mass = None if mass_node is None or mass_node.value is None else mass_node.number(at_least=0.0)
-    support_node = node.get("support")
+    mass = None if node["mass"].value is None else node["mass"].number(at_least=0.0)
+    support_node = node["support"]
     support = None
-    if support_node is not None:
+    if support_node.value is not None:
         points = support_node["points"].array(None, 2)
         weights = support_node["weights"].array(None)
         support = support_node.checked(lambda: SupportDistribution(points, weights))
@@ -75,21 +74,17 @@ def model_from_node(node: Node) -> LimitSurface:
         loads = node["loads"].array(None)
         if (loads < 0).any():
             node["loads"].fail(f"expected loads >= 0, got {loads.min():g}")
-        return node.checked(lambda: IdealLimitSurface(SupportDistribution(points, loads), float(loads.sum())))
+        rho_node = node.get("characteristic_length")
+        given = None if rho_node is None else rho_node.number(above=0.0)
+        return node.checked(lambda: IdealLimitSurface(SupportDistribution(points, loads), float(loads.sum()), given))
     degree = node["degree"].integer(at_least=2)
     if degree not in (2, 4, 6, 8, 10):
         node["degree"].fail(f"expected an even number from 2 to 10, got {degree}")
     rho = node["characteristic_length"].number(above=0.0)
     coefficients = _coefficients(node, degree)
-    certificate = node.get("certificate")
-    if certificate is not None:
-        certificate.object()
-    covariance_node = node.get("covariance")
-    covariance = None
-    if covariance_node is not None:
-        size = len(coefficients)
-        covariance = covariance_node.array(size, size)
-    provenance = node.get("provenance")
+    certificate, covariance_node, provenance = node["certificate"], node["covariance"], node["provenance"]
+    size = len(coefficients)
+    covariance = None if covariance_node.value is None else covariance_node.array(size, size)
     unit_node = node.get("force_unit")
     force_unit = "N" if unit_node is None else unit_node.text(FORCE_UNITS)
     return node.checked(
@@ -98,9 +93,9 @@ def model_from_node(node: Node) -> LimitSurface:
             degree,
             rho,
             force_unit=force_unit,
-            certificate=None if certificate is None else certificate.object(),
+            certificate=None if certificate.value is None else certificate.object(),
             covariance=covariance,
-            provenance=None if provenance is None else provenance.object(),
+            provenance=None if provenance.value is None else provenance.object(),
         )
     )
 
@@ -133,6 +128,7 @@ def model_to_json(surface: LimitSurface) -> dict[str, Any]:
             "kind": "support",
             "points": surface.support.points.tolist(),
             "loads": surface.loads.tolist(),
+            "characteristic_length": surface.characteristic_length,
         }
     if not isinstance(surface, PolynomialLimitSurface):
         raise InputError(f"surface: expected a limit surface of this library, got {type(surface).__name__}")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, read_only
+from stablepush._arrays import LARGEST_MAGNITUDE, FloatArray, read_only
 from stablepush.files import Node, read_json, write_json
 from stablepush.se2 import compose, exp
 
@@ -160,7 +160,7 @@ def load_plan(path: str | Path) -> PlanResult:
     return PlanResult(
         status=root["status"].text(),
         planner=root["planner"].text(),
-        seed=_any_integer(root["seed"]),
+        seed=_any_integer(root["seed"], 2**63),
         duration=root["duration"].number(),
         length=root["length"].number(),
         switches=_any_integer(root["switches"]),
@@ -172,9 +172,9 @@ def load_plan(path: str | Path) -> PlanResult:
     )
 
 
-def _any_integer(node: Node) -> int:
-    if isinstance(node.value, bool) or not isinstance(node.value, int):
-        node.fail("expected a whole number")
+def _any_integer(node: Node, largest: float = LARGEST_MAGNITUDE) -> int:
+    if isinstance(node.value, bool) or not isinstance(node.value, int) or abs(node.value) > largest:
+        node.fail(f"expected a whole number of at most {largest:g}")
     return int(node.value)
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from importlib.metadata import entry_points
 from typing import Protocol
 
-from stablepush._arrays import check_number
+from stablepush._arrays import LARGEST_MAGNITUDE, check_number
 from stablepush.check import check_plan
 from stablepush.errors import InputError
 from stablepush.path import PlanResult
@@ -82,6 +82,11 @@ def plan(
     result = run(problem, deadline=started + limit, seed=0 if seed is None else int(seed), region=region, progress=progress)
     if result.solved:
         report = check_plan(problem, result)
-        if not report.valid:
-            result = PlanResult("rejected", planner, seed=result.seed, message=f"check: {report.objections[0]}")
+        objection = report.objections[0] if report.objections else ""
+        if result.duration > LARGEST_MAGNITUDE or result.length > LARGEST_MAGNITUDE:
+            objection = (
+                f"a plan/1 file holds times and lengths up to {LARGEST_MAGNITUDE:g}, this plan takes {result.duration:g} s"
+            )
+        if objection:
+            result = PlanResult("rejected", planner, seed=result.seed, message=objection)
     return replace(result, planning_time=time.perf_counter() - started)

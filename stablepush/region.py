@@ -50,7 +50,7 @@ class StableRegion:
     default_extent: float
     translations: tuple[float, float] | None
     _contains: Callable[[FloatArray, FloatArray], BoolArray]
-    _loops: tuple[FloatArray, ...]
+    _loops: Callable[[float], Sequence[FloatArray]]
 
     def contains(self, cors: ArrayLike, sense: ArrayLike) -> BoolArray:
         """Return whether CORs (..., 2) in B (m) with ``sense`` (+1 or -1, a scalar or an array) lie in the region; never cut."""
@@ -63,11 +63,11 @@ class StableRegion:
         sign = float(check_sense(sense))
         size = self.default_extent if extent is None else check_number(extent, "extent", above=0.0)
         parts: list[shapely.Polygon] = []
-        for loop in self._loops:
+        for loop in self._loops(size):
             # |c_x|, |c_y| <= E in homogeneous coordinates: c = (-vy, vx)/omega
             twists = sign * loop
             for row in ((1, 0, size), (-1, 0, size), (0, 1, size), (0, -1, size)):
-                twists = _clip(twists, np.array(row, dtype=np.float64))
+                twists = clip_loop(twists, np.array(row, dtype=np.float64))
             if len(twists) < 3:
                 continue
             cors = np.stack((-twists[:, 1], twists[:, 0]), axis=-1) / twists[:, 2:]
@@ -105,7 +105,7 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
         default_extent=EXTENT_RADII * radius,
         translations=_translation_interval(oracle, loop),
         _contains=oracle.is_stable_cor,
-        _loops=(loop / (1.0, 1.0, rho),),
+        _loops=lambda extent: (loop / (1.0, 1.0, rho),),
     )
 
 
@@ -167,7 +167,7 @@ def _translation_interval(oracle: StabilityOracle, loop: FloatArray) -> tuple[fl
     return float(angles[widest]), float(ends[widest])
 
 
-def _clip(points: FloatArray, half_space: FloatArray) -> FloatArray:
+def clip_loop(points: FloatArray, half_space: FloatArray) -> FloatArray:
     """Clip a closed loop (n, 3) by ``half_space · p >= 0`` (Sutherland and Hodgman 1974, in homogeneous coordinates)."""
     if not len(points):
         return points

@@ -53,7 +53,7 @@ def test_classify_adds_columns(rig, tmp_path):
     out = tmp_path / "out.csv"
     arguments = ["--contact", str(rig / "contact.json"), "--cors", str(rig / "cors.csv"), "-o", str(out)]
     assert main(["classify", str(rig / "model.json"), *arguments]) == 0
-    table = read_table(out, required=(), numbers=("cor_x", "cor_y", "sense", "stable", "margin"))
+    table, _ = read_table(out, required=(), numbers=("cor_x", "cor_y", "sense", "stable", "margin"))
     assert list(table) == ["name", "cor_x", "cor_y", "sense", "stable", "margin", "probability"]
     assert table["name"].tolist() == ["far", "near", "right"]
     assert table["stable"].tolist() == [1, 0, 1]

@@ -178,7 +178,7 @@ def test_motions_declared_free_are_free(seed):
     start = np.array((*rng.uniform(0.1, 0.9, 2), rng.uniform(-3, 3)))
     twist = np.array((*rng.normal(size=2) * 0.3, rng.normal() * 3))
     push = push_of(twist, 1.0, start)
-    if not body.push_is_free(start, twist, 1.0, 0.02, 0.0005):
+    if not body.push_is_free(start, twist, 1.0):
         return
     docked = transform_points(problem.contacts[0].frame, problem.pusher)
     sweep = _Sweep.from_push(push)

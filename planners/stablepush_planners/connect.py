@@ -21,8 +21,6 @@ TimedTwist = tuple[FloatArray, float]
 _RADII = (1.0, 2.0, 4.0, 8.0)
 #: Candidates whose collisions are looked at, quickest first.
 _TRIED = 3
-#: Poses between which collisions are looked for lie at most this share of the slider's radius apart; and the finest step.
-STEP_SHARE, FINEST_SHARE = 0.04, 0.0025
 
 
 class Connector:
@@ -30,8 +28,6 @@ class Connector:
 
     def __init__(self, problem: PlanningProblem, steer: Steering, body: FootprintChecker) -> None:
         self._problem, self._steer, self._body = problem, steer, body
-        self._step = STEP_SHARE * problem.slider.radius
-        self._finest = FINEST_SHARE * problem.slider.radius
         turns = [steer.twist(sign * 1.0 / (steer.radius * m)) for m in _RADII for sign in (1, -1)]
         good = np.asarray(steer.accept(np.array(turns)), dtype=bool).reshape(-1, 2)
         self._radii = [steer.radius * m for m, pair in zip(_RADII, good, strict=True) if pair.all()]
@@ -43,7 +39,7 @@ class Connector:
 
     def is_free(self, start: FloatArray, push: TimedTwist) -> bool:
         """Return whether a push is free of collision."""
-        return self._body.push_is_free(start, *push, self._step, self._finest)
+        return self._body.push_is_free(start, *push)
 
     def join(self, start: FloatArray, goal: FloatArray, most: float = math.inf) -> tuple[float, list[TimedTwist]] | None:
         """Return the time (s) and pushes of the quickest free joint between two poses, if one takes less than ``most``."""

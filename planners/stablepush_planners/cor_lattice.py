@@ -18,10 +18,11 @@ import numpy as np
 
 from stablepush._arrays import FloatArray
 from stablepush.collision import FootprintChecker
+from stablepush.errors import OutOfTimeError
 from stablepush.path import PlanResult, Push, Transfer
 from stablepush.problem import PlanningProblem
 from stablepush.se2 import compose, exp, transform_points, wrap_angle
-from stablepush_planners.connect import FINEST_SHARE, STEP_SHARE, Connector, TimedTwist, shorten
+from stablepush_planners.connect import Connector, TimedTwist, shorten
 from stablepush_planners.distance_field import DistanceField
 from stablepush_planners.primitives import Steering, steering
 
@@ -38,6 +39,10 @@ TURN_RADII = ((1.0, 0.0), (2.0, 1.5))
 LARGEST_ARC = math.pi / 3
 #: Straight pushes, in push lengths.
 STRAIGHTS = (1.0, 3.0)
+#: Poses that stand for a push of the lattice in the first test lie at most this share of the slider's radius apart.
+STEP_SHARE = 0.04
+#: Poses within the goal's tolerance to this (m, rad) count as inside: less than the check allows.
+GOAL_SLACK = 1e-7
 #: Poses spread along a path between which the way is shortened in the end.
 PIECES = 24
 #: With less time (s) than this left no search begins: the first load of a fresh install compiles for a second or two, which
@@ -72,10 +77,6 @@ class _Node:
 _Key = tuple[int, int, int, int]
 
 
-class _OutOfTime(Exception):
-    """The deadline has passed."""
-
-
 def plan_cor_lattice(
     problem: PlanningProblem,
     *,
@@ -92,15 +93,15 @@ def plan_cor_lattice(
 
     if time.perf_counter() > deadline - LEAST_TIME:
         return answer("timeout", "the time limit left no time to search")
-    bodies = [FootprintChecker(problem, contact) for contact in problem.contacts]
-    if not bodies[0].free(problem.start).all():
-        return answer("no-path", "the start pose is in collision or out of bounds")
-    # without a pusher outline a change of contact needs no way round the slider
-    usable = range(len(problem.contacts)) if problem.pusher is None else range(1)
-    steerings = {i: s for i in usable if (s := steering(problem, i, region)) is not None}
-    if not steerings:
-        return answer("no-path", "no contact has a stable straight push with stable turns to both sides")
+    bodies = [FootprintChecker(problem, contact, deadline) for contact in problem.contacts]
     try:
+        if not bodies[0].free(problem.start).all():
+            return answer("no-path", "the start pose is in collision or out of bounds")
+        # without a pusher outline a change of contact needs no way round the slider
+        usable = range(len(problem.contacts)) if problem.pusher is None else range(1)
+        steerings = {i: s for i in usable if (s := steering(problem, i, region, deadline)) is not None}
+        if not steerings:
+            return answer("no-path", "no contact has a stable straight push with stable turns to both sides")
         for rung, (headings, share) in enumerate(LADDER):
             if progress is not None:
                 progress(f"lattice {rung + 1} of {len(LADDER)}: {headings} headings")
@@ -108,7 +109,7 @@ def plan_cor_lattice(
             segments = search.run()
             if segments is not None:
                 return PlanResult.from_segments(segments, planner=NAME, seed=seed, lower_bound=float(bound))
-    except _OutOfTime:
+    except OutOfTimeError:
         return answer("timeout", "the time limit passed before a path was found")
     return answer("no-path", f"the lattice is exhausted at all {len(LADDER)} resolutions")
 
@@ -136,8 +137,6 @@ class _Search:
     ) -> None:
         self._problem, self._steerings, self._bodies = problem, steerings, bodies
         self._headings, self._deadline, self._progress = headings, deadline, progress
-        self._step = STEP_SHARE * problem.slider.radius
-        self._finest = FINEST_SHARE * problem.slider.radius
         self._length = share * problem.slider.radius
         self._connectors = {i: Connector(problem, s, bodies[i]) for i, s in steerings.items()}
         self._cell = CELL_SHARE * self._length
@@ -163,14 +162,16 @@ class _Search:
         """A push along a body twist that moves the reference point at unit speed."""
         pace = self._problem.speed / float(self._problem.push_speed(twist))
         twist, duration = twist * pace, length / pace
-        samples, reach = self._bodies[steer.contact].samples(twist, duration, self._step)
+        samples, reach = self._bodies[steer.contact].samples(twist, duration, STEP_SHARE * self._problem.slider.radius)
         return _Primitive(steer.contact, twist, duration, turn, exp(twist * duration), samples, reach)
 
     def run(self) -> list[Push | Transfer] | None:
         """Return the segments of a path, or None when the lattice is exhausted."""
         problem = self._problem
         if self._at_goal(problem.start):
-            return self._nudge()
+            nudge = self._nudge()
+            if nudge is not None:
+                return nudge
         nodes: list[_Node] = []
         best: dict[_Key, float] = {}
         closed: set[_Key] = set()
@@ -199,7 +200,7 @@ class _Search:
             closed.add(key)
             expanded += 1
             if time.perf_counter() > self._deadline:
-                raise _OutOfTime
+                raise OutOfTimeError("search: the deadline has passed")
             if self._progress is not None and expanded % 200 == 0:
                 self._progress(f"{self._headings} headings: {expanded} nodes expanded, {len(queue)} open")
             estimate = float(self._estimate(node.pose[None])[0])
@@ -275,11 +276,11 @@ class _Search:
             for i in np.unique(owner[near]):
                 if free[i]:
                     p = primitives[i]
-                    free[i] = body.push_is_free(pose, p.twist, p.duration, self._step / 4, self._finest)
+                    free[i] = body.push_is_free(pose, p.twist, p.duration)
         return [bool(f) for f in free]
 
     def _nudge(self) -> list[Push | Transfer] | None:
-        """The start is within tolerance already, but a plan has a push: a short one that stays within, or a loop."""
+        """The start is within tolerance already, but a plan has a push: a short one that stays within."""
         problem = self._problem
         for contact, steer in self._steerings.items():
             if contact != 0:

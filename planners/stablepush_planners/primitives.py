@@ -8,6 +8,8 @@ measured from the body origin differ.
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -16,6 +18,7 @@ import numpy as np
 from stablepush import planar
 from stablepush._arrays import BoolArray, FloatArray
 from stablepush.conservative import lynch_mason_region
+from stablepush.errors import OutOfTimeError
 from stablepush.oracle import StabilityOracle
 from stablepush.problem import PlanningProblem
 from stablepush.region import StableRegion
@@ -23,10 +26,12 @@ from stablepush.region import StableRegion
 #: Primitives stay this far (rad) inside the stable set, so that the check, which allows 1e-6, never disagrees.
 _INSIDE = 1e-7
 #: Grid of candidate lines: directions across the stable interval, and offsets of the line along the direction, in rho.
-_DIRECTIONS = 9
-_OFFSETS = np.linspace(-2.0, 2.0, 21)
+_DIRECTIONS = 7
+_OFFSETS = np.linspace(-2.0, 2.0, 13)
+#: Twists asked at a time, between looks at the clock.
+_BLOCK = 4096
 #: Places along a line, in rho, denser near the slider: the widest turn looked at is 50 rho.
-_PLACES = np.sinh(np.linspace(-np.arcsinh(500.0), np.arcsinh(500.0), 241)) / 10.0
+_PLACES = np.sinh(np.linspace(-np.arcsinh(500.0), np.arcsinh(500.0), 161)) / 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,10 +64,13 @@ class Steering:
         return planar.transport_twist((1.0, 0.0, curvature), self.frame)
 
 
-def steering(problem: PlanningProblem, contact: int, region: str) -> Steering | None:
-    """Return the tightest steering of a contact, or None if it has no stable translation with turns to both sides."""
+def steering(problem: PlanningProblem, contact: int, region: str, deadline: float = math.inf) -> Steering | None:
+    """Return the tightest steering of a contact, or None if it has no stable translation with turns to both sides.
+
+    Raises :class:`OutOfTimeError` once ``deadline`` (a value of :func:`time.perf_counter`) has passed.
+    """
     oracle = StabilityOracle(problem.surface, problem.contacts[contact])
-    accept = _acceptance(problem, contact, oracle, region)
+    accept = _acceptance(problem, contact, oracle, region, deadline)
     rho = problem.surface.characteristic_length
     heading = float(problem.contacts[contact].frame[2])
 
@@ -89,12 +97,12 @@ def steering(problem: PlanningProblem, contact: int, region: str) -> Steering | 
         # once more, finer, about the best line; directions stay within the stable interval
         step = (good[-1] - good[0]) / (_DIRECTIONS - 1)
         directions = np.clip(direction + np.linspace(-step, step, _DIRECTIONS), good[0], good[-1])
-        offsets = offset + np.linspace(-1, 1, 21) * (_OFFSETS[1] - _OFFSETS[0]) * rho
+        offsets = offset + np.linspace(-1, 1, len(_OFFSETS)) * (_OFFSETS[1] - _OFFSETS[0]) * rho
     return best
 
 
 def _acceptance(
-    problem: PlanningProblem, contact: int, oracle: StabilityOracle, region: str
+    problem: PlanningProblem, contact: int, oracle: StabilityOracle, region: str, deadline: float
 ) -> Callable[[FloatArray], BoolArray]:
     """Which body twists (n, 3) may be used at a contact."""
     least = max(0.0, problem.min_margin) + _INSIDE
@@ -103,7 +111,12 @@ def _acceptance(
         conservative = lynch_mason_region(problem.slider, problem.contacts[contact])
 
     def accept(twists: FloatArray) -> BoolArray:
-        good = oracle.margin(twists) >= least
+        good = np.zeros(len(twists), dtype=bool)
+        for start in range(0, len(twists), _BLOCK):
+            if time.perf_counter() > deadline:
+                raise OutOfTimeError("primitives: the deadline has passed")
+            block = slice(start, start + _BLOCK)
+            good[block] = oracle.margin(twists[block]) >= least
         if conservative is not None:
             good &= _region_contains(conservative, twists)
         return np.asarray(good)

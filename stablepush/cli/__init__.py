@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import time
@@ -20,6 +21,10 @@ def main(arguments: list[str] | None = None) -> int:
 
     # the class that all argument errors derive from is not a public name of every typer
     usage_error: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
+    for stream in (sys.stdout, sys.stderr):
+        # names of files and words of plans may hold what the terminal's encoding cannot show
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     code: object
     try:
         code = app(args=arguments, prog_name="stablepush", standalone_mode=False)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from stablepush import __version__
-from stablepush.errors import InputError
+from stablepush.errors import InputError, StablepushError, UnsupportedContactError
 
 if TYPE_CHECKING:
     from stablepush.path import PlanResult
@@ -133,7 +135,7 @@ def fit(
     loads, twists, names = pokes.pairs()
     if not names:
         raise InputError(f"{log}: expected push rows with forces and motion, found none")
-    with _progress("fit") as step:
+    with _progress("fit") as step, _about(log):
         result = fit_limit_surface(
             loads, twists, model, slider=None if no_slider else pokes.rig.slider, seed=seed, progress=step.to
         )
@@ -170,10 +172,12 @@ def classify(
 
     _require_file(output)
     columns = ("cor_x", "cor_y", "sense")
-    oracle = StabilityOracle(load_model(model), load_contact(contact))
-    table = read_table(cors, required=columns, numbers=columns, filled=columns, rules={"sense": IS_SENSE})
+    with _about(model):
+        oracle = StabilityOracle(load_model(model), load_contact(contact))
+    table, _ = read_table(cors, required=columns, numbers=columns, filled=columns, rules={"sense": IS_SENSE})
     centers = np.stack((table["cor_x"], table["cor_y"]), axis=-1).reshape(-1, 2)
-    margins = oracle.margin(twist_from_cor(centers, table["sense"])) if len(centers) else np.empty(0)
+    with _about(model):
+        margins = oracle.margin(twist_from_cor(centers, table["sense"]))
     stable = (margins >= -BOUNDARY_SLACK).astype(float)
     blank = np.full(len(centers), "", dtype=object)
     write_atomically(output, table_text({**table, "stable": stable, "margin": margins, "probability": blank}))
@@ -201,11 +205,16 @@ def draw_map(
     _require_file(output)
     if regions_file is not None:
         _require_file(regions_file)
+        _require_distinct(output, regions_file)
     surface, fingers = load_model(model), load_contact(contact)
     body = None if slider is None else load_slider(slider)
-    regions = [stable_region(surface, fingers)]
+    with _about(contact):
+        regions = [stable_region(surface, fingers)]
     if body is not None:
-        regions.append(lynch_mason_region(body, fingers))
+        try:
+            regions.append(lynch_mason_region(body, fingers))
+        except UnsupportedContactError as error:
+            print(f"no conservative region: {error}")
     save_figure(plot_regions(regions, fingers, body, extent), output)
     if regions_file is not None:
         write_json(regions_file, regions_to_json(regions, extent))
@@ -251,9 +260,10 @@ def plan(
     for path in (output, view, picture):
         if path is not None:
             _require_file(path)
+    _require_distinct(output, view, picture)
     problem = load_scene(scene)
     left = max(0.0, time_limit - (time.perf_counter() - STARTED))
-    with _progress("plan") as step:
+    with _progress("plan") as step, _about(scene):
         result = make_plan(problem, planner, left, seed, region=region, progress=step.describe)
     save_plan(result, output)
     if view is not None:
@@ -279,7 +289,9 @@ def check(
     from stablepush.problem import load_scene
 
     problem: PlanningProblem = load_scene(scene)
-    report = check_plan(problem, load_plan(plan_file))
+    result = load_plan(plan_file)
+    with _about(scene):
+        report = check_plan(problem, result)
     for objection in report.objections:
         print(objection)
     print(f"{plan_file}: {'valid' if report.valid else 'NOT valid'}")
@@ -295,6 +307,24 @@ def _plan_line(result: PlanResult) -> str:
         f"{result.duration:.1f} s{bound}, {result.switches} changes of contact, "
         f"least margin {math.degrees(result.min_margin):.2f} deg"
     )
+
+
+@contextmanager
+def _about(path: Path) -> Iterator[None]:
+    """Put the file that a complaint of the library is about before it."""
+    try:
+        yield
+    except StablepushError as error:
+        if str(error).startswith(str(path)):
+            raise
+        raise InputError(f"{path}: {error}") from None
+
+
+def _require_distinct(*paths: Path | None) -> None:
+    given = [path for path in paths if path is not None]
+    for i, path in enumerate(given):
+        if path in given[:i]:
+            raise InputError(f"{path}: expected different files to write, it is named twice")
 
 
 def _require_seed(seed: int) -> None:

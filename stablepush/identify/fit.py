@@ -12,7 +12,7 @@ from operator import add
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_number, check_vectors, read_only
+from stablepush._arrays import LARGEST_MAGNITUDE, FloatArray, check_number, check_vectors, read_only
 from stablepush.errors import InputError
 from stablepush.identify.certificate import Certificate, certify
 from stablepush.identify.moments import Moments
@@ -32,6 +32,9 @@ ETA_2 = (0.1, 1.0, 10.0, 100.0, 1000.0)
 
 #: Folds of the cross-validation; with fewer than this many pairs the middle weights are taken instead.
 FOLDS = 5
+
+#: Loads below this (N) are no friction of an object on a table.
+LEAST_FORCE = 1e-9
 
 #: Largest coefficient that a model file may hold: beyond it the surface is stored in units of the friction force.
 _LARGEST_COEFFICIENT = 1e6
@@ -132,6 +135,10 @@ def fit_limit_surface(
     rho = _characteristic_length(f, slider, characteristic_length)
     loads = normalize_wrench(f, rho)
     force_scale = float(np.median(np.linalg.norm(loads, axis=1)))
+    if not LEAST_FORCE <= force_scale <= LARGEST_MAGNITUDE:
+        raise InputError(
+            f"wrenches: expected loads of {LEAST_FORCE:g} to {LARGEST_MAGNITUDE:g} N, their median is {force_scale:g} N"
+        )
     loads = loads / force_scale
     directions = unit(normalize_twist(v, rho))
 

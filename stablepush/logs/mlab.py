@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
+from stablepush._arrays import LARGEST_MAGNITUDE, FloatArray
 from stablepush.errors import InputError
 from stablepush.files import read_text
 from stablepush.logs.pushlog import PushLog, Rig, freeze
@@ -48,6 +48,9 @@ _LARGEST_TILT = math.radians(20)
 #: A two-finger push counts as stable below these misses of the commanded pose: heading (rad), along the normal and along
 #: the edge (m).
 _STABLE_LIMITS = (math.radians(0.95), 0.002, 0.010)
+#: Columns of a row that are lengths, forces or quaternions, by the number of its columns; others begin with epoch seconds.
+_LIMITED = {7: slice(0, None), 3: slice(1, None), 8: slice(1, None)}
+_ROBOT_ROW = 8
 #: Two-finger logs whose folder name is not the surface and support that were under the slider, by the time of the log.
 _RELABELLED = {
     "Sun Sep  6 15:08:02 2015": ("poster", "30_90_30_30_30_90"),
@@ -269,6 +272,10 @@ def _numbers(line: tuple[int, str], file: Path, count: int) -> tuple[int, FloatA
         values = np.full(1, np.nan)
     if len(cells) != count or not np.isfinite(values).all():
         raise InputError(f"{file}: line {number}: expected {count} finite number{'s' * (count > 1)}, got {text[:60]!r}")
+    if count in _LIMITED and np.abs(values[_LIMITED[count]]).max() > LARGEST_MAGNITUDE:
+        raise InputError(f"{file}: line {number}: expected magnitudes of at most {LARGEST_MAGNITUDE:g}, got {text[:60]!r}")
+    if count == _ROBOT_ROW and not 0.5 < np.linalg.norm(values[4:]) < 2.0:
+        raise InputError(f"{file}: line {number}: expected a quaternion in the last four numbers, got {text[:60]!r}")
     if count == 1 and (values[0] < 0 or values[0] != int(values[0])):
         raise InputError(f"{file}: line {number}: expected a count, got {text[:60]!r}")
     return number, values
@@ -290,7 +297,10 @@ def _com_pose(tracked: FloatArray) -> tuple[FloatArray, float]:
 
     The COM is carried along in 3-D and then projected: with the tracker's tilt of up to a degree that is 0.1 mm.
     """
-    w, x, y, z = tracked[3:] / np.linalg.norm(tracked[3:])
+    norm = float(np.linalg.norm(tracked[3:]))
+    if not 0.5 < norm < 2.0:  # what some trackers write when they see nothing
+        return np.full(3, np.nan), math.pi
+    w, x, y, z = tracked[3:] / norm
     columns = np.array(((1 - 2 * (y * y + z * z), 2 * (x * y - w * z)), (2 * (x * y + w * z), 1 - 2 * (x * x + z * z))))
     com = tracked[:2] / 1000 + columns @ _COM
     tilt = math.acos(np.clip(1 - 2 * (x * x + y * y), -1.0, 1.0))

@@ -14,7 +14,7 @@ from stablepush.errors import InputError
 from stablepush.files import Node, read_json, whole_folder, write_atomically, write_json
 from stablepush.formats import slider_from_node, slider_to_json
 from stablepush.logs.table import IS_FLAG, IS_POSITIVE, IS_SENSE, Column, read_table, table_text
-from stablepush.se2 import compose, inverse, log
+from stablepush.se2 import compose, inverse, log, wrap_angle
 from stablepush.slider import Slider
 
 CONTACT_KINDS = ("point", "two-point", "held")
@@ -122,7 +122,10 @@ class PushLog:
             if len(known) < 2:
                 continue
             dt = np.diff(times[known])
-            step = log(compose(inverse(poses[known[:-1]]), poses[known[1:]]))
+            step = compose(inverse(poses[known[:-1]]), poses[known[1:]])
+            # logs may keep theta within a turn: between two rows the slider takes the short way
+            step[:, 2] = wrap_angle(step[:, 2])
+            step = log(step)
             span = np.concatenate(([0.0], dt)) + np.concatenate((dt, [0.0]))
             total = np.concatenate((np.zeros((1, 3)), step)) + np.concatenate((step, np.zeros((1, 3))))
             own = lacking[known]
@@ -149,16 +152,16 @@ def read_pushlog(path: str | Path) -> PushLog:
     if not folder.is_dir():
         raise InputError(f"{folder}: expected a pushlog/1 folder with rig.json, trials.csv and samples.csv")
     rig = _rig_from_node(read_json(folder / "rig.json", "pushlog/1"))
-    trials = read_table(
+    trials, trial_lines = read_table(
         folder / "trials.csv",
         required=("trial", "start_time"),
         numbers=TRIAL_NUMBERS,
         filled=("trial", "start_time"),
         rules={"sense": IS_SENSE, "stable": IS_FLAG, "speed": IS_POSITIVE},
     )
-    samples, source = _read_samples(folder)
-    _check_trials(trials, str(folder / "trials.csv"))
-    _check_samples(samples, trials, source)
+    samples, places, source = _read_samples(folder)
+    _check_trials(trials, trial_lines, str(folder / "trials.csv"))
+    _check_samples(samples, trials, places, source)
     for table in (trials, samples):
         for column in table.values():
             column.flags.writeable = False
@@ -180,17 +183,16 @@ def _rig_from_node(node: Node) -> Rig:
     radius = node.get("finger_radius")
     known = {"format", "slider", "friction", "gravity", "contact_kind", "finger_radius", "noise"}
 
-    def optional(parent: Node, key: str) -> float | None:
-        child = parent.get(key)
-        return None if child is None else child.number(at_least=0.0)
+    def or_null(child: Node) -> float | None:
+        return None if child.value is None else child.number(at_least=0.0)
 
     return Rig(
         slider=slider_from_node(node["slider"]),
         contact_kind=node["contact_kind"].text(CONTACT_KINDS),
-        support_friction=optional(friction, "support"),
-        contact_friction=optional(friction, "contact"),
-        gravity=9.81 if node.get("gravity") is None else node["gravity"].number(above=0.0),
-        finger_radius=None if radius is None else radius.number(at_least=0.0),
+        support_friction=or_null(friction["support"]),
+        contact_friction=or_null(friction["contact"]),
+        gravity=node["gravity"].number(above=0.0),
+        finger_radius=None if radius is None else or_null(radius),
         noise=None if noise is None else Noise(*(noise[key].number(at_least=0.0) for key in ("force", "position", "angle"))),
         extra={k: v for k, v in node.object().items() if k not in known},
     )
@@ -210,12 +212,15 @@ def _rig_to_json(rig: Rig) -> dict[str, Any]:
     }
 
 
-def _read_samples(folder: Path) -> tuple[dict[str, Column], str]:
+def _read_samples(folder: Path) -> tuple[dict[str, Column], list[str], str]:
+    """Columns, the place of each row in the file, and the file."""
     table, parquet = folder / "samples.csv", folder / "samples.parquet"
     required = ("trial", "t", "x", "y", "theta")
     if parquet.exists() and not table.exists():
-        return _read_parquet(parquet, required), str(parquet)
-    return read_table(table, required=required, numbers=SAMPLE_NUMBERS, filled=("trial", "t")), str(table)
+        columns = _read_parquet(parquet, required)
+        return columns, [f"row {i + 1}" for i in range(len(columns["t"]))], str(parquet)
+    columns, lines = read_table(table, required=required, numbers=SAMPLE_NUMBERS, filled=("trial", "t"))
+    return columns, [f"line {n}" for n in lines], str(table)
 
 
 def _read_parquet(path: Path, required: tuple[str, ...]) -> dict[str, Column]:
@@ -247,28 +252,28 @@ def _read_parquet(path: Path, required: tuple[str, ...]) -> dict[str, Column]:
     return columns
 
 
-def _check_trials(trials: Mapping[str, Column], source: str) -> None:
+def _check_trials(trials: Mapping[str, Column], lines: list[int], source: str) -> None:
     if len(trials["trial"]) == 0:
         raise InputError(f"{source}: expected at least one trial")
     seen: dict[str, int] = {}
     for row, name in enumerate(trials["trial"]):
         if name in seen:
-            raise InputError(f"{source}: row {row + 1}: column trial: expected each trial once, {name!r} stands twice")
+            raise InputError(f"{source}: line {lines[row]}: column trial: expected each trial once, {name[:40]!r} stands twice")
         seen[name] = row
 
 
-def _check_samples(samples: Mapping[str, Column], trials: Mapping[str, Column], source: str) -> None:
+def _check_samples(samples: Mapping[str, Column], trials: Mapping[str, Column], places: list[str], source: str) -> None:
     if len(samples["trial"]) == 0:
         raise InputError(f"{source}: expected at least one row")
     known = set(trials["trial"])
     for row, name in enumerate(samples["trial"]):
         if name not in known:
-            raise InputError(f"{source}: row {row + 1}: column trial: expected a trial of trials.csv, got {name[:40]!r}")
+            raise InputError(f"{source}: {places[row]}: column trial: expected a trial of trials.csv, got {name[:40]!r}")
     if "phase" in samples:
         for row, phase in enumerate(samples["phase"]):
             if phase and phase not in PHASES:
                 raise InputError(
-                    f"{source}: row {row + 1}: column phase: expected {', '.join(PHASES)} or a blank, got {phase[:40]!r}"
+                    f"{source}: {places[row]}: column phase: expected {', '.join(PHASES)} or a blank, got {phase[:40]!r}"
                 )
 
 

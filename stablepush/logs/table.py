@@ -31,8 +31,8 @@ def read_table(
     numbers: Sequence[str],
     filled: Sequence[str] = (),
     rules: Mapping[str, Rule] | None = None,
-) -> dict[str, Column]:
-    """Read a CSV file with a header into columns.
+) -> tuple[dict[str, Column], list[int]]:
+    """Read a CSV file with a header into columns; also returns the line of the file that each row ends in.
 
     Columns named in ``numbers`` hold floats (blank: NaN); all others hold text (blank: ``""``). ``required`` columns must be
     there, ``filled`` ones must not have blanks; ``rules`` are what the numbers of a column must obey.
@@ -41,6 +41,7 @@ def read_table(
     # strict: a quote that is opened and never closed must not swallow the rest of the file
     reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
     columns: list[list[Any]] = []
+    lines: list[int] = []
     try:
         header = [cell.strip() for cell in next(reader, [])]
         if not any(header):
@@ -55,8 +56,9 @@ def read_table(
         kinds = [column not in numbers for column in header]
         must = [column in filled for column in header]
         for row in reader:
-            if not row:
+            if not "".join(row).strip():
                 continue
+            lines.append(reader.line_num)
             if len(row) != len(header):
                 raise InputError(
                     f"{name}: line {reader.line_num}: column {header[min(len(row), len(header) - 1)]}: "
@@ -72,10 +74,11 @@ def read_table(
                 columns[i].append(value)
     except csv.Error as error:
         raise InputError(f"{name}: line {reader.line_num}: expected CSV, {error}") from None
-    return {
+    table = {
         column: np.array(values, dtype=object if is_word else np.float64)
         for column, values, is_word in zip(header, columns, kinds, strict=True)
     }
+    return table, lines
 
 
 def _number(cell: str, name: str, line: int, column: str) -> float:

@@ -13,7 +13,9 @@ from numba import njit
 #: Direction residual at which the Newton iteration stops; the rounding of the gradient itself is of this size.
 CONVERGED = 1e-13
 #: Largest direction residual that passes as converged.
-TOLERANCE = 1e-10
+TOLERANCE = 1e-9
+#: Speed of a support point, for unit twists, that is zero but for rounding.
+AT_REST = 1e-14
 #: A well-scaled surface takes 5 to 6 steps; a facet with curvature 1e-9 of its neighbourhood took fewer than 60.
 MOST_STEPS = 300
 
@@ -171,6 +173,25 @@ def polynomial_inverter(degree: int) -> Callable[..., Any]:
         return worst, missed
 
     return invert_polynomial
+
+
+@_compiled
+def sum_loads(points, loads, twists, wrenches):  # type: ignore[no-untyped-def]
+    """Fill ``wrenches`` with ``Σ m_k (e_k, x_k × e_k)`` of unit twists, all normalised by the characteristic length."""
+    for q in range(twists.shape[0]):
+        vx, vy, vz = twists[q, 0], twists[q, 1], twists[q, 2]
+        fx = fy = fz = 0.0
+        for k in range(points.shape[0]):
+            x, y = points[k, 0], points[k, 1]
+            px, py = vx - y * vz, vy + x * vz
+            speed = math.sqrt(px * px + py * py)
+            # a point this slow is at rest to rounding: the direction of its friction is not determined
+            if speed > AT_REST:
+                share = loads[k] / speed
+                fx += share * px
+                fy += share * py
+                fz += share * (x * py - y * px)
+        wrenches[q, 0], wrenches[q, 1], wrenches[q, 2] = fx, fy, fz
 
 
 @_compiled

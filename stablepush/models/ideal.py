@@ -12,9 +12,6 @@ from stablepush.errors import ConvergenceError, InputError
 from stablepush.planar import normalize_twist, normalize_wrench, unit
 from stablepush.support import SupportDistribution
 
-#: Products of twists and support points that are worked on at a time: bounds the memory to some tens of MB.
-_BLOCK = 1_000_000
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IdealLimitSurface:
@@ -30,19 +27,22 @@ class IdealLimitSurface:
         Support points (m, in B) and their shares; at least two points must carry load.
     friction_load : float
         Total ``mu*N`` in N.
+    characteristic_length : float, optional
+        ``rho`` in m; ``sqrt(sum m |x|^2 / sum m)`` if not given.
     """
 
     support: SupportDistribution
     friction_load: float
     characteristic_length: float
 
-    def __init__(self, support: SupportDistribution, friction_load: float) -> None:
+    def __init__(self, support: SupportDistribution, friction_load: float, characteristic_length: float | None = None) -> None:
         loaded = np.unique(support.points[support.weights > 0], axis=0)
         if len(loaded) < 2:
             raise InputError("support: expected at least two different points that carry load")
         object.__setattr__(self, "support", support)
         object.__setattr__(self, "friction_load", check_number(friction_load, "friction_load", above=0.0))
-        object.__setattr__(self, "characteristic_length", support.characteristic_length)
+        rho = support.characteristic_length if characteristic_length is None else characteristic_length
+        object.__setattr__(self, "characteristic_length", check_number(rho, "characteristic_length", above=0.0))
 
     @property
     def loads(self) -> FloatArray:
@@ -56,22 +56,16 @@ class IdealLimitSurface:
 
     def wrench(self, twists: ArrayLike) -> FloatArray:
         """Return the loads (..., 3) ``F(V)`` of twists (..., 3); only the direction of a twist counts."""
-        v = normalize_twist(check_vectors(twists, "twists", 3), self.characteristic_length)
-        flat = unit(v).reshape(-1, 3)
+        from stablepush.models._kernels import sum_loads
+
+        rho = self.characteristic_length
+        v = normalize_twist(check_vectors(twists, "twists", 3), rho)
+        flat = np.ascontiguousarray(unit(v).reshape(-1, 3))
         if not flat.any(axis=1).all():
             raise InputError("twists: expected twists that are not zero")
-        points, loads = self.support.points / self.characteristic_length, self.loads
         result = np.empty_like(flat)
-        block = max(1, _BLOCK // len(points))
-        for i in range(0, len(flat), block):
-            part = flat[i : i + block, None, :]
-            velocity = np.stack((part[..., 0] - part[..., 2] * points[:, 1], part[..., 1] + part[..., 2] * points[:, 0]), axis=-1)
-            # a point this slow is at rest to rounding: the direction of its friction is not determined
-            velocity[np.linalg.norm(velocity, axis=-1) < 1e-14] = 0.0
-            direction = unit(velocity) * loads[:, None]
-            result[i : i + block, :2] = direction.sum(axis=1)
-            result[i : i + block, 2] = (points[:, 0] * direction[..., 1] - points[:, 1] * direction[..., 0]).sum(axis=1)
-        result[:, 2] *= self.characteristic_length
+        sum_loads(np.ascontiguousarray(self.support.points / rho), self.loads, flat, result)
+        result[:, 2] *= rho
         return result.reshape(v.shape)
 
     def value(self, wrenches: ArrayLike) -> FloatArray:

@@ -119,7 +119,7 @@ class PolynomialLimitSurface:
         """Return ``H_inv``: the loads (..., 3) on ``H = 1`` whose slip twists are along the given ones (..., 3).
 
         ``F = argmax V·F`` over ``H <= 1``, found as the minimiser of ``H(F) - V·F`` by damped Newton, then scaled onto the
-        level set; accurate to 1e-10 in the direction of the twist. Raises :class:`ConvergenceError` where a surface is
+        level set; accurate to 1e-9 rad in the direction of the twist. Raises :class:`ConvergenceError` where a surface is
         not convex and a twist has no such load.
         """
         from stablepush.models._kernels import polynomial_inverter
@@ -140,7 +140,7 @@ class PolynomialLimitSurface:
         worst, missed = invert(hessian, self.characteristic_length, flat, (half_axes / size) ** 2, loads)
         if missed:
             raise ConvergenceError(
-                f"H_inv: {missed} of {len(flat)} twists have no load to 1e-10 (worst {worst:.1e}); is the surface convex?"
+                f"H_inv: {missed} of {len(flat)} twists have no load to 1e-9 (worst {worst:.1e}); is the surface convex?"
             )
         loads *= size
         return loads.reshape(v.shape)
