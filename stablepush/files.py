@@ -79,7 +79,7 @@ class Node:
         if isinstance(self.value, bool) or not isinstance(self.value, int):
             self.fail(f"expected a whole number, got {describe(self.value)}")
         if self.value < at_least:
-            self.fail(f"expected a whole number >= {at_least}, got {self.value}")
+            self.fail(f"expected a whole number >= {at_least}, got {describe(self.value)}")
         return self.value  # type: ignore[no-any-return]
 
     def array(self, *shape: int | None) -> FloatArray:
@@ -165,7 +165,7 @@ def read_text(path: str | Path) -> str:
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: byte {error.start}: expected UTF-8 text") from None
     except ValueError as error:  # a NUL in the path
-        raise InputError(f"{path!r}: cannot read: {error}") from None
+        raise InputError(f"{str(path)!r}: cannot read: {error}") from None
     except OSError as error:
         raise InputError(f"{path}: cannot read: {error.strerror or error}") from None
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from stablepush.contact import PushContact
 from stablepush.errors import InputError
-from stablepush.files import Node, read_json, write_json
+from stablepush.files import Node, describe, read_json, write_json
 from stablepush.models import IdealLimitSurface, LimitSurface, PolynomialLimitSurface, monomial_exponents
 from stablepush.models.polynomial import FORCE_UNITS
 from stablepush.slider import Slider
@@ -79,7 +79,7 @@ def model_from_node(node: Node) -> LimitSurface:
         return node.checked(lambda: IdealLimitSurface(SupportDistribution(points, loads), float(loads.sum()), given))
     degree = node["degree"].integer(at_least=2)
     if degree not in (2, 4, 6, 8, 10):
-        node["degree"].fail(f"expected an even number from 2 to 10, got {degree}")
+        node["degree"].fail(f"expected an even number from 2 to 10, got {describe(degree)}")
     rho = node["characteristic_length"].number(above=0.0)
     coefficients = _coefficients(node, degree)
     certificate, covariance_node, provenance = node["certificate"], node["covariance"], node["provenance"]

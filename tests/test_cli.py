@@ -1,11 +1,11 @@
 """The program end to end: what it leaves, its exit codes, and one line for every bad input."""
 
 import json
+import os
 import re
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 from conftest import small_scene
 
@@ -79,6 +79,14 @@ def test_map_leaves_a_picture_and_regions(rig, tmp_path):
     names = [r["name"] for r in json.loads((tmp_path / "regions.json").read_text())["regions"]]
     assert names == ["model", "conservative"]
     assert main(["map", str(rig / "model.json"), *arguments[:2], "-o", str(tmp_path / "bare.png"), "--extent", "0.3"]) == 0
+
+
+def test_map_of_a_corner_has_no_conservative_region(rig, tmp_path, capsys):
+    corner = {"points": [[0.0, -0.0533], [-0.0533, 0.0]], "normals": [[0, 1], [1, 0]], "mu": 0.5}
+    write_json(tmp_path / "corner.json", corner)
+    arguments = ["--contact", str(tmp_path / "corner.json"), "--slider", str(rig / "slider.json"), "-o", str(tmp_path / "m.png")]
+    assert main(["map", str(rig / "model.json"), *arguments]) == 0
+    assert "no conservative region" in capsys.readouterr().out
 
 
 def test_plan_is_checked_and_drawn(rig, tmp_path, capsys):
@@ -225,6 +233,11 @@ JSON_FAULTS = [
     ("plan", lambda v: v["segments"][0].update(kind="kick"), "segments[0].kind"),
     ("plan", lambda v: v["segments"][0].update(contact=0.5), "segments[0].contact"),
     ("plan", lambda v: v.update(duration="long"), "duration"),
+    ("plan", lambda v: v.update(switches=10**400), "switches"),
+    ("scene", lambda v: v.update(speed=10**400), "speed"),
+    ("scene", lambda v: v["slider"].pop("mass"), "slider.mass: missing key"),
+    ("slider", lambda v: v.pop("support"), "support: missing key"),
+    ("model", lambda v: v.pop("certificate"), "certificate: missing key"),
 ]
 
 
@@ -287,6 +300,7 @@ def test_faults_in_cors_are_named(rig, tmp_path, capsys, text, words):
         (["import", "{scene}", "-o", "{out}", "--kind", "other"], ("other",)),
         (["import", "{log}", "-o", "{out}"], ("mlab-poke",)),
         (["import", "/nowhere", "-o", "{out}"], ("/nowhere",)),
+        (["plan", "{scene}", "-o", "{out}", "--view", "{out}"], ("twice",)),
         (["juggle"], ("juggle",)),
         (["--loud"], ("--loud",)),
     ],
@@ -303,6 +317,20 @@ def test_outputs_that_cannot_be_written(rig, tmp_path, capsys, command):
     one_line(capsys, fill(command, rig, tmp_path / "file" / "out"), tmp_path / "file")
     one_line(capsys, fill(command, rig, tmp_path), tmp_path)
     one_line(capsys, fill(command, rig, "/dev/full"), "/dev/full")
+
+
+def test_words_that_the_terminal_cannot_show(rig, tmp_path):
+    plan = json.loads((rig / "plan.json").read_text())
+    plan["status"] = "\ud800 F·V"
+    write_json(tmp_path / "odd.json", plan)
+    run = subprocess.run(
+        [sys.executable, "-m", "stablepush", "check", str(rig / "scene.json"), str(tmp_path / "odd.json")],
+        capture_output=True,
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+        check=False,
+    )
+    assert run.returncode == 1
+    assert run.stderr == b""
 
 
 def test_help_and_version(capsys):
@@ -350,4 +378,3 @@ def test_pictures_are_the_same_for_the_same_plan():
     problem = small_scene()
     result = sp.plan(problem, time_limit=30)
     assert figure_png(plot_plan(problem, result)) == figure_png(plot_plan(problem, result))
-    assert np.isfinite(result.duration)

@@ -9,7 +9,7 @@ import stablepush as sp
 from stablepush.demo import demo_pokes
 from stablepush.logs.mlab import find_sources, import_source, triangle_slider
 from stablepush.planar import angle_between, normalize_twist, normalize_wrench
-from stablepush.se2 import compose, exp
+from stablepush.se2 import compose, exp, wrap_angle
 
 
 @pytest.fixture
@@ -66,6 +66,8 @@ def replace_cell(row, column, value):
     [
         ("rig.json", lambda v: v.update(format="pushlog/2"), "format"),
         ("rig.json", lambda v: v.pop("slider"), "slider: missing key"),
+        ("rig.json", lambda v: v["friction"].pop("support"), "friction.support: missing key"),
+        ("rig.json", lambda v: v["slider"].pop("mass"), "slider.mass: missing key"),
         ("rig.json", lambda v: v["slider"].update(mass=-1), "slider.mass"),
         ("rig.json", lambda v: v["slider"]["vertices"].reverse(), "slider.vertices: .*clockwise"),
         ("rig.json", lambda v: v["slider"]["vertices"].append([float("nan"), 0]), r"slider.vertices\[3\]\[0\]"),
@@ -84,7 +86,8 @@ def replace_cell(row, column, value):
         ("samples.csv", replace_cell(4, "fx", "nan"), "line 5: column fx"),
         ("samples.csv", replace_cell(4, "t", "1_0"), "line 5: column t"),
         ("samples.csv", replace_cell(4, "trial", "77"), "trial of trials.csv"),
-        ("samples.csv", replace_cell(4, "phase", "shove"), "column phase"),
+        ("samples.csv", replace_cell(4, "phase", "shove"), "line 5: column phase"),
+        ("samples.csv", lambda t: t.replace("\n", "\n\n , \n", 1).replace("push", "shove", 1), "line 5: column phase"),
         ("samples.csv", lambda t: t.replace("\n", '\n"', 1), "CSV"),
         ("samples.csv", lambda t: "", "line 1"),
     ],
@@ -112,6 +115,15 @@ def test_twists_are_differentiated_exactly_for_constant_ones():
     shuffled = np.array((2, 0, 3, 1))
     twists = tiny_log(poses[shuffled], times[shuffled]).twists()
     np.testing.assert_allclose(twists, np.tile(twist, (4, 1)), atol=1e-12)
+
+
+def test_headings_kept_within_a_turn_make_no_jump():
+    twist = np.array((0.01, 0.0, 0.3))
+    times = np.linspace(0, 1, 6)
+    poses = compose((0.0, 0.0, np.pi - 0.1), exp(twist * times[:, None]))
+    poses[:, 2] = wrap_angle(poses[:, 2])
+    assert np.ptp(poses[:, 2]) > 6
+    np.testing.assert_allclose(tiny_log(poses, times).twists(), np.tile(twist, (6, 1)), atol=1e-12)
 
 
 def test_logged_twists_and_missing_rows():
@@ -244,6 +256,14 @@ def test_a_log_that_ends_early_gives_its_whole_records(tmp_path):
     assert "declares 3 pushes and ends after 2" in notes[0]
 
 
+def test_pushes_that_the_tracker_missed_are_left_out(tmp_path):
+    path = tmp_path / "raw.txt"
+    path.write_text(raw_log(2).replace("500 0 10 1 0 0 0", "0 0 0 0 0 0 0", 1))
+    log, notes = import_source(find_sources(path)[0])
+    assert len(log) == 1
+    assert "push 1: left out" in notes[0]
+
+
 def test_two_logs_of_one_arrangement_keep_apart(tmp_path):
     folder = tmp_path / "30_90_30_30_30_90"
     folder.mkdir()
@@ -261,6 +281,8 @@ def test_two_logs_of_one_arrangement_keep_apart(tmp_path):
         ("two\n", "line 1"),
         ("1\n1 2 3\n", "line 2: expected 7"),
         (raw_log().replace("50 1 0", "nan 1 0"), "finite"),
+        (raw_log().replace("50 1 0", "50 0 0"), "quaternion"),
+        (raw_log().replace("500 0", "1e9 0"), "magnitudes"),
     ],
 )
 def test_broken_raw_logs_are_refused(tmp_path, text, message):

@@ -140,6 +140,17 @@ def test_surfaces_that_are_not_convex_say_so():
         sp.PolynomialLimitSurface(-coefficients, 4, 0.05).wrench(random_twists(2, 0.05))
 
 
+def test_a_support_model_may_bring_its_own_length(tmp_path):
+    surface = sp.IdealLimitSurface(ZOO["three feet"].support, 5.0, 0.2)
+    sp.save_model(surface, tmp_path / "m.json")
+    again = sp.load_model(tmp_path / "m.json")
+    assert again.characteristic_length == 0.2
+    twists = random_twists(50, 0.2)
+    np.testing.assert_allclose(again.wrench(twists), ZOO["three feet"].wrench(twists), rtol=1e-9, atol=1e-12)
+    loads = surface.wrench(twists)
+    np.testing.assert_allclose(np.linalg.norm(surface.twist(loads) * (1, 1, 0.2), axis=1), 1)
+
+
 def test_support_on_one_point_is_no_surface():
     with pytest.raises(sp.InputError, match="two different points"):
         sp.IdealLimitSurface(sp.SupportDistribution([(0.0, 0.0), (1.0, 0.0)], [1.0, 0.0]), 1.0)

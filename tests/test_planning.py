@@ -125,15 +125,11 @@ def test_the_check_refuses_every_wrong_plan(solved):
 
 def test_the_check_refuses_unstable_pushes_and_collisions(solved):
     problem, result = solved
-    bigger = small_scene(obstacles=[*problem.obstacles, ((0.3, 0.35), (0.31, 0.35), (0.31, 0.36), (0.3, 0.36))])
-    hit = sp.check_plan(bigger, result)
-    swept = [
-        transform_points(p, problem.slider.vertices)
-        for push in result.pushes
-        for p in push.poses(np.linspace(0, push.duration, 200))
-    ]
-    touched = any(shapely.Polygon(s).intersects(shapely.Polygon(bigger.obstacles[-1])) for s in swept)
-    assert hit.valid != touched or "pusher" in " ".join(hit.objections)
+    middle = result.pushes[0].poses(result.pushes[0].duration / 2)[:2]
+    pebble = middle + 0.005 * np.array(((-1, -1), (1, -1), (1, 1), (-1, 1)))
+    bigger = small_scene(obstacles=[*problem.obstacles, pebble])
+    words = " ".join(sp.check_plan(bigger, result).objections)
+    assert "hits obstacle 1" in words
     assert not sp.check_plan(small_scene(bounds=(0.0, 0.0, 0.8, 1.0)), result).valid
     assert not sp.check_plan(small_scene(min_margin=result.min_margin + 0.01), result).valid
     slippery = small_scene(contacts=[sp.PushContact.on_edge(triangle(), 0, 0.05, 0.05, 0.05)])
@@ -204,6 +200,32 @@ def test_touching_is_no_collision():
         assert sp.check_plan(problem, result).valid is valid
 
 
+@pytest.mark.parametrize(
+    "change", ({"obstacles": [((0.14, 0.0), (0.15, 0.0), (0.15, 0.6), (0.14, 0.6))]}, {"bounds": (0.15, 0.09, 1.2, 1.0)})
+)
+def test_plans_start_where_the_slider_touches(change):
+    problem = small_scene(**{"obstacles": (), "pusher": None, "goal": (0.7, 0.6, -1.0), **change})
+    result = sp.plan(problem, time_limit=30)
+    assert result.status == "solved", result.message
+    assert sp.check_plan(problem, result).valid
+
+
+def test_the_same_pose_with_no_tolerance_takes_a_loop():
+    problem = small_scene(goal=(0.5, 0.5, 0.0), start=(0.5, 0.5, 0.0), obstacles=(), tolerance=(0.0, 0.0))
+    result = sp.plan(problem, time_limit=30)
+    assert result.status == "solved", result.message
+    assert sp.check_plan(problem, result).valid
+
+
+def test_support_of_many_points_keeps_the_time_limit():
+    """Primitives of a surface of thousands of support points are sought under the deadline, too."""
+    from stablepush.errors import OutOfTimeError
+
+    many = sp.IdealLimitSurface(sp.SupportDistribution.from_polygon(triangle().vertices, 0.001), 5.0)
+    with pytest.raises(OutOfTimeError):
+        steering(small_scene(surface=many), 0, "model", deadline=0.0)
+
+
 def transfer_problem(obstacles=()):
     contacts = [sp.PushContact.on_edge(triangle(), e, c, 0.05, 0.9) for e, c in ((0, 0.05), (2, 0.1))]
     return small_scene(contacts=contacts, obstacles=obstacles, switch_cost=2.0, goal=(0.5, 0.5, 0.0))
@@ -238,6 +260,13 @@ def test_transfers_are_checked():
     problem = transfer_problem()
     good = plan_with_transfer(problem, round_the_corner(problem))
     assert sp.check_plan(problem, good).objections == ()
+
+    def slide(pose):
+        """Along the pushed edge and back, in touch with the slider all the way."""
+        first = compose(pose, problem.contacts[0].frame)
+        return [first, compose(first, (0, 0.02, 0)), *round_the_corner(problem)(pose)]
+
+    assert sp.check_plan(problem, plan_with_transfer(problem, slide)).objections == ()
 
     def through(pose):
         return [compose(pose, c.frame) for c in problem.contacts]

@@ -172,8 +172,7 @@ def classify(
 
     _require_file(output)
     columns = ("cor_x", "cor_y", "sense")
-    with _about(model):
-        oracle = StabilityOracle(load_model(model), load_contact(contact))
+    oracle = StabilityOracle(load_model(model), load_contact(contact))
     table, _ = read_table(cors, required=columns, numbers=columns, filled=columns, rules={"sense": IS_SENSE})
     centers = np.stack((table["cor_x"], table["cor_y"]), axis=-1).reshape(-1, 2)
     with _about(model):
@@ -208,8 +207,11 @@ def draw_map(
         _require_distinct(output, regions_file)
     surface, fingers = load_model(model), load_contact(contact)
     body = None if slider is None else load_slider(slider)
-    with _about(contact):
-        regions = [stable_region(surface, fingers)]
+    try:
+        with _about(model):
+            regions = [stable_region(surface, fingers)]
+    except UnsupportedContactError as error:
+        raise InputError(f"{contact}: {error}") from None
     if body is not None:
         try:
             regions.append(lynch_mason_region(body, fingers))
@@ -314,6 +316,8 @@ def _about(path: Path) -> Iterator[None]:
     """Put the file that a complaint of the library is about before it."""
     try:
         yield
+    except UnsupportedContactError:
+        raise
     except StablepushError as error:
         if str(error).startswith(str(path)):
             raise
