@@ -185,3 +185,88 @@ def test_lab_pokes_are_fitted_as_well_as_published(lab):
             found.append(angle_between(slip, normalize_twist(twists[test], 0.05)).mean())
     assert np.degrees(np.mean(errors["poly4-cvx"])) < 14.5
     assert np.mean(errors["poly4-cvx"]) < np.mean(errors["quadratic"])
+
+
+def test_a_slider_makes_few_pokes_enough():
+    """Five noisy pokes with the outline known beat twenty without, on other pokes of the same rig."""
+    from stablepush.demo import demo_pokes
+
+    log = demo_pokes(140)
+    loads, twists, _ = log.pairs()
+    rho = log.rig.slider.characteristic_length
+
+    def error(count, slider):
+        fit = sp.fit_limit_surface(loads[:count], twists[:count], slider=slider, characteristic_length=rho)
+        assert fit.certificate is not None and fit.certificate.sos_convex
+        return np.degrees(
+            angle_between(normalize_twist(fit.surface.twist(loads[40:]), rho), normalize_twist(twists[40:], rho)).mean()
+        )
+
+    assert error(5, log.rig.slider) < 0.75 * error(5, None)
+    assert error(5, log.rig.slider) < 1.3 * error(20, None)
+    assert error(1, log.rig.slider) < 25
+
+
+def test_pokes_that_contradict_the_slider_are_obeyed():
+    """A support far outside the outline, and its centre off the origin: the prior is given up, and that is said."""
+    feet = sp.SupportDistribution(((0.15, 0.15), (0.45, 0.15), (0.3, 0.45)), (0.2, 0.2, 0.6))
+    truth = sp.IdealLimitSurface(feet, 5.0)
+    twists = random_twists(60, 0.1)
+    loads = truth.wrench(twists)
+    with_slider = sp.fit_limit_surface(loads, twists, slider=triangle(), characteristic_length=0.3)
+    without = sp.fit_limit_surface(loads, twists, characteristic_length=0.3)
+    assert with_slider.prior_weight == 0
+    assert "contradict" in with_slider.remarks[0]
+    np.testing.assert_allclose(with_slider.surface.coefficients, without.surface.coefficients, rtol=1e-6)
+
+
+def test_a_centre_of_mass_outside_the_outline_is_no_prior():
+    far = sp.Slider(triangle().vertices + 1.0)
+    fit = sp.fit_limit_surface(*pairs(8), slider=far, characteristic_length=RHO)
+    assert "not used as a prior" in fit.remarks[0]
+    assert fit.pressures is None
+
+
+def test_likely_pressures_have_the_centre_of_mass_and_the_outline():
+    import shapely
+
+    from stablepush.identify.pressure import PressureSampler
+
+    loads, twists = pairs(12, 0.05)
+    f, v = normalize_wrench(loads, RHO), unit(normalize_twist(twists, RHO))
+    for pressures in (
+        PressureSampler(triangle().vertices, 200).prior(),
+        PressureSampler(triangle().vertices, 200).posterior(f, v, RHO),
+    ):
+        assert pressures.shares.shape == (200, 12)
+        np.testing.assert_allclose(pressures.shares.sum(axis=1), 1)
+        np.testing.assert_allclose((pressures.shares[..., None] * pressures.points).sum(axis=1), 0, atol=1e-7)
+        loaded = pressures.shares > 0
+        assert (loaded.sum(axis=1) >= 3).all()
+        outline = shapely.buffer(triangle().polygon, 1e-12)
+        assert shapely.contains_xy(outline, *pressures.points[loaded].T).all()
+    # the friction load of the rig, 5 N, is found within its scatter
+    assert abs(np.median(pressures.loads) - 5) < 0.5
+
+
+def test_sequential_sampling_agrees_with_plain_weights_where_those_work():
+    """Two pokes leave thousands of plain weighted draws effective: means over both samples agree within their scatter."""
+    from stablepush.identify.pressure import PressureSampler, _fit_scale, predict_loads
+
+    loads, twists = pairs(2, 0.05)
+    f, v = normalize_wrench(loads, RHO), unit(normalize_twist(twists, RHO))
+    prior = PressureSampler(triangle().vertices, 20_000, seed=5).prior()
+    scale, likelihood = _fit_scale(predict_loads(prior.points / RHO, prior.shares, v), f)
+    weights = np.exp(likelihood - likelihood.max())
+    weights /= weights.sum()
+    assert 1 / (weights**2).sum() > 2000
+    posterior = PressureSampler(triangle().vertices, 3000, seed=6).posterior(f, v, RHO)
+
+    def gyration(p):
+        return np.sqrt((p.shares * (p.points**2).sum(axis=-1)).sum(axis=1))
+
+    for ours, plain in ((gyration(posterior), gyration(prior)), (posterior.loads, scale)):
+        mean = (weights * plain).sum()
+        spread = np.sqrt((weights * (plain - mean) ** 2).sum())
+        assert abs(ours.mean() - mean) < 0.08 * spread
+        assert ours.std() == pytest.approx(spread, rel=0.08)

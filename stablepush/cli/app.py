@@ -143,6 +143,10 @@ def fit(
 
     save_model(result.surface, output)
     print(f"{output}: {model} from {len(names)} pokes, {result.status}, {result.total_time:.2f} s")
+    for remark in result.remarks:
+        print(f"note: {remark}")
+    if result.prior_weight:
+        print("prior: pressures under the slider's outline, weighed by the pokes")
     if result.cross_validation_error is not None:
         print(f"angle error on held-out folds: {math.degrees(result.cross_validation_error):.2f} deg")
     print(f"angle error on the pokes used:  {math.degrees(float(np.mean(result.angle_errors))):.2f} deg")

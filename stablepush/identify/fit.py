@@ -5,17 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import reduce
 from itertools import product
-from operator import add
 
 import numpy as np
+import scipy.special
 from numpy.typing import ArrayLike
 
 from stablepush._arrays import LARGEST_MAGNITUDE, FloatArray, check_number, check_vectors, read_only
 from stablepush.errors import InputError
 from stablepush.identify.certificate import Certificate, certify
 from stablepush.identify.moments import Moments
+from stablepush.identify.pressure import PressureEnsemble, PressureSampler
 from stablepush.identify.sos import sos_convex_program
 from stablepush.models.monomials import gradient_rows
 from stablepush.models.polynomial import PolynomialLimitSurface
@@ -32,6 +32,12 @@ ETA_2 = (0.1, 1.0, 10.0, 100.0, 1000.0)
 
 #: Folds of the cross-validation; with fewer than this many pairs the middle weights are taken instead.
 FOLDS = 5
+
+#: With a slider: weight (in pairs) of the pseudo pairs of its likely pressures, the candidate weights of a measured pair beside
+#: it, and the weight of either against |a|². Measured pairs have shaped the pressures already, so zero is a candidate.
+PRIOR_PAIRS, PAIR_WEIGHTS, PRIOR_SCALE = 10.0, (0.0, 0.1, 0.3, 1.0, 3.0), 1e4
+#: Twists at which the likely pressures are asked for their loads.
+PSEUDO_PAIRS = 400
 
 #: Loads below this (N) are no friction of an object on a table.
 LEAST_FORCE = 1e-9
@@ -65,6 +71,12 @@ class Fit:
         ``H(F) - 1`` of each pair used.
     certificate : Certificate or None
         Proof of SOS-convexity, in units of the scaled loads; None for ``poly4``.
+    prior_weight : float
+        Weight of the pairs that stand for the slider's likely pressures, in pairs; 0 where no prior is used.
+    pressures : PressureEnsemble or None
+        Pressure distributions that the pokes leave likely, all alike; None where no prior is used.
+    remarks : tuple of str
+        What a user should know: pokes that contradict the prior, say.
     """
 
     surface: PolynomialLimitSurface
@@ -78,6 +90,9 @@ class Fit:
     angle_errors: FloatArray
     level_errors: FloatArray
     certificate: Certificate | None
+    prior_weight: float = 0.0
+    pressures: PressureEnsemble | None = None
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,7 +127,7 @@ def fit_limit_surface(
         Slip twists ``(vx, vy, omega)`` in B; only their directions count.
     model : {"poly4-cvx", "poly4", "poly6-cvx", "quadratic"}
     slider : Slider, optional
-        Gives the characteristic length if that is not given.
+        Outline and centre of mass as prior knowledge; gives the characteristic length if that is not given.
     characteristic_length : float, optional
         ``rho`` in m; without it and without a slider ``sqrt(2) rms(tau) / rms(|f|)``.
     seed : int, optional
@@ -143,24 +158,52 @@ def fit_limit_surface(
     directions = unit(normalize_twist(v, rho))
 
     folds = _folds(len(loads), seed)
-    planned = len(ETA_1) * len(ETA_2) * len(folds) + 1
+    plain = [_Weights(a, b) for a, b in product(ETA_1, ETA_2)]
+    middle = _Weights(ETA_1[len(ETA_1) // 2], ETA_2[len(ETA_2) // 2])
+    sampler = None
+    candidates = plain
+    remarks = []
+    if slider is not None and convex and degree > 2:
+        try:
+            sampler = PressureSampler(slider.vertices, seed=0 if seed is None else seed)
+            sampler.prior()
+        except InputError as reason:
+            sampler = None
+            remarks.append(f"the slider is not used as a prior: {reason}")
+    if sampler is not None:
+        candidates = [_Weights(PRIOR_SCALE * w, PRIOR_SCALE * w, PRIOR_PAIRS) for w in PAIR_WEIGHTS] + plain
+    planned = len(candidates) * len(folds) + 1
     done = 0
 
-    def estimate(moments: Moments, eta1: float, eta2: float) -> _Estimate:
+    def estimate(part: _Part, weights: _Weights) -> _Estimate:
         nonlocal done
         done += 1
         if progress is not None:
             progress(done, planned)
-        return _solve(moments, eta1, eta2, degree, convex)
+        return _solve(part, weights, degree, convex)
 
-    parts = [Moments.from_pairs(loads[fold], directions[fold], degree) for fold in folds]
+    def part_of(rows: np.ndarray) -> _Part:
+        pressures = None if sampler is None else sampler.posterior(loads[rows], directions[rows], rho)
+        return _Part.from_pairs(loads[rows], directions[rows], pressures, rho, degree)
+
+    everything = np.arange(len(loads))
+    weights, error = (candidates[0] if sampler is not None else middle), None
     if folds:
-        eta1, eta2, error = _cross_validate(estimate, parts, folds, loads, directions, degree)
-        moments = reduce(add, parts)
-    else:
-        eta1, eta2, error = ETA_1[len(ETA_1) // 2], ETA_2[len(ETA_2) // 2], None
-        moments = Moments.from_pairs(loads, directions, degree)
-    best = estimate(moments, eta1, eta2)
+        errors = np.empty((len(candidates), len(loads)))
+        for fold in folds:
+            part = part_of(np.setdiff1d(everything, fold))
+            rows = gradient_rows(loads[fold], degree)
+            for c, candidate in enumerate(candidates):
+                errors[c, fold] = angle_between(rows @ estimate(part, candidate).coefficients, directions[fold])
+        chosen = _choose(errors, with_prior=0 if sampler is None else len(PAIR_WEIGHTS))
+        weights, error = candidates[chosen], float(errors[chosen].mean())
+    whole = part_of(everything)
+    best = estimate(whole, weights)
+    if sampler is not None and weights.prior == 0:
+        remarks.append(
+            "the pokes contradict every pressure under the outline with the centre of mass at the origin: "
+            "the fit follows the pokes (is the outline, the centre of mass or the sign of a moment wrong?)"
+        )
 
     certificate = None if best.gram is None else certify(best.coefficients, best.gram, degree)
     surface = _surface(best, certificate, degree, rho, force_scale, model, len(loads))
@@ -172,12 +215,15 @@ def fit_limit_surface(
         status=best.status,
         solve_time=best.solve_time,
         total_time=time.perf_counter() - started,
-        eta1=eta1,
-        eta2=eta2,
+        eta1=weights.eta1,
+        eta2=weights.eta2,
         cross_validation_error=error,
         angle_errors=read_only(angle_between(gradient, directions)),
         level_errors=read_only(level - 1),
         certificate=certificate,
+        prior_weight=weights.prior,
+        pressures=None if whole.pressures is None else whole.pressures.scaled(force_scale),
+        remarks=tuple(remarks),
     )
 
 
@@ -219,31 +265,61 @@ def _folds(count: int, seed: int | None) -> list[np.ndarray]:
     return [np.sort(part) for part in np.array_split(order, FOLDS)]
 
 
-def _cross_validate(
-    estimate: Callable[[Moments, float, float], _Estimate],
-    parts: list[Moments],
-    folds: list[np.ndarray],
-    loads: FloatArray,
-    directions: FloatArray,
-    degree: int,
-) -> tuple[float, float, float]:
-    """Return the weights with the least mean angle (rad) over held-out pairs, and that angle."""
-    rest = [reduce(add, (part for j, part in enumerate(parts) if j != i)) for i in range(len(parts))]
-    rows = [gradient_rows(loads[fold], degree) for fold in folds]
-    best = (ETA_1[0], ETA_2[0], np.inf)
-    for eta1, eta2 in product(ETA_1, ETA_2):
-        angles = [
-            angle_between(rows[i] @ estimate(rest[i], eta1, eta2).coefficients, directions[fold]) for i, fold in enumerate(folds)
-        ]
-        error = float(np.concatenate(angles).mean())
-        if error < best[2]:
-            best = (eta1, eta2, error)
-    return best
+@dataclass(frozen=True, slots=True)
+class _Weights:
+    """Weights of slip and level residuals of measured pairs, and of the prior in pairs (0: none)."""
+
+    eta1: float
+    eta2: float
+    prior: float = 0.0
 
 
-def _solve(moments: Moments, eta1: float, eta2: float, degree: int, convex: bool) -> _Estimate:
-    quadratic = np.eye(len(moments.target)) + eta1 * moments.slip + eta2 * moments.level
-    linear = eta2 * moments.target
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """Moments of some of the pairs, and of pseudo pairs from the pressures that those leave likely."""
+
+    pairs: Moments
+    pseudo: Moments | None
+    pressures: PressureEnsemble | None
+
+    @classmethod
+    def from_pairs(
+        cls, loads: FloatArray, directions: FloatArray, pressures: PressureEnsemble | None, rho: float, degree: int
+    ) -> _Part:
+        pairs = Moments.from_pairs(loads, directions, degree)
+        if pressures is None:
+            return cls(pairs, None, None)
+        # the ideal surface is linear in the pressure: the mean of the loads is that of the mean pressure
+        asked = unit(np.random.default_rng(0).normal(size=(PSEUDO_PAIRS, 3)))
+        return cls(pairs, Moments.from_pairs(pressures.wrenches(asked, rho).mean(axis=0), asked, degree), pressures)
+
+
+def _choose(errors: FloatArray, with_prior: int) -> int:
+    """Return the candidate to use, from errors (c, n) over held-out pairs.
+
+    Of the first ``with_prior`` candidates, which use a prior and lean on it less and less, the first that is not worse than the
+    best of them by more than the standard error of the difference (Breiman et al. 1984). It gives way to a candidate without
+    a prior only if that is better at the 5 % level (paired t test): a prior is given up for evidence, not for luck.
+    """
+    mean = errors.mean(axis=1)
+    if not with_prior:
+        return int(np.argmin(mean))
+    count = errors.shape[1]
+    differences = errors[:with_prior] - errors[int(np.argmin(mean[:with_prior]))]
+    chosen = int(np.argmax(differences.mean(axis=1) <= differences.std(axis=1, ddof=1) / np.sqrt(count)))
+    plain = with_prior + int(np.argmin(mean[with_prior:]))
+    gain = errors[chosen] - errors[plain]
+    needed = float(scipy.special.stdtrit(count - 1, 0.975)) * gain.std(ddof=1) / np.sqrt(count)
+    return plain if gain.mean() > needed else chosen
+
+
+def _solve(part: _Part, weights: _Weights, degree: int, convex: bool) -> _Estimate:
+    quadratic = np.eye(len(part.pairs.target)) + weights.eta1 * part.pairs.slip + weights.eta2 * part.pairs.level
+    linear = weights.eta2 * part.pairs.target
+    if weights.prior and part.pseudo is not None:
+        share = PRIOR_SCALE * weights.prior / part.pseudo.count
+        quadratic = quadratic + share * (part.pseudo.slip + part.pseudo.level)
+        linear = linear + share * part.pseudo.target
     if convex:
         solution = sos_convex_program(degree).solve(quadratic, linear)
         return _Estimate(solution.coefficients, solution.gram, solution.status, solution.solve_time)

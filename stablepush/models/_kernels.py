@@ -195,6 +195,26 @@ def sum_loads(points, loads, twists, wrenches):  # type: ignore[no-untyped-def]
 
 
 @_compiled
+def sum_loads_of_many(points, loads, twists, wrenches):  # type: ignore[no-untyped-def]
+    """Fill ``wrenches`` (m, n, 3) like :func:`sum_loads` for m supports of k points each: (m, k, 2), (m, k)."""
+    for m in range(points.shape[0]):
+        for q in range(twists.shape[0]):
+            vx, vy, vz = twists[q, 0], twists[q, 1], twists[q, 2]
+            fx = fy = fz = 0.0
+            for k in range(points.shape[1]):
+                if loads[m, k] > 0.0:
+                    x, y = points[m, k, 0], points[m, k, 1]
+                    px, py = vx - y * vz, vy + x * vz
+                    speed = math.sqrt(px * px + py * py)
+                    if speed > AT_REST:
+                        share = loads[m, k] / speed
+                        fx += share * px
+                        fy += share * py
+                        fz += share * (x * py - y * px)
+            wrenches[m, q, 0], wrenches[m, q, 1], wrenches[m, q, 2] = fx, fy, fz
+
+
+@_compiled
 def minimize_power(points, loads, wrenches, twists, powers, residuals):  # type: ignore[no-untyped-def]
     """Fill ``twists`` with the minimisers of ``h(V) = Σ m_k |v_k|`` on the plane ``F·V = 1``, and ``powers`` with ``h``.
 

@@ -1,0 +1,249 @@
+"""What physics knows before the first poke: pressure distributions over the outline, with the known centre of mass.
+
+A draw is a set of 3 to 12 support points, uniform over the outline, whose shares are Dirichlet weights tilted exponentially,
+``q_k ∝ g_k exp(λ·x_k)``, until their mean is the centre of mass, the origin of B. Each draw has an ideal limit surface.
+Pokes weigh the draws: the load that a draw predicts for a measured twist, up to one scale, misses the measured load by a Student
+error of :data:`LOAD_ERROR` of its size. Plain weighting leaves two or three of thousands of draws after 20 pokes; so the
+pokes are brought in by degrees (sequential Monte Carlo, Del Moral, Doucet and Jasra 2006): temper until half of the draws'
+weight is gone, resample, move every draw by Metropolis steps, and so on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from stablepush._arrays import FloatArray, read_only
+from stablepush.errors import InputError
+
+#: Scale of the load's error relative to its size, and the degrees of freedom of its Student distribution: scatter within a
+#: poke is 9 % on the published logs, and friction is not quite Coulomb's.
+LOAD_ERROR, FREEDOM = 0.15, 4.0
+#: Numbers of support points of a draw.
+FEWEST_POINTS, MOST_POINTS = 3, 12
+#: Metropolis steps for each draw after each resampling; share of the draws' weight that is left before one.
+_MOVES, _LEAST_WEIGHT = 12, 0.5
+#: Newton steps of the tilt, and how near (of the outline's radius) its mean must come to the centre of mass.
+_TILT_STEPS, _TILT_TOLERANCE = 40, 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PressureEnsemble:
+    """Equally likely pressure distributions.
+
+    ``points`` (m, 12, 2): support points (m, in B); ``shares`` (m, 12): their shares of the load, zero for unused points;
+    ``loads`` (m,): total friction load ``mu*N`` in N, one without pokes.
+    """
+
+    points: FloatArray
+    shares: FloatArray
+    loads: FloatArray
+
+    def wrenches(self, twists: FloatArray, rho: float) -> FloatArray:
+        """Return the normalised loads (m, n, 3) of unit normalised twists (n, 3)."""
+        return predict_loads(self.points / rho, self.shares * self.loads[:, None], twists)
+
+    def scaled(self, factor: float) -> PressureEnsemble:
+        """Return the same pressures with their friction loads times ``factor``."""
+        return PressureEnsemble(self.points, self.shares, read_only(self.loads * factor))
+
+
+def predict_loads(points: FloatArray, loads: FloatArray, twists: FloatArray) -> FloatArray:
+    """Ideal loads (m, n, 3) of m supports with points (m, k, 2) and friction loads (m, k), for twists (n, 3), all normalised."""
+    from stablepush.models._kernels import sum_loads_of_many
+
+    result = np.empty((len(points), len(twists), 3))
+    sum_loads_of_many(np.ascontiguousarray(points), np.ascontiguousarray(loads), np.ascontiguousarray(twists), result)
+    return result
+
+
+class PressureSampler:
+    """Draws pressure distributions over an outline, and from them those that pokes leave likely."""
+
+    def __init__(self, outline: FloatArray, count: int = 400, seed: int = 0) -> None:
+        self._polygon = shapely.Polygon(outline)
+        shapely.prepare(self._polygon)
+        self._low, self._high = outline.min(axis=0), outline.max(axis=0)
+        self._radius = float(np.linalg.norm(outline, axis=1).max())
+        self._count = count
+        self._seed = seed
+
+    def prior(self) -> PressureEnsemble:
+        """Return draws that no poke has weighed."""
+        state = self._first(np.random.default_rng(self._seed))
+        return PressureEnsemble(read_only(state.points), read_only(state.shares), np.ones(self._count))
+
+    def posterior(self, loads: FloatArray, twists: FloatArray, rho: float) -> PressureEnsemble:
+        """Return draws given normalised loads (n, 3) and unit normalised twists (n, 3)."""
+        rng = np.random.default_rng(self._seed)
+        state = self._first(rng)
+        scale, likelihood = _fit_scale(self._predict(state, twists, rho), loads)
+        power = 0.0
+        while power < 1.0:
+            step = _temper(likelihood, 1.0 - power)
+            power += step
+            weights = np.exp(step * (likelihood - likelihood.max()))
+            chosen = _systematic(weights / weights.sum(), rng)
+            state, scale, likelihood = state.take(chosen), scale[chosen], likelihood[chosen]
+            for _ in range(_MOVES):
+                proposed, ratio = self._propose(state, rng)
+                new_scale, new_likelihood = _fit_scale(self._predict(proposed, twists, rho), loads)
+                accepted = np.log(rng.random(self._count)) < power * (new_likelihood - likelihood) + ratio
+                state = state.replace(accepted, proposed)
+                scale = np.where(accepted, new_scale, scale)
+                likelihood = np.where(accepted, new_likelihood, likelihood)
+        return PressureEnsemble(read_only(state.points), read_only(state.shares), read_only(scale))
+
+    def _predict(self, state: _State, twists: FloatArray, rho: float) -> FloatArray:
+        return predict_loads(state.points / rho, state.shares, twists)
+
+    def _first(self, rng: np.random.Generator) -> _State:
+        """Draw from the prior: draws whose points do not surround the centre of mass are drawn again."""
+        parts: list[_State] = []
+        have = 0
+        for _ in range(200):
+            used = rng.integers(FEWEST_POINTS, MOST_POINTS + 1, size=self._count)
+            active = np.arange(MOST_POINTS) < used[:, None]
+            points = self._uniform(self._count * MOST_POINTS, rng).reshape(-1, MOST_POINTS, 2)
+            state = self._tilted(points, rng.exponential(size=active.shape), active)
+            parts.append(state.take(np.flatnonzero(state.good)))
+            have += len(parts[-1].good)
+            if have >= self._count:
+                return _State.join(parts).take(np.arange(self._count))
+        raise InputError("slider: expected the centre of mass, the origin of B, well inside the hull of the outline")
+
+    def _uniform(self, count: int, rng: np.random.Generator) -> FloatArray:
+        found: list[FloatArray] = []
+        have = 0
+        while have < count:
+            tried = rng.uniform(self._low, self._high, size=(2 * count, 2))
+            found.append(tried[shapely.contains_xy(self._polygon, *tried.T)])
+            have += len(found[-1])
+        return np.concatenate(found)[:count]
+
+    def _propose(self, state: _State, rng: np.random.Generator) -> tuple[_State, FloatArray]:
+        """Move one point, draw one afresh, or change all raw shares; returns the log ratio of the prior, -inf if impossible."""
+        count = len(state.good)
+        rows = np.arange(count)
+        column = (rng.random(count) * state.active.sum(axis=1)).astype(int)
+        points, raw = state.points.copy(), state.raw.copy()
+        kind = rng.random(count)
+        near = points[rows, column] + rng.normal(size=(count, 2)) * (self._radius * 10 ** rng.uniform(-2, -0.5, size=(count, 1)))
+        fresh = self._uniform(count, rng)
+        place = np.where((kind < 0.5)[:, None], near, fresh)
+        moved = kind < 0.7
+        points[rows[moved], column[moved]] = place[moved]
+        # raw shares are exponential variates; a step in their logarithm has the Jacobian of the product
+        change = rng.normal(size=raw.shape) * (10 ** rng.uniform(-1.5, 0, size=(count, 1)))
+        change[moved] = 0.0
+        raw = raw * np.exp(change)
+        proposed = self._tilted(points, raw, state.active)
+        ratio = ((state.raw - raw + change) * state.active).sum(axis=1)
+        inside = np.ones(count, dtype=bool)
+        inside[moved] = shapely.contains_xy(self._polygon, *place[moved].T)
+        return proposed, np.where(inside & proposed.good, ratio, -np.inf)
+
+    def _tilted(self, points: FloatArray, raw: FloatArray, active: np.ndarray) -> _State:
+        """Shares ``q ∝ g exp(λ·x)`` with mean zero: Newton on the convex ``log Σ g exp(λ·x)``, whose gradient is the mean."""
+        base = np.where(active, np.log(raw), -np.inf)
+        scaled = points / self._radius
+        tilt = np.zeros((len(points), 2))
+        shares = np.zeros(active.shape)
+        good = np.zeros(len(points), dtype=bool)
+        rest = np.arange(len(points))
+        for _ in range(_TILT_STEPS):
+            x = scaled[rest]
+            logit = base[rest] + (x @ tilt[rest][:, :, None])[:, :, 0]
+            share = np.exp(logit - logit.max(axis=1, keepdims=True))
+            share /= share.sum(axis=1, keepdims=True)
+            mean = (share[:, None, :] @ x)[:, 0]
+            done = np.abs(mean).max(axis=1) < _TILT_TOLERANCE
+            shares[rest[done]], good[rest[done]] = share[done], True
+            rest, x, share, mean = rest[~done], x[~done], share[~done], mean[~done]
+            if not len(rest):
+                break
+            off = x - mean[:, None]
+            weighted = share[:, :, None] * off
+            xx = (weighted[..., 0] * off[..., 0]).sum(axis=1) + 1e-12
+            yy = (weighted[..., 1] * off[..., 1]).sum(axis=1) + 1e-12
+            xy = (weighted[..., 0] * off[..., 1]).sum(axis=1)
+            step = np.stack((xy * mean[:, 1] - yy * mean[:, 0], xy * mean[:, 0] - xx * mean[:, 1]), axis=-1)
+            step /= (xx * yy - xy * xy + 1e-24)[:, None]
+            # a tilt that runs away leaves one point: such a draw does not surround the centre of mass, and stays unfinished
+            length = np.linalg.norm(step, axis=1, keepdims=True)
+            tilt[rest] += step * np.minimum(1.0, 2.0 / np.maximum(length, 1e-300))
+        return _State(points, raw, active, shares, good)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _State:
+    points: FloatArray
+    raw: FloatArray
+    active: np.ndarray
+    shares: FloatArray
+    good: np.ndarray
+
+    def take(self, rows: np.ndarray) -> _State:
+        return _State(self.points[rows], self.raw[rows], self.active[rows], self.shares[rows], self.good[rows])
+
+    def replace(self, rows: np.ndarray, other: _State) -> _State:
+        return _State(
+            np.where(rows[:, None, None], other.points, self.points),
+            np.where(rows[:, None], other.raw, self.raw),
+            self.active,
+            np.where(rows[:, None], other.shares, self.shares),
+            self.good,
+        )
+
+    @staticmethod
+    def join(parts: list[_State]) -> _State:
+        return _State(
+            np.concatenate([p.points for p in parts]),
+            np.concatenate([p.raw for p in parts]),
+            np.concatenate([p.active for p in parts]),
+            np.concatenate([p.shares for p in parts]),
+            np.concatenate([p.good for p in parts]),
+        )
+
+
+def _fit_scale(predicted: FloatArray, loads: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Friction load (m,) that fits each draw's predictions (m, n, 3) to the loads best, and its log likelihood (m,)."""
+    size = (loads**2).sum(axis=1)
+    product = (predicted * loads).sum(axis=2)
+    # a draw that is not possible predicts no load at all; its likelihood then is that of no load
+    square = np.maximum((predicted**2).sum(axis=2), 1e-300)
+    scale = np.maximum(product.sum(axis=1) / square.sum(axis=1), 1e-12)
+    miss = size
+    for _ in range(6):
+        # |F - sP|² = |F|² - 2 s F·P + s²|P|²; weights of the Student likelihood (iteratively reweighted least squares)
+        miss = (size - 2 * scale[:, None] * product + scale[:, None] ** 2 * square) / (LOAD_ERROR**2 * size)
+        weight = 1.0 / (FREEDOM + miss) / size
+        scale = np.maximum((weight * product).sum(axis=1) / (weight * square).sum(axis=1), 1e-12)
+    miss = (size - 2 * scale[:, None] * product + scale[:, None] ** 2 * square) / (LOAD_ERROR**2 * size)
+    likelihood = -0.5 * (FREEDOM + 3) * np.log1p(np.maximum(miss, 0.0) / FREEDOM).sum(axis=1)
+    return scale, likelihood
+
+
+def _temper(likelihood: FloatArray, most: float) -> float:
+    """Largest step of the likelihood's power, up to ``most``, that leaves half of the effective sample size (bisection)."""
+
+    def left(step: float) -> float:
+        weights = np.exp(step * (likelihood - likelihood.max()))
+        return float(weights.sum() ** 2 / (weights**2).sum() / len(weights))
+
+    if left(most) >= _LEAST_WEIGHT:
+        return most
+    low, high = 0.0, most
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (middle, high) if left(middle) >= _LEAST_WEIGHT else (low, middle)
+    return max(low, 1e-6)
+
+
+def _systematic(weights: FloatArray, rng: np.random.Generator) -> np.ndarray:
+    """Systematic resampling: rows (m,) in proportion to their weights."""
+    count = len(weights)
+    places = (rng.random() + np.arange(count)) / count
+    return np.minimum(np.searchsorted(np.cumsum(weights), places), count - 1)
