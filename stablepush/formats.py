@@ -85,6 +85,8 @@ def model_from_node(node: Node) -> LimitSurface:
     certificate, covariance_node, provenance = node["certificate"], node["covariance"], node["provenance"]
     size = len(coefficients)
     covariance = None if covariance_node.value is None else covariance_node.array(size, size)
+    ensemble_node = node.get("ensemble")
+    ensemble = None if ensemble_node is None else ensemble_node.array(None, size)
     unit_node = node.get("force_unit")
     force_unit = "N" if unit_node is None else unit_node.text(FORCE_UNITS)
     return node.checked(
@@ -95,6 +97,7 @@ def model_from_node(node: Node) -> LimitSurface:
             force_unit=force_unit,
             certificate=None if certificate.value is None else certificate.object(),
             covariance=covariance,
+            ensemble=ensemble,
             provenance=None if provenance.value is None else provenance.object(),
         )
     )
@@ -142,6 +145,7 @@ def model_to_json(surface: LimitSurface) -> dict[str, Any]:
         "coefficients": surface.coefficients.tolist(),
         "certificate": None if surface.certificate is None else dict(surface.certificate),
         "covariance": None if surface.covariance is None else surface.covariance.tolist(),
+        "ensemble": None if surface.ensemble is None else surface.ensemble.tolist(),
         "provenance": dict(surface.provenance),
     }
 

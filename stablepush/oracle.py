@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from stablepush._arrays import BoolArray, FloatArray
 from stablepush.contact import PushContact, WrenchCone
-from stablepush.models import LimitSurface
+from stablepush.models import LimitSurface, PolynomialLimitSurface
 from stablepush.planar import normalize_wrench, twist_from_cor
 
 #: Stable sets are closed; a margin (rad) this far below zero is on the boundary, to the accuracy of H_inv.
@@ -44,6 +44,14 @@ class StabilityOracle:
     def is_stable(self, twists: ArrayLike) -> BoolArray:
         """Return whether body twists (..., 3) are stable (...)."""
         return np.asarray(self.margin(twists) >= -BOUNDARY_SLACK)
+
+    def probability(self, twists: ArrayLike) -> FloatArray | None:
+        """Return the share (...) of the surface's ensemble that calls body twists (..., 3) stable; None without an ensemble."""
+        members = self.surface.members() if isinstance(self.surface, PolynomialLimitSurface) else []
+        if not members:
+            return None
+        votes = [StabilityOracle(member, self.contact).is_stable(twists) for member in members]
+        return np.asarray(np.mean(votes, axis=0))
 
     def is_stable_cor(self, cors: ArrayLike, sense: ArrayLike) -> BoolArray:
         """Return whether rotations about CORs (..., 2) in B (m) with sense +1 or -1 are stable."""

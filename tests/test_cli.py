@@ -58,10 +58,19 @@ def test_classify_adds_columns(rig, tmp_path):
     assert table["name"].tolist() == ["far", "near", "right"]
     assert table["stable"].tolist() == [1, 0, 1]
     assert ((table["margin"] >= 0) == (table["stable"] == 1)).all()
-    assert set(table["probability"]) == {""}
+    probability = table["probability"].astype(float)
+    assert probability[0] > 0.5 > probability[1]
     oracle = sp.StabilityOracle(sp.load_model(rig / "model.json"), sp.load_contact(rig / "contact.json"))
     expected = oracle.margin([[0.0, 2.0, 1.0]])[0]
     assert table["margin"][0] == pytest.approx(expected)
+
+
+def test_classify_without_an_ensemble_leaves_the_probability_blank(rig, tmp_path):
+    assert main(["fit", str(rig / "log"), "--no-slider", "-o", str(tmp_path / "m.json")]) == 0
+    arguments = ["--contact", str(rig / "contact.json"), "--cors", str(rig / "cors.csv"), "-o", str(tmp_path / "o.csv")]
+    assert main(["classify", str(tmp_path / "m.json"), *arguments]) == 0
+    table, _ = read_table(tmp_path / "o.csv", required=(), numbers=("margin",))
+    assert set(table["probability"]) == {""}
 
 
 def test_classify_nothing(rig, tmp_path):

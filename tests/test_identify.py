@@ -270,3 +270,55 @@ def test_sequential_sampling_agrees_with_plain_weights_where_those_work():
         spread = np.sqrt((weights * (plain - mean) ** 2).sum())
         assert abs(ours.mean() - mean) < 0.08 * spread
         assert ours.std() == pytest.approx(spread, rel=0.08)
+
+
+def test_the_ensemble_is_convex_and_survives_the_file(tmp_path):
+    fit = sp.fit_limit_surface(*pairs(10, 0.05), slider=triangle())
+    surface = fit.surface
+    assert surface.ensemble.shape == (50, 15)
+    np.testing.assert_allclose(surface.covariance, np.cov(surface.ensemble, rowvar=False))
+    assert np.linalg.eigvalsh(surface.covariance).min() > -1e-9 * np.abs(surface.covariance).max()
+    twists = random_twists(300, RHO)
+    for member in surface.members():
+        member.wrench(twists)  # would say so if it were not convex
+    sp.save_model(surface, tmp_path / "m.json")
+    again = sp.load_model(tmp_path / "m.json")
+    np.testing.assert_array_equal(again.ensemble, surface.ensemble)
+    np.testing.assert_array_equal(again.covariance, surface.covariance)
+
+
+def test_probability_is_the_share_of_the_ensemble():
+    surface = sp.fit_limit_surface(*pairs(6, 0.1), slider=triangle()).surface
+    contact = sp.PushContact.on_edge(triangle(), 0, 0.05, 0.05, 0.9)
+    oracle = sp.StabilityOracle(surface, contact)
+    cors = np.random.default_rng(0).uniform(-0.3, 0.3, size=(60, 2))
+    from stablepush.planar import twist_from_cor
+
+    twists = twist_from_cor(cors, 1)
+    share = oracle.probability(twists)
+    votes = sum(sp.StabilityOracle(m, contact).is_stable(twists).astype(float) for m in surface.members()) / 50
+    np.testing.assert_allclose(share, votes)
+    assert ((share > 0) & (share < 1)).any()
+    # deep inside and far outside the members agree with the surface
+    margin = oracle.margin(twists)
+    assert (share[margin > 0.4] > 0.5).all() and (share[margin < -0.4] < 0.5).all()
+    assert sp.StabilityOracle(sp.IdealLimitSurface(three_feet(), 1.0), contact).probability(twists) is None
+
+
+def test_the_other_solver_takes_over(monkeypatch):
+    from stablepush.identify import sos
+
+    loads, twists = pairs(8, 0.05)
+    f, v = normalize_wrench(loads, RHO) / 5, unit(normalize_twist(twists, RHO))
+    m = Moments.from_pairs(f, v, 4)
+    program = sos.SosConvexProgram(4)
+    quadratic, linear = np.eye(15) + 10 * m.slip + 10 * m.level, 10 * m.target
+    expected = program.solve(quadratic, linear)
+    attempt = program._attempt
+    monkeypatch.setattr(program, "_attempt", lambda name, s: "failed" if name == "CLARABEL" else attempt(name, s))
+    second = program.solve(quadratic, linear)
+    assert second.status == "optimal (SCS)"
+    np.testing.assert_allclose(second.coefficients, expected.coefficients, atol=1e-4)
+    monkeypatch.setattr(program, "_attempt", lambda name, s: "failed")
+    with pytest.raises(sp.SolverError, match="SCS"):
+        program.solve(quadratic, linear)

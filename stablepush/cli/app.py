@@ -179,11 +179,12 @@ def classify(
     oracle = StabilityOracle(load_model(model), load_contact(contact))
     table, _ = read_table(cors, required=columns, numbers=columns, filled=columns, rules={"sense": IS_SENSE})
     centers = np.stack((table["cor_x"], table["cor_y"]), axis=-1).reshape(-1, 2)
+    twists = twist_from_cor(centers, table["sense"])
     with _about(model):
-        margins = oracle.margin(twist_from_cor(centers, table["sense"]))
+        margins, shares = oracle.margin(twists), oracle.probability(twists)
     stable = (margins >= -BOUNDARY_SLACK).astype(float)
-    blank = np.full(len(centers), "", dtype=object)
-    write_atomically(output, table_text({**table, "stable": stable, "margin": margins, "probability": blank}))
+    probability = np.full(len(centers), "", dtype=object) if shares is None else shares
+    write_atomically(output, table_text({**table, "stable": stable, "margin": margins, "probability": probability}))
     print(f"{output}: {int(stable.sum())} of {len(stable)} rotation centres stable")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -38,6 +39,8 @@ FOLDS = 5
 PRIOR_PAIRS, PAIR_WEIGHTS, PRIOR_SCALE = 10.0, (0.0, 0.1, 0.3, 1.0, 3.0), 1e4
 #: Twists at which the likely pressures are asked for their loads.
 PSEUDO_PAIRS = 400
+#: Surfaces of the ensemble that comes with a fit.
+MEMBERS = 50
 
 #: Loads below this (N) are no friction of an object on a table.
 LEAST_FORCE = 1e-9
@@ -206,7 +209,16 @@ def fit_limit_surface(
         )
 
     certificate = None if best.gram is None else certify(best.coefficients, best.gram, degree)
-    surface = _surface(best, certificate, degree, rho, force_scale, model, len(loads))
+    ensemble = []
+    if weights.prior and whole.pressures is not None:
+        draws = whole.pressures.wrenches(_asked(), rho)[:: max(1, len(whole.pressures.loads) // MEMBERS)]
+        # each draw has been weighed by the pokes; weighing those in again would make the draws agree too much
+        alone = _Weights(0.0, 0.0, PRIOR_PAIRS)
+        ensemble = [
+            _solve(_Part(whole.pairs, Moments.from_pairs(draw, _asked(), degree), None), alone, degree, convex).coefficients
+            for draw in draws
+        ]
+    surface = _surface(best, ensemble, certificate, degree, rho, force_scale, model, len(loads))
     gradient = gradient_rows(loads, degree) @ best.coefficients
     level = surface.value(f if surface.force_unit == "N" else f / force_scale)
     return Fit(
@@ -290,8 +302,14 @@ class _Part:
         if pressures is None:
             return cls(pairs, None, None)
         # the ideal surface is linear in the pressure: the mean of the loads is that of the mean pressure
-        asked = unit(np.random.default_rng(0).normal(size=(PSEUDO_PAIRS, 3)))
-        return cls(pairs, Moments.from_pairs(pressures.wrenches(asked, rho).mean(axis=0), asked, degree), pressures)
+        pseudo = Moments.from_pairs(pressures.wrenches(_asked(), rho).mean(axis=0), _asked(), degree)
+        return cls(pairs, pseudo, pressures)
+
+
+@cache
+def _asked() -> FloatArray:
+    """Unit normalised twists (n, 3) at which pressures are asked for their loads."""
+    return read_only(unit(np.random.default_rng(0).normal(size=(PSEUDO_PAIRS, 3))))
 
 
 def _choose(errors: FloatArray, with_prior: int) -> int:
@@ -330,6 +348,7 @@ def _solve(part: _Part, weights: _Weights, degree: int, convex: bool) -> _Estima
 
 def _surface(
     best: _Estimate,
+    ensemble: list[FloatArray],
     certificate: Certificate | None,
     degree: int,
     rho: float,
@@ -340,7 +359,7 @@ def _surface(
     """Bring the coefficients back to newtons, and the certificate with them."""
     to_newton = force_scale ** (-degree)
     force_unit = "N"
-    if np.abs(best.coefficients).max() * to_newton > _LARGEST_COEFFICIENT:
+    if max(np.abs(a).max() for a in (best.coefficients, *ensemble)) * to_newton > _LARGEST_COEFFICIENT:
         to_newton, force_unit = 1.0, "mu*N"
     entry = None
     if certificate is not None:
@@ -354,5 +373,7 @@ def _surface(
         rho,
         force_unit=force_unit,
         certificate=entry,
+        covariance=np.cov(np.array(ensemble) * to_newton, rowvar=False) if ensemble else None,
+        ensemble=np.array(ensemble) * to_newton if ensemble else None,
         provenance={"model": model, "pairs": pairs, "force_scale_N": force_scale},
     )

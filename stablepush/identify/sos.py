@@ -25,6 +25,10 @@ from stablepush.models.monomials import UPPER, hessian_operator, monomial_expone
 #: Lower bound on the eigenvalues of Q, for loads scaled to a median length of one; |F|^4 has eigenvalues 4 to 12.
 LEAST_EIGENVALUE = 1e-3
 
+#: Solvers in the order they are tried, with their settings: the second takes over where the first fails, and the status
+#: then names it.
+_SOLVERS: tuple[tuple[str, dict[str, float]], ...] = (("CLARABEL", {}), ("SCS", {"eps": 1e-7, "max_iters": 50_000}))
+
 
 @cache
 def gram_equations(degree: int) -> tuple[FloatArray, FloatArray]:
@@ -106,30 +110,40 @@ class SosConvexProgram:
 
     def solve(self, quadratic: FloatArray, linear: FloatArray) -> SosSolution:
         """Minimise ``aᵀ P a - 2 q·a`` for a positive definite ``P`` (m, m) and ``q`` (m,)."""
-        import cvxpy as cp
-
-        # the scale of the objective is free: near one it suits the solver's tolerances
+        # the scale of the objective is free: near one it suits the solvers' tolerances
         scale = float(np.trace(quadratic)) / len(quadratic)
         self._root.value = np.linalg.cholesky(quadratic / scale).T
         self._linear.value = linear / scale
-        started = time.perf_counter()
+        failures = []
+        for name, settings in _SOLVERS:
+            started = time.perf_counter()
+            status = self._attempt(name, settings)
+            if status in ("optimal", "optimal_inaccurate"):
+                return self._solution(status if name == _SOLVERS[0][0] else f"{status} ({name})", started)
+            failures.append(f"{name}: {status}")
+        raise SolverError(f"SOS-convex fit: no solver found a solution ({', '.join(failures)})")
+
+    def _attempt(self, name: str, settings: dict[str, float]) -> str:
+        import cvxpy as cp
+
         try:
             # the status says it when a solution is inaccurate, and the certificate decides: no warning needed
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)
-                self._problem.solve(solver=cp.CLARABEL, warm_start=False)
-        except cp.error.SolverError as error:
-            raise SolverError(f"SOS-convex fit: {error}") from error
+                self._problem.solve(solver=name, warm_start=False, **settings)
+        except cp.error.SolverError:
+            return "failed"
+        return str(self._problem.status)
+
+    def _solution(self, status: str, started: float) -> SosSolution:
         elapsed = time.perf_counter() - started
-        if self._problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE) or self._a.value is None:
-            raise SolverError(f"SOS-convex fit: the solver stopped with status {self._problem.status}")
         a = np.asarray(self._a.value)
         gram = self._particular @ a
         if self._free.shape[1]:
             gram = gram + self._free @ np.asarray(self._s.value)
         stats: Any = self._problem.solver_stats
         in_solver = elapsed if stats is None or stats.solve_time is None else float(stats.solve_time)
-        return SosSolution(a, gram.reshape(self._size, self._size), str(self._problem.status), in_solver)
+        return SosSolution(a, gram.reshape(self._size, self._size), status, in_solver)
 
 
 @cache

@@ -40,6 +40,8 @@ class PolynomialLimitSurface:
         Proof that ``H`` is SOS-convex (:func:`stablepush.certify`).
     covariance : array-like, shape (m, m), optional
         Covariance of the coefficients.
+    ensemble : array-like, shape (k, m), optional
+        Coefficients of equally likely convex surfaces, from which probabilities are counted.
     provenance : mapping, optional
         Where the surface comes from; any JSON object.
     """
@@ -50,6 +52,7 @@ class PolynomialLimitSurface:
     force_unit: str
     certificate: Mapping[str, Any] | None
     covariance: FloatArray | None
+    ensemble: FloatArray | None
     provenance: Mapping[str, Any]
     _hessian: FloatArray = field(repr=False)
 
@@ -62,6 +65,7 @@ class PolynomialLimitSurface:
         force_unit: str = "N",
         certificate: Mapping[str, Any] | None = None,
         covariance: ArrayLike | None = None,
+        ensemble: ArrayLike | None = None,
         provenance: Mapping[str, Any] | None = None,
     ) -> None:
         if degree not in (2, 4, 6, 8, 10):
@@ -79,6 +83,11 @@ class PolynomialLimitSurface:
             if covariance.shape != (len(a), len(a)):
                 raise InputError(f"covariance: expected shape ({len(a)}, {len(a)}), got {covariance.shape}")
             covariance = read_only(covariance)
+        if ensemble is not None:
+            ensemble = check_vectors(ensemble, "ensemble", len(a))
+            if ensemble.ndim != 2 or not len(ensemble):
+                raise InputError(f"ensemble: expected shape (n, {len(a)}), got {ensemble.shape}")
+            ensemble = read_only(ensemble)
         rho = check_number(characteristic_length, "characteristic_length", above=0.0)
         object.__setattr__(self, "coefficients", read_only(a))
         object.__setattr__(self, "degree", int(degree))
@@ -86,6 +95,7 @@ class PolynomialLimitSurface:
         object.__setattr__(self, "force_unit", force_unit)
         object.__setattr__(self, "certificate", None if certificate is None else MappingProxyType(dict(certificate)))
         object.__setattr__(self, "covariance", covariance)
+        object.__setattr__(self, "ensemble", ensemble)
         object.__setattr__(self, "provenance", MappingProxyType(dict(provenance or {})))
         object.__setattr__(self, "_hessian", read_only(hessian_operator(degree) @ a))
 
@@ -93,6 +103,14 @@ class PolynomialLimitSurface:
     def exponents(self) -> NDArray[np.int64]:
         """Exponents (m, 3) of ``fx``, ``fy`` and ``tau/rho``, in the order of the coefficients."""
         return monomial_exponents(self.degree)
+
+    def members(self) -> list[PolynomialLimitSurface]:
+        """Return the surfaces of the ensemble; none if there is no ensemble."""
+        if self.ensemble is None:
+            return []
+        return [
+            PolynomialLimitSurface(a, self.degree, self.characteristic_length, force_unit=self.force_unit) for a in self.ensemble
+        ]
 
     def value(self, wrenches: ArrayLike) -> FloatArray:
         """Return ``H(F)`` (...) of wrenches (..., 3) ``(fx, fy, tau)``: below 1 at rest, 1 during slip."""
