@@ -14,6 +14,7 @@ from stablepush.demo import demo_pokes, demo_scene, demo_slider
 from stablepush.files import write_atomically
 from stablepush.formats import load_model, save_model
 from stablepush.identify import fit_limit_surface
+from stablepush.identify.fit import PRIOR_SCALE
 from stablepush.logs import read_pushlog, write_pushlog
 from stablepush.path import load_plan, save_plan
 from stablepush.planning import plan
@@ -63,7 +64,8 @@ def run_demo(folder: Path, seed: int) -> int:
         Section(
             "From pokes to a limit surface",
             "A finger pokes the triangle at random places. Each poke gives a load and a slip twist; the convex quartic "
-            "that fits them is found by a semidefinite program, with a proof of convexity that needs no trust in the solver.",
+            "that fits them, and the pressures that can act under the outline, is found by a semidefinite program, with a proof "
+            "of convexity that needs no trust in the solver.",
             [
                 ("pokes", str(len(loads))),
                 ("angle error on held-out pokes", f"{held_out:.1f}°"),
@@ -71,7 +73,7 @@ def run_demo(folder: Path, seed: int) -> int:
                     "smallest eigenvalue of the certificate",
                     f"{certificate.min_eigenvalue:.3g}" if certificate else "none",
                 ),
-                ("weights eta1, eta2", f"{fit.eta1:g}, {fit.eta2:g}"),
+                ("weight of a poke, of the prior", f"{fit.eta1:g}, {PRIOR_SCALE * fit.prior_weight:g}"),
                 ("time", f"{fit.total_time:.2f} s, of which {1e3 * fit.solve_time:.1f} ms in the final solve"),
             ],
         ),
