@@ -64,19 +64,26 @@ class Steering:
         return planar.transport_twist((1.0, 0.0, curvature), self.frame)
 
 
-def steering(problem: PlanningProblem, contact: int, region: str, deadline: float = math.inf) -> Steering | None:
+def steering(
+    problem: PlanningProblem, contact: int, region: str, deadline: float = math.inf, gentle: bool = False
+) -> Steering | None:
     """Return the tightest steering of a contact, or None if it has no stable translation with turns to both sides.
 
+    A gentle one keeps at least half of the margin of the safest straight push: its turns are wider, and nearer to square on.
     Raises :class:`OutOfTimeError` once ``deadline`` (a value of :func:`time.perf_counter`) has passed.
     """
     oracle = StabilityOracle(problem.surface, problem.contacts[contact])
     accept = _acceptance(problem, contact, oracle, region, deadline)
+    if gentle:
+        wanted = _acceptance(problem, contact, oracle, region, deadline, _half_of_the_best(problem, contact, oracle))
+    else:
+        wanted = accept
     rho = problem.surface.characteristic_length
     heading = float(problem.contacts[contact].frame[2])
 
     # directions of stable translation, by sampling half a turn about the mean normal
     angles = heading + np.linspace(-np.pi / 2, np.pi / 2, 361)
-    straight = accept(np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1))
+    straight = wanted(np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1))
     if not straight.any():
         return None
     good = angles[straight]
@@ -85,7 +92,7 @@ def steering(problem: PlanningProblem, contact: int, region: str, deadline: floa
     directions = np.unique(good[np.linspace(0, len(good) - 1, _DIRECTIONS).round().astype(int)])
     offsets = _OFFSETS * rho
     for _ in range(2):
-        found = _tightest(accept, directions, offsets, rho)
+        found = _tightest(wanted, directions, offsets, rho)
         if found is None:
             break
         direction, offset, left, right = found
@@ -102,10 +109,10 @@ def steering(problem: PlanningProblem, contact: int, region: str, deadline: floa
 
 
 def _acceptance(
-    problem: PlanningProblem, contact: int, oracle: StabilityOracle, region: str, deadline: float
+    problem: PlanningProblem, contact: int, oracle: StabilityOracle, region: str, deadline: float, margin: float = 0.0
 ) -> Callable[[FloatArray], BoolArray]:
     """Which body twists (n, 3) may be used at a contact."""
-    least = max(0.0, problem.min_margin) + _INSIDE
+    least = max(0.0, problem.min_margin, margin) + _INSIDE
     conservative: StableRegion | None = None
     if region == "conservative":
         conservative = lynch_mason_region(problem.slider, problem.contacts[contact])
@@ -122,6 +129,12 @@ def _acceptance(
         return np.asarray(good)
 
     return accept
+
+
+def _half_of_the_best(problem: PlanningProblem, contact: int, oracle: StabilityOracle) -> float:
+    """Half of the largest margin (rad) of a straight push."""
+    angles = float(problem.contacts[contact].frame[2]) + np.linspace(-np.pi / 2, np.pi / 2, 361)
+    return float(oracle.margin(np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1)).max()) / 2
 
 
 def _region_contains(region: StableRegion, twists: FloatArray) -> BoolArray:
