@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,14 @@ import numpy as np
 from stablepush.contact import PushContact
 from stablepush.errors import InputError
 from stablepush.files import Node, describe, read_json, write_json
-from stablepush.models import IdealLimitSurface, LimitSurface, PolynomialLimitSurface, monomial_exponents
+from stablepush.models import (
+    GaussianProcessSurface,
+    IdealLimitSurface,
+    KernelSum,
+    LimitSurface,
+    PolynomialLimitSurface,
+    monomial_exponents,
+)
 from stablepush.models.polynomial import FORCE_UNITS
 from stablepush.slider import Slider
 from stablepush.support import SupportDistribution
@@ -68,7 +76,7 @@ def load_contact(path: str | Path) -> PushContact:
 def model_from_node(node: Node) -> LimitSurface:
     """Read the value of a ``model/1``."""
     node["format"].text(("model/1",))
-    kind = node["kind"].text(("polynomial", "support"))
+    kind = node["kind"].text(("polynomial", "support", "gp"))
     if kind == "support":
         points = node["points"].array(None, 2)
         loads = node["loads"].array(None)
@@ -77,6 +85,8 @@ def model_from_node(node: Node) -> LimitSurface:
         rho_node = node.get("characteristic_length")
         given = None if rho_node is None else rho_node.number(above=0.0)
         return node.checked(lambda: IdealLimitSurface(SupportDistribution(points, loads), float(loads.sum()), given))
+    if kind == "gp":
+        return _gaussian_process(node)
     degree = node["degree"].integer(at_least=2)
     if degree not in (2, 4, 6, 8, 10):
         node["degree"].fail(f"expected an even number from 2 to 10, got {describe(degree)}")
@@ -101,6 +111,23 @@ def model_from_node(node: Node) -> LimitSurface:
             provenance=None if provenance.value is None else provenance.object(),
         )
     )
+
+
+#: Kernel sums of a Gaussian process in its file, and how many coefficients each has for an input.
+_KERNEL_SUMS = {"slip": 3, "log_size": 1, "load": 3}
+
+
+def _gaussian_process(node: Node) -> GaussianProcessSurface:
+    sums: dict[str, KernelSum] = {}
+    for name, width in _KERNEL_SUMS.items():
+        entry = node[name]
+        inputs, coefficients = entry["inputs"].array(None, 3), entry["coefficients"].array(None, width)
+        length = entry["length"].number(above=0.0)
+        sums[name] = entry.checked(partial(KernelSum, inputs, coefficients, length))
+    size, rho = node["mean_size"].number(above=0.0), node["characteristic_length"].number(above=0.0)
+    provenance = node["provenance"]
+    said = None if provenance.value is None else provenance.object()
+    return node.checked(lambda: GaussianProcessSurface(sums["slip"], sums["log_size"], sums["load"], size, rho, provenance=said))
 
 
 def _coefficients(node: Node, degree: int) -> np.ndarray:
@@ -132,6 +159,19 @@ def model_to_json(surface: LimitSurface) -> dict[str, Any]:
             "points": surface.support.points.tolist(),
             "loads": surface.loads.tolist(),
             "characteristic_length": surface.characteristic_length,
+        }
+    if isinstance(surface, GaussianProcessSurface):
+        sums = {name: getattr(surface, name) for name in _KERNEL_SUMS}
+        return {
+            "format": "model/1",
+            "kind": "gp",
+            "characteristic_length": surface.characteristic_length,
+            "mean_size": surface.mean_size,
+            **{
+                name: {"inputs": k.inputs.tolist(), "coefficients": k.coefficients.tolist(), "length": k.length}
+                for name, k in sums.items()
+            },
+            "provenance": dict(surface.provenance),
         }
     if not isinstance(surface, PolynomialLimitSurface):
         raise InputError(f"surface: expected a limit surface of this library, got {type(surface).__name__}")

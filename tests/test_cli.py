@@ -66,7 +66,7 @@ def test_classify_adds_columns(rig, tmp_path):
 
 
 def test_classify_without_an_ensemble_leaves_the_probability_blank(rig, tmp_path):
-    assert main(["fit", str(rig / "log"), "--no-slider", "-o", str(tmp_path / "m.json")]) == 0
+    assert main(["fit", str(rig / "log"), "--model", "poly4", "-o", str(tmp_path / "m.json")]) == 0
     arguments = ["--contact", str(rig / "contact.json"), "--cors", str(rig / "cors.csv"), "-o", str(tmp_path / "o.csv")]
     assert main(["classify", str(tmp_path / "m.json"), *arguments]) == 0
     table, _ = read_table(tmp_path / "o.csv", required=(), numbers=("margin",))

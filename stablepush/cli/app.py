@@ -117,18 +117,31 @@ def import_logs(
 def fit(
     log: Annotated[Path, typer.Argument(help="pushlog/1 folder.")],
     output: Output,
-    model: Annotated[str, typer.Option(help="poly4-cvx, poly4, poly6-cvx or quadratic.")] = "poly4-cvx",
+    model: Annotated[str, typer.Option(help="poly4-cvx, poly4, poly6-cvx, quadratic or gp.")] = "poly4-cvx",
     seed: Annotated[int, typer.Option(parser=_whole_number, metavar="INTEGER", help="Seed of the cross-validation's folds.")] = 0,
     no_slider: Annotated[bool, typer.Option("--no-slider", help="Do not use what the log says of the slider.")] = False,
+    loss: Annotated[
+        str,
+        typer.Option(
+            help="squared, published (the paper's equation) or norm (its authors' code); the latter without the slider."
+        ),
+    ] = "squared",
+    com_tolerance: Annotated[
+        float, typer.Option(parser=_number, metavar="METRES", help="How far off the centre of mass may be, each way.")
+    ] = 0.0,
 ) -> None:
     """Identify a limit surface from a log of pokes."""
     import numpy as np
 
-    from stablepush.identify import MODELS, fit_limit_surface
+    from stablepush.identify import LOSSES, MODELS, fit_limit_surface
     from stablepush.logs import read_pushlog
 
     if model not in MODELS:
         raise InputError(f"--model: expected one of {', '.join(MODELS)}, got {model!r}")
+    if loss not in LOSSES:
+        raise InputError(f"--loss: expected one of {', '.join(LOSSES)}, got {loss!r}")
+    if not (math.isfinite(com_tolerance) and 0 <= com_tolerance <= 1e6):
+        raise InputError(f"--com-tolerance: expected a length in m >= 0, got {com_tolerance:g}")
     _require_seed(seed)
     _require_file(output)
     pokes = read_pushlog(log)
@@ -137,7 +150,14 @@ def fit(
         raise InputError(f"{log}: expected push rows with forces and motion, found none")
     with _progress("fit") as step, _about(log):
         result = fit_limit_surface(
-            loads, twists, model, slider=None if no_slider else pokes.rig.slider, seed=seed, progress=step.to
+            loads,
+            twists,
+            model,
+            slider=None if no_slider else pokes.rig.slider,
+            seed=seed,
+            loss=loss,
+            com_tolerance=com_tolerance,
+            progress=step.to,
         )
     from stablepush.formats import save_model
 
@@ -147,8 +167,8 @@ def fit(
         print(f"note: {remark}")
     if result.prior_weight:
         print("prior: pressures under the slider's outline, weighed by the pokes")
-    if result.cross_validation_error is not None:
-        print(f"angle error on held-out folds: {math.degrees(result.cross_validation_error):.2f} deg")
+    if result.validation_error is not None:
+        print(f"angle error on held-out folds: {math.degrees(result.validation_error):.2f} deg")
     print(f"angle error on the pokes used:  {math.degrees(float(np.mean(result.angle_errors))):.2f} deg")
     if result.certificate is not None:
         word = "SOS-convex" if result.certificate.sos_convex else "NOT certified convex"

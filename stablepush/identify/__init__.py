@@ -1,6 +1,26 @@
 """Identification of limit surfaces from pairs of loads and slip twists."""
 
 from stablepush.identify.certificate import Certificate, certify
-from stablepush.identify.fit import MODELS, Fit, fit_limit_surface
+from stablepush.identify.fit import LOSSES, MODELS, POLYNOMIALS, Fit, fit_limit_surface
+from stablepush.identify.next_poke import Poke, poke_candidates, poke_outcome, rank_pokes
+from stablepush.identify.online import OnlineEstimate, OnlineIdentifier
+from stablepush.identify.pressure_grid import GridPressure, ellipsoid_from_pressure, fit_pressure_grid
 
-__all__ = ["MODELS", "Certificate", "Fit", "certify", "fit_limit_surface"]
+__all__ = [
+    "LOSSES",
+    "MODELS",
+    "POLYNOMIALS",
+    "Certificate",
+    "Fit",
+    "GridPressure",
+    "OnlineEstimate",
+    "OnlineIdentifier",
+    "Poke",
+    "certify",
+    "ellipsoid_from_pressure",
+    "fit_limit_surface",
+    "fit_pressure_grid",
+    "poke_candidates",
+    "poke_outcome",
+    "rank_pokes",
+]

@@ -30,6 +30,10 @@ class Certificate:
         """True if the certificate proves SOS-convexity."""
         return self.min_eigenvalue > self.rounding
 
+    def in_units(self, factor: float) -> Certificate:
+        """Return the certificate of the coefficients times ``factor`` (> 0)."""
+        return Certificate(self.gram * factor, self.min_eigenvalue * factor, self.residual * factor, self.rounding * factor)
+
     def to_json(self) -> dict[str, Any]:
         """Return the ``certificate`` entry of ``model/1``."""
         return {

@@ -3,47 +3,38 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache
-from itertools import product
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.special
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import LARGEST_MAGNITUDE, FloatArray, check_number, check_vectors, read_only
+from stablepush._arrays import FloatArray, check_vectors, read_only
 from stablepush.errors import InputError
 from stablepush.identify.certificate import Certificate, certify
-from stablepush.identify.moments import Moments
+from stablepush.identify.estimator import Estimator, NormLoss, Part, SquaredLoss, SquaredWeights
+from stablepush.identify.gp import fit_gaussian_process
+from stablepush.identify.pairs import Pairs
+from stablepush.identify.posterior import draw_coefficients
 from stablepush.identify.pressure import PressureEnsemble, PressureSampler
-from stablepush.identify.sos import sos_convex_program
-from stablepush.models.monomials import gradient_rows
-from stablepush.models.polynomial import PolynomialLimitSurface
-from stablepush.planar import angle_between, normalize_twist, normalize_wrench, unit
+from stablepush.identify.program import Estimate
+from stablepush.models import GaussianProcessSurface, PolynomialLimitSurface
+from stablepush.models.monomials import gradient_rows, monomials
+from stablepush.planar import angle_between, normalize_twist
 from stablepush.slider import Slider
 
-#: Model names: degree, and whether SOS-convexity is imposed.
-MODELS = {"poly4-cvx": (4, True), "poly4": (4, False), "poly6-cvx": (6, True), "quadratic": (2, True)}
-
-#: Candidate weights of slip and level residuals against |a|², for loads of median length one: from a prior that outweighs
-#: the pairs to one that only settles what they leave open, as noise-free pairs want it.
-ETA_1 = (0.1, 1.0, 10.0, 100.0, 1000.0)
-ETA_2 = (0.1, 1.0, 10.0, 100.0, 1000.0)
+#: Polynomial models: degree, and whether SOS-convexity is imposed. A Gaussian process is the other.
+POLYNOMIALS = {"poly4-cvx": (4, True), "poly4": (4, False), "poly6-cvx": (6, True), "quadratic": (2, True)}
+MODELS = (*POLYNOMIALS, "gp")
+LOSSES = ("squared", "published", "norm")
 
 #: Folds of the cross-validation; with fewer than this many pairs the middle weights are taken instead.
 FOLDS = 5
 
-#: With a slider: weight (in pairs) of the pseudo pairs of its likely pressures, the candidate weights of a measured pair beside
-#: it, and the weight of either against |a|². Measured pairs have shaped the pressures already, so zero is a candidate.
-PRIOR_PAIRS, PAIR_WEIGHTS, PRIOR_SCALE = 10.0, (0.0, 0.1, 0.3, 1.0, 3.0), 1e4
-#: Twists at which the likely pressures are asked for their loads.
-PSEUDO_PAIRS = 400
-#: Surfaces of the ensemble that comes with a fit.
-MEMBERS = 50
-
-#: Loads below this (N) are no friction of an object on a table.
-LEAST_FORCE = 1e-9
+#: A robust weight below which a pair is reported as an outlier; a pair that fits has weight 1 to 1.75.
+OUTLIER_WEIGHT = 0.2
 
 #: Largest coefficient that a model file may hold: beyond it the surface is stored in units of the friction force.
 _LARGEST_COEFFICIENT = 1e6
@@ -55,7 +46,7 @@ class Fit:
 
     Attributes
     ----------
-    surface : PolynomialLimitSurface
+    surface : PolynomialLimitSurface or GaussianProcessSurface
     model : str
     status : str
         The solver's word on the final solve; ``"solved"`` where no iterative solver is involved.
@@ -63,47 +54,43 @@ class Fit:
         Time in the solver for the final solve, in s.
     total_time : float
         Wall time of the whole identification, cross-validation included, in s.
-    eta1, eta2 : float
-        Chosen weights of slip and level residuals.
-    cross_validation_error : float or None
+    weights : mapping
+        Chosen weights: ``eta1, eta2, prior`` of the squared loss, ``w_force, w_reg`` of the norm loss.
+    validation_error : float or None
         Mean angle (rad) between predicted and measured twists of held-out pairs at the chosen weights; it was minimised over
         the weights, so it flatters a little. None with too few pairs.
     angle_errors : array, shape (n,)
-        Angle (rad) between predicted and measured twist of each pair used.
+        Angle (rad) between predicted and measured twist of each pair.
     level_errors : array, shape (n,)
-        ``H(F) - 1`` of each pair used.
+        ``H(F) - 1`` of each pair.
+    pair_weights : array, shape (n,)
+        Robust weight of each pair used for the fit: far below one for an outlier.
     certificate : Certificate or None
-        Proof of SOS-convexity, in units of the scaled loads; None for ``poly4``.
-    prior_weight : float
-        Weight of the pairs that stand for the slider's likely pressures, in pairs; 0 where no prior is used.
+        Proof of SOS-convexity, in units of the scaled loads; None for ``poly4`` and ``gp``.
     pressures : PressureEnsemble or None
         Pressure distributions that the pokes leave likely, all alike; None where no prior is used.
     remarks : tuple of str
-        What a user should know: pokes that contradict the prior, say.
+        What a user should know: pokes that contradict the prior or leave the surface open, outliers, slips of units.
     """
 
-    surface: PolynomialLimitSurface
+    surface: PolynomialLimitSurface | GaussianProcessSurface
     model: str
     status: str
     solve_time: float
     total_time: float
-    eta1: float
-    eta2: float
-    cross_validation_error: float | None
+    weights: Mapping[str, float]
+    validation_error: float | None
     angle_errors: FloatArray
     level_errors: FloatArray
-    certificate: Certificate | None
-    prior_weight: float = 0.0
+    pair_weights: FloatArray
+    certificate: Certificate | None = None
     pressures: PressureEnsemble | None = None
     remarks: tuple[str, ...] = ()
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Estimate:
-    coefficients: FloatArray
-    gram: FloatArray | None
-    status: str
-    solve_time: float
+    @property
+    def prior_weight(self) -> float:
+        """Weight of the pairs that stand for the slider's likely pressures, in pairs; 0 where no prior is used."""
+        return self.weights.get("prior", 0.0)
 
 
 def fit_limit_surface(
@@ -114,202 +101,187 @@ def fit_limit_surface(
     characteristic_length: float | None = None,
     seed: int | None = None,
     *,
+    loss: str = "squared",
+    hold_out: ArrayLike | None = None,
+    robust: bool = True,
+    com_tolerance: ArrayLike = 0.0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Fit:
     """Identify ``H`` from loads and slip twists by the paper's convex program.
 
-    ``minimise |a|² + Σ_i (eta1 α_i + eta2 β_i)`` with ``α_i = |∇H(F_i) - (∇H(F_i)·V_i)V_i|²`` and ``β_i = (H(F_i) - 1)²``,
-    subject to SOS-convexity for the ``-cvx`` models and the quadratic. ``eta1, eta2`` are chosen by five-fold
-    cross-validation of the angle between predicted and measured twists; the final solve uses all pairs.
+    ``minimise |a - a0|² + Σ_i w_i (eta1 α_i + eta2 β_i)`` with ``α_i = |∇H(F_i) - (∇H(F_i)·V_i)V_i|²`` and ``β_i = (H(F_i) -
+    1)²``, subject to SOS-convexity for the ``-cvx`` models and the quadratic. ``eta1, eta2`` are chosen by five-fold
+    cross-validation of the angle between predicted and measured twists; the final solve uses all pairs. ``w_i`` are robust
+    weights.
+
+    With a slider, pressure distributions under its outline that have its centre of mass and that the pairs leave likely say
+    what to expect; without one, an ellipsoid fitted to the same pairs does (:class:`SquaredLoss`).
 
     Parameters
     ----------
     wrenches : array-like, shape (n, 3)
-        Loads ``(fx, fy, tau)`` in N and N·m, in B.
+        Loads ``(fx, fy, tau)`` in N and N·m, in B. With a slider ``n`` may be 0: the fit is then what the prior expects, in
+        units of the friction load.
     twists : array-like, shape (n, 3)
         Slip twists ``(vx, vy, omega)`` in B; only their directions count.
-    model : {"poly4-cvx", "poly4", "poly6-cvx", "quadratic"}
+    model : {"poly4-cvx", "poly4", "poly6-cvx", "quadratic", "gp"}
+        ``"gp"`` is the paper's baseline, a Gaussian process without physics; it needs scikit-learn.
     slider : Slider, optional
         Outline and centre of mass as prior knowledge; gives the characteristic length if that is not given.
     characteristic_length : float, optional
         ``rho`` in m; without it and without a slider ``sqrt(2) rms(tau) / rms(|f|)``.
     seed : int, optional
-        Seed of the split into folds; 0 if not given, so that a fit can be repeated.
+        Seed of the split into folds and of the ensemble; 0 if not given, so that a fit can be repeated.
+    loss : {"squared", "published", "norm"}
+        ``"squared"``: as above. ``"published"``: the paper's equation, ``a0 = 0`` and every ``w_i = 1``, without the slider.
+        ``"norm"``: norms instead of squares, as in the authors' code, without the slider.
+    hold_out : array-like of int, optional
+        Rows that choose the weights and are not used otherwise, as in the paper's experiments, instead of folds.
+    robust : bool
+        Whether pairs that do not fit get less weight.
+    com_tolerance : float or array-like, shape (2,)
+        Half widths (m) of a box about the origin of B in which the centre of mass may lie, for the slider's prior.
     progress : callable, optional
         Called with the number of solves done and planned.
 
     Raises
     ------
     InputError
-        Wrong shapes, zero loads or twists, or loads that mostly oppose the motion.
+        Wrong shapes, zero loads or twists, loads that mostly oppose the motion, or units that cannot be right.
     SolverError
-        The solver found no certified solution.
+        No solver found a solution.
     """
     started = time.perf_counter()
     if model not in MODELS:
         raise InputError(f"model: expected one of {', '.join(MODELS)}, got {model!r}")
-    degree, convex = MODELS[model]
-    f, v = _check_pairs(wrenches, twists)
-    rho = _characteristic_length(f, slider, characteristic_length)
-    loads = normalize_wrench(f, rho)
-    force_scale = float(np.median(np.linalg.norm(loads, axis=1)))
-    if not LEAST_FORCE <= force_scale <= LARGEST_MAGNITUDE:
-        raise InputError(
-            f"wrenches: expected loads of {LEAST_FORCE:g} to {LARGEST_MAGNITUDE:g} N, their median is {force_scale:g} N"
-        )
-    loads = loads / force_scale
-    directions = unit(normalize_twist(v, rho))
+    if loss not in LOSSES:
+        raise InputError(f"loss: expected one of {', '.join(LOSSES)}, got {loss!r}")
+    seed = 0 if seed is None else seed
+    pairs = Pairs.from_data(wrenches, twists, slider, characteristic_length)
+    train, tests = _split(len(pairs), hold_out, seed)
+    if model == "gp":
+        return _fit_gp(pairs, train, started)
+    degree, convex = POLYNOMIALS[model]
 
-    folds = _folds(len(loads), seed)
-    plain = [_Weights(a, b) for a, b in product(ETA_1, ETA_2)]
-    middle = _Weights(ETA_1[len(ETA_1) // 2], ETA_2[len(ETA_2) // 2])
+    remarks: list[str] = []
     sampler = None
-    candidates = plain
-    remarks = []
-    if slider is not None and convex and degree > 2:
+    box = _com_box(com_tolerance)
+    if slider is not None and loss == "squared" and convex and degree > 2:
         try:
-            sampler = PressureSampler(slider.vertices, seed=0 if seed is None else seed)
+            sampler = PressureSampler(slider.vertices, box, seed)
             sampler.prior()
         except InputError as reason:
             sampler = None
             remarks.append(f"the slider is not used as a prior: {reason}")
-    if sampler is not None:
-        candidates = [_Weights(PRIOR_SCALE * w, PRIOR_SCALE * w, PRIOR_PAIRS) for w in PAIR_WEIGHTS] + plain
-    planned = len(candidates) * len(folds) + 1
+    remarks += pairs.take(train).remarks(1 if sampler is not None else _needed(degree), slider)
+    estimator: Estimator
+    if loss == "norm":
+        estimator = NormLoss(degree, convex, pairs.force_scale)
+    else:
+        published = loss == "published"
+        estimator = SquaredLoss(degree, convex, sampler, robust and not published, "zero" if published else "ellipsoid")
+
+    planned = len(estimator.candidates) * len(tests) + 1
     done = 0
 
-    def estimate(part: _Part, weights: _Weights) -> _Estimate:
+    def solve(part: Part, weights: Any) -> Estimate:
         nonlocal done
         done += 1
         if progress is not None:
             progress(done, planned)
-        return _solve(part, weights, degree, convex)
+        return estimator.solve(part, weights)
 
-    def part_of(rows: np.ndarray) -> _Part:
-        pressures = None if sampler is None else sampler.posterior(loads[rows], directions[rows], rho)
-        return _Part.from_pairs(loads[rows], directions[rows], pressures, rho, degree)
-
-    everything = np.arange(len(loads))
-    weights, error = (candidates[0] if sampler is not None else middle), None
-    if folds:
-        errors = np.empty((len(candidates), len(loads)))
-        for fold in folds:
-            part = part_of(np.setdiff1d(everything, fold))
-            rows = gradient_rows(loads[fold], degree)
-            for c, candidate in enumerate(candidates):
-                errors[c, fold] = angle_between(rows @ estimate(part, candidate).coefficients, directions[fold])
-        chosen = _choose(errors, with_prior=0 if sampler is None else len(PAIR_WEIGHTS))
-        weights, error = candidates[chosen], float(errors[chosen].mean())
-    whole = part_of(everything)
-    best = estimate(whole, weights)
+    chosen, error = estimator.default, None
+    if tests:
+        errors = np.empty((len(estimator.candidates), len(pairs)))
+        for rows in tests:
+            part = estimator.prepare(pairs.take(np.setdiff1d(train, rows)))
+            gradient = gradient_rows(pairs.loads[rows], degree)
+            for c, candidate in enumerate(estimator.candidates):
+                errors[c, rows] = angle_between(gradient @ solve(part, candidate).coefficients, pairs.directions[rows])
+        errors = errors[:, np.concatenate(tests)]
+        chosen = _choose(errors, estimator.with_prior)
+        error = float(errors[chosen].mean())
+    weights = estimator.candidates[chosen]
+    whole = estimator.prepare(pairs.take(train))
+    best = solve(whole, weights)
+    ensemble: list[FloatArray] = []
+    if convex and isinstance(estimator, SquaredLoss) and isinstance(weights, SquaredWeights):
+        ensemble = draw_coefficients(estimator, whole, weights, best.coefficients, pairs.rho, seed)
+    if loss == "squared":
+        factor = _level(best.coefficients, pairs.take(train), whole.pair_weights, degree)
+        ensemble = [factor * a for a in ensemble]
+        best = replace(best, coefficients=factor * best.coefficients, gram=None if best.gram is None else factor * best.gram)
     if sampler is not None and weights.prior == 0:
         remarks.append(
             "the pokes contradict every pressure under the outline with the centre of mass at the origin: "
             "the fit follows the pokes (is the outline, the centre of mass or the sign of a moment wrong?)"
         )
+    outliers = int((whole.pair_weights < OUTLIER_WEIGHT).sum())
+    if outliers and not weights.prior:
+        remarks.append(f"{outliers} of {len(train)} pairs are outliers and count for little")
 
     certificate = None if best.gram is None else certify(best.coefficients, best.gram, degree)
-    ensemble = []
-    if weights.prior and whole.pressures is not None:
-        draws = whole.pressures.wrenches(_asked(), rho)[:: max(1, len(whole.pressures.loads) // MEMBERS)]
-        # each draw has been weighed by the pokes; weighing those in again would make the draws agree too much
-        alone = _Weights(0.0, 0.0, PRIOR_PAIRS)
-        ensemble = [
-            _solve(_Part(whole.pairs, Moments.from_pairs(draw, _asked(), degree), None), alone, degree, convex).coefficients
-            for draw in draws
-        ]
-    surface = _surface(best, ensemble, certificate, degree, rho, force_scale, model, len(loads))
-    gradient = gradient_rows(loads, degree) @ best.coefficients
-    level = surface.value(f if surface.force_unit == "N" else f / force_scale)
+    surface = _surface(best, ensemble, certificate, degree, pairs, model)
+    gradient = gradient_rows(pairs.loads, degree) @ best.coefficients
+    f = np.asarray(wrenches, dtype=np.float64)
     return Fit(
         surface=surface,
         model=model,
         status=best.status,
         solve_time=best.solve_time,
         total_time=time.perf_counter() - started,
-        eta1=weights.eta1,
-        eta2=weights.eta2,
-        cross_validation_error=error,
-        angle_errors=read_only(angle_between(gradient, directions)),
-        level_errors=read_only(level - 1),
+        weights=asdict(weights),
+        validation_error=error,
+        angle_errors=read_only(angle_between(gradient, pairs.directions)),
+        level_errors=read_only(surface.value(f if surface.force_unit == "N" else f / pairs.force_scale) - 1),
+        pair_weights=read_only(whole.pair_weights),
         certificate=certificate,
-        prior_weight=weights.prior,
-        pressures=None if whole.pressures is None else whole.pressures.scaled(force_scale),
+        pressures=None if whole.pressures is None else whole.pressures.scaled(pairs.force_scale),
         remarks=tuple(remarks),
     )
 
 
-def _check_pairs(wrenches: ArrayLike, twists: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    f = check_vectors(wrenches, "wrenches", 3)
-    v = check_vectors(twists, "twists", 3)
-    if f.ndim != 2 or f.shape != v.shape:
-        raise InputError(f"wrenches, twists: expected two arrays of shape (n, 3), got {f.shape} and {v.shape}")
-    if len(f) == 0:
-        raise InputError("wrenches, twists: expected at least one pair")
-    for name, array in (("wrenches", f), ("twists", v)):
-        if not array.any(axis=1).all():
-            raise InputError(f"{name}: expected no zero rows, row {int(np.argmin(array.any(axis=1)))} is zero")
-    opposed = int(((f * v).sum(axis=1) < 0).sum())
-    if 2 * opposed > len(f):
-        raise InputError(
-            f"wrenches, twists: {opposed} of {len(f)} pairs have F·V < 0; expected the load that the pusher applies, "
-            "which drives the motion (is the sign of the force turned round?)"
-        )
-    return f, v
+def _level(coefficients: FloatArray, pairs: Pairs, weights: FloatArray, degree: int) -> float:
+    """Factor of the coefficients for which the loads lie on the surface on average; directions and convexity stay.
+
+    The weights are chosen by angles, which leave the scale free, and every residual and penalty shrinks it.
+    """
+    value = monomials(pairs.loads, degree) @ coefficients
+    if not len(pairs) or not (value > 0).all():
+        return 1.0
+    # the size of a load on the surface, in its direction, is |F| H^(-1/d): its relative error has mean zero
+    return float(weights.sum() / (weights @ value ** (1 / degree))) ** degree
 
 
-def _characteristic_length(f: FloatArray, slider: Slider | None, given: float | None) -> float:
-    if given is not None:
-        return check_number(given, "characteristic_length", above=0.0)
-    if slider is not None:
-        return slider.characteristic_length
-    force = np.sqrt((f[:, :2] ** 2).sum(axis=1).mean())
-    torque = np.sqrt((f[:, 2] ** 2).mean())
-    if force == 0 or torque == 0:
-        raise InputError("characteristic_length: expected a value or a slider, as the pairs lack forces or torques")
-    return float(np.sqrt(2) * torque / force)
+def _com_box(tolerance: ArrayLike) -> FloatArray:
+    box = np.broadcast_to(check_vectors(np.atleast_1d(tolerance), "com_tolerance", np.size(tolerance)), (2,))
+    if (box < 0).any():
+        raise InputError(f"com_tolerance: expected half widths >= 0, got {box.min():g}")
+    return box
 
 
-def _folds(count: int, seed: int | None) -> list[np.ndarray]:
+def _needed(degree: int) -> int:
+    """Pairs of general position that settle the coefficients: each gives two equations for the slip and one for the level."""
+    return -(-(degree + 1) * (degree + 2) // 6)
+
+
+def _split(count: int, hold_out: ArrayLike | None, seed: int) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return the rows to fit, and the sets of rows that validate."""
+    everything = np.arange(count)
+    if hold_out is not None:
+        rows = np.asarray(hold_out)
+        if rows.ndim != 1 or not len(rows) or not np.issubdtype(rows.dtype, np.integer):
+            raise InputError("hold_out: expected at least one row number")
+        if rows.min() < 0 or rows.max() >= count or len(np.unique(rows)) != len(rows):
+            raise InputError(f"hold_out: expected different rows from 0 to {count - 1}")
+        if len(rows) == count:
+            raise InputError("hold_out: expected rows that leave some pairs to fit")
+        return np.setdiff1d(everything, rows), [rows]
     if count < FOLDS:
-        return []
-    order = np.random.default_rng(0 if seed is None else seed).permutation(count)
-    return [np.sort(part) for part in np.array_split(order, FOLDS)]
-
-
-@dataclass(frozen=True, slots=True)
-class _Weights:
-    """Weights of slip and level residuals of measured pairs, and of the prior in pairs (0: none)."""
-
-    eta1: float
-    eta2: float
-    prior: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Part:
-    """Moments of some of the pairs, and of pseudo pairs from the pressures that those leave likely."""
-
-    pairs: Moments
-    pseudo: Moments | None
-    pressures: PressureEnsemble | None
-
-    @classmethod
-    def from_pairs(
-        cls, loads: FloatArray, directions: FloatArray, pressures: PressureEnsemble | None, rho: float, degree: int
-    ) -> _Part:
-        pairs = Moments.from_pairs(loads, directions, degree)
-        if pressures is None:
-            return cls(pairs, None, None)
-        # the ideal surface is linear in the pressure: the mean of the loads is that of the mean pressure
-        pseudo = Moments.from_pairs(pressures.wrenches(_asked(), rho).mean(axis=0), _asked(), degree)
-        return cls(pairs, pseudo, pressures)
-
-
-@cache
-def _asked() -> FloatArray:
-    """Unit normalised twists (n, 3) at which pressures are asked for their loads."""
-    return read_only(unit(np.random.default_rng(0).normal(size=(PSEUDO_PAIRS, 3))))
+        return everything, []
+    order = np.random.default_rng(seed).permutation(count)
+    return everything, [np.sort(part) for part in np.array_split(order, FOLDS)]
 
 
 def _choose(errors: FloatArray, with_prior: int) -> int:
@@ -320,9 +292,9 @@ def _choose(errors: FloatArray, with_prior: int) -> int:
     a prior only if that is better at the 5 % level (paired t test): a prior is given up for evidence, not for luck.
     """
     mean = errors.mean(axis=1)
-    if not with_prior:
-        return int(np.argmin(mean))
     count = errors.shape[1]
+    if not with_prior or count < 2:
+        return int(np.argmin(mean[: with_prior or None]))
     differences = errors[:with_prior] - errors[int(np.argmin(mean[:with_prior]))]
     chosen = int(np.argmax(differences.mean(axis=1) <= differences.std(axis=1, ddof=1) / np.sqrt(count)))
     plain = with_prior + int(np.argmin(mean[with_prior:]))
@@ -331,49 +303,46 @@ def _choose(errors: FloatArray, with_prior: int) -> int:
     return plain if gain.mean() > needed else chosen
 
 
-def _solve(part: _Part, weights: _Weights, degree: int, convex: bool) -> _Estimate:
-    quadratic = np.eye(len(part.pairs.target)) + weights.eta1 * part.pairs.slip + weights.eta2 * part.pairs.level
-    linear = weights.eta2 * part.pairs.target
-    if weights.prior and part.pseudo is not None:
-        share = PRIOR_SCALE * weights.prior / part.pseudo.count
-        quadratic = quadratic + share * (part.pseudo.slip + part.pseudo.level)
-        linear = linear + share * part.pseudo.target
-    if convex:
-        solution = sos_convex_program(degree).solve(quadratic, linear)
-        return _Estimate(solution.coefficients, solution.gram, solution.status, solution.solve_time)
-    started = time.perf_counter()
-    coefficients = np.asarray(np.linalg.solve(quadratic, linear), dtype=np.float64)
-    return _Estimate(coefficients, None, "solved", time.perf_counter() - started)
-
-
 def _surface(
-    best: _Estimate,
+    best: Estimate,
     ensemble: list[FloatArray],
     certificate: Certificate | None,
     degree: int,
-    rho: float,
-    force_scale: float,
+    pairs: Pairs,
     model: str,
-    pairs: int,
 ) -> PolynomialLimitSurface:
     """Bring the coefficients back to newtons, and the certificate with them."""
-    to_newton = force_scale ** (-degree)
+    to_newton = pairs.force_scale ** (-degree)
     force_unit = "N"
-    if max(np.abs(a).max() for a in (best.coefficients, *ensemble)) * to_newton > _LARGEST_COEFFICIENT:
+    if not len(pairs) or max(np.abs(a).max() for a in (best.coefficients, *ensemble)) * to_newton > _LARGEST_COEFFICIENT:
         to_newton, force_unit = 1.0, "mu*N"
-    entry = None
-    if certificate is not None:
-        entry = certificate.to_json()
-        entry["min_eigenvalue"] *= to_newton
-        entry["residual"] *= to_newton
-        entry["gram"] = (certificate.gram * to_newton).tolist()
+    entry = None if certificate is None else certificate.in_units(to_newton).to_json()
     return PolynomialLimitSurface(
         best.coefficients * to_newton,
         degree,
-        rho,
+        pairs.rho,
         force_unit=force_unit,
         certificate=entry,
         covariance=np.cov(np.array(ensemble) * to_newton, rowvar=False) if ensemble else None,
         ensemble=np.array(ensemble) * to_newton if ensemble else None,
-        provenance={"model": model, "pairs": pairs, "force_scale_N": force_scale},
+        provenance={"model": model, "pairs": len(pairs), "force_scale_N": pairs.force_scale},
+    )
+
+
+def _fit_gp(pairs: Pairs, train: np.ndarray, started: float) -> Fit:
+    surface, elapsed = fit_gaussian_process(pairs.take(train))
+    f = pairs.loads * pairs.force_scale * (1.0, 1.0, pairs.rho)
+    slip = normalize_twist(surface.twist(f), pairs.rho)
+    return Fit(
+        surface=surface,
+        model="gp",
+        status="solved",
+        solve_time=elapsed,
+        total_time=time.perf_counter() - started,
+        weights={},
+        validation_error=None,
+        angle_errors=read_only(angle_between(slip, pairs.directions)),
+        level_errors=read_only(surface.value(f) - 1),
+        pair_weights=read_only(np.ones(len(train))),
+        remarks=("a Gaussian process is no limit surface: nothing makes it convex, and its regions may be wrong",),
     )

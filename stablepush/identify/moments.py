@@ -15,22 +15,32 @@ class Moments:
     """Sums over pairs for the paper's objective (its equations 4 to 6).
 
     ``slip`` (m, m): ``Σ α_i = aᵀ slip a`` with ``α = |∇H - (∇H·V)V|²``; ``level`` (m, m) and ``target`` (m,): ``Σ β_i = aᵀ
-    level a - 2 target·a + count`` with ``β = (H - 1)²``. Moments of disjoint sets add.
+    level a - 2 target·a + count`` with ``β = (H - 1)²``. Moments of disjoint sets add, and fade by a factor.
     """
 
     slip: FloatArray
     level: FloatArray
     target: FloatArray
-    count: int
+    count: float
 
     @classmethod
-    def from_pairs(cls, loads: FloatArray, directions: FloatArray, degree: int) -> Moments:
-        """Reduce normalised loads (n, 3) and unit normalised twists (n, 3)."""
-        gradient = gradient_rows(loads, degree)
+    def from_pairs(cls, loads: FloatArray, directions: FloatArray, degree: int, weights: FloatArray | None = None) -> Moments:
+        """Reduce normalised loads (n, 3) and unit normalised twists (n, 3), each pair counted ``weights`` (n,) times."""
+        root = np.ones(len(loads)) if weights is None else np.sqrt(weights)
+        gradient = gradient_rows(loads, degree) * root[:, None, None]
         along = np.einsum("ni,nim->nm", directions, gradient)
         across = (gradient - directions[:, :, None] * along[:, None, :]).reshape(-1, gradient.shape[-1])
-        values = monomials(loads, degree)
-        return cls(across.T @ across, values.T @ values, values.sum(axis=0), len(loads))
+        values = monomials(loads, degree) * root[:, None]
+        return cls(across.T @ across, values.T @ values, root @ values, float(root @ root))
+
+    @classmethod
+    def none(cls, degree: int) -> Moments:
+        """Return the moments of no pair."""
+        m = (degree + 1) * (degree + 2) // 2
+        return cls(np.zeros((m, m)), np.zeros((m, m)), np.zeros(m), 0.0)
 
     def __add__(self, other: Moments) -> Moments:
         return Moments(self.slip + other.slip, self.level + other.level, self.target + other.target, self.count + other.count)
+
+    def __mul__(self, factor: float) -> Moments:
+        return Moments(self.slip * factor, self.level * factor, self.target * factor, self.count * factor)

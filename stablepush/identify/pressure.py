@@ -10,17 +10,23 @@ weight is gone, resample, move every draw by Metropolis steps, and so on.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import shapely
 
 from stablepush._arrays import FloatArray, read_only
 from stablepush.errors import InputError
+from stablepush.planar import unit
 
 #: Scale of the load's error relative to its size, and the degrees of freedom of its Student distribution: scatter within a
 #: poke is 9 % on the published logs, and friction is not quite Coulomb's.
 LOAD_ERROR, FREEDOM = 0.15, 4.0
+#: Scatter (rad) of the twist's direction, each way: the path of a poke is a chord, and the tracking of its ends not exact.
+TWIST_ERROR = 0.05
+_SCATTER_WEIGHTS = np.array((1, 0.5, 0.5, 0.5, 0.5)) / 3
+#: The centre of mass is the origin of B.
+NO_BOX = np.zeros(2)
 #: Numbers of support points of a draw.
 FEWEST_POINTS, MOST_POINTS = 3, 12
 #: Metropolis steps for each draw after each resampling; share of the draws' weight that is left before one.
@@ -62,11 +68,12 @@ def predict_loads(points: FloatArray, loads: FloatArray, twists: FloatArray) -> 
 class PressureSampler:
     """Draws pressure distributions over an outline, and from them those that pokes leave likely."""
 
-    def __init__(self, outline: FloatArray, count: int = 400, seed: int = 0) -> None:
+    def __init__(self, outline: FloatArray, com_box: FloatArray = NO_BOX, seed: int = 0, count: int = 400) -> None:
         self._polygon = shapely.Polygon(outline)
         shapely.prepare(self._polygon)
         self._low, self._high = outline.min(axis=0), outline.max(axis=0)
         self._radius = float(np.linalg.norm(outline, axis=1).max())
+        self._box = com_box
         self._count = count
         self._seed = seed
 
@@ -77,8 +84,11 @@ class PressureSampler:
 
     def posterior(self, loads: FloatArray, twists: FloatArray, rho: float) -> PressureEnsemble:
         """Return draws given normalised loads (n, 3) and unit normalised twists (n, 3)."""
+        if not len(loads):
+            return self.prior()
         rng = np.random.default_rng(self._seed)
         state = self._first(rng)
+        twists = _scattered(twists)
         scale, likelihood = _fit_scale(self._predict(state, twists, rho), loads)
         power = 0.0
         while power < 1.0:
@@ -97,7 +107,9 @@ class PressureSampler:
         return PressureEnsemble(read_only(state.points), read_only(state.shares), read_only(scale))
 
     def _predict(self, state: _State, twists: FloatArray, rho: float) -> FloatArray:
-        return predict_loads(state.points / rho, state.shares, twists)
+        """Loads (m, n, q, 3) of twists (n, q, 3)."""
+        loads = predict_loads(state.points / rho, state.shares, twists.reshape(-1, 3))
+        return loads.reshape(-1, *twists.shape)
 
     def _first(self, rng: np.random.Generator) -> _State:
         """Draw from the prior: draws whose points do not surround the centre of mass are drawn again."""
@@ -107,7 +119,8 @@ class PressureSampler:
             used = rng.integers(FEWEST_POINTS, MOST_POINTS + 1, size=self._count)
             active = np.arange(MOST_POINTS) < used[:, None]
             points = self._uniform(self._count * MOST_POINTS, rng).reshape(-1, MOST_POINTS, 2)
-            state = self._tilted(points, rng.exponential(size=active.shape), active)
+            center = self._box * rng.uniform(-1, 1, size=(self._count, 2))
+            state = self._tilted(points, rng.exponential(size=active.shape), active, center)
             parts.append(state.take(np.flatnonzero(state.good)))
             have += len(parts[-1].good)
             if have >= self._count:
@@ -139,16 +152,19 @@ class PressureSampler:
         change = rng.normal(size=raw.shape) * (10 ** rng.uniform(-1.5, 0, size=(count, 1)))
         change[moved] = 0.0
         raw = raw * np.exp(change)
-        proposed = self._tilted(points, raw, state.active)
+        # where the centre of mass is not certain, every other proposal moves that as well
+        again = rng.random(count) < 0.5
+        center = np.where(again[:, None], self._box * rng.uniform(-1, 1, size=(count, 2)), state.center)
+        proposed = self._tilted(points, raw, state.active, center)
         ratio = ((state.raw - raw + change) * state.active).sum(axis=1)
         inside = np.ones(count, dtype=bool)
         inside[moved] = shapely.contains_xy(self._polygon, *place[moved].T)
         return proposed, np.where(inside & proposed.good, ratio, -np.inf)
 
-    def _tilted(self, points: FloatArray, raw: FloatArray, active: np.ndarray) -> _State:
-        """Shares ``q ∝ g exp(λ·x)`` with mean zero: Newton on the convex ``log Σ g exp(λ·x)``, whose gradient is the mean."""
+    def _tilted(self, points: FloatArray, raw: FloatArray, active: np.ndarray, center: FloatArray) -> _State:
+        """Shares ``q ∝ g exp(λ·x)`` with mean ``center``: Newton on the convex ``log Σ g exp(λ·(x - c))``."""
         base = np.where(active, np.log(raw), -np.inf)
-        scaled = points / self._radius
+        scaled = (points - center[:, None]) / self._radius
         tilt = np.zeros((len(points), 2))
         shares = np.zeros(active.shape)
         good = np.zeros(len(points), dtype=bool)
@@ -174,56 +190,72 @@ class PressureSampler:
             # a tilt that runs away leaves one point: such a draw does not surround the centre of mass, and stays unfinished
             length = np.linalg.norm(step, axis=1, keepdims=True)
             tilt[rest] += step * np.minimum(1.0, 2.0 / np.maximum(length, 1e-300))
-        return _State(points, raw, active, shares, good)
+        return _State(points, raw, active, center, shares, good)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _State:
+    """Draws: support points (m, k, 2), raw shares and which are used (m, k), centre of mass (m, 2), tilted shares (m, k)."""
+
     points: FloatArray
     raw: FloatArray
     active: np.ndarray
+    center: FloatArray
     shares: FloatArray
     good: np.ndarray
 
     def take(self, rows: np.ndarray) -> _State:
-        return _State(self.points[rows], self.raw[rows], self.active[rows], self.shares[rows], self.good[rows])
+        return _State(*(getattr(self, name)[rows] for name in _PARTS))
 
     def replace(self, rows: np.ndarray, other: _State) -> _State:
-        return _State(
-            np.where(rows[:, None, None], other.points, self.points),
-            np.where(rows[:, None], other.raw, self.raw),
-            self.active,
-            np.where(rows[:, None], other.shares, self.shares),
-            self.good,
-        )
+        """Return this state with some rows (m,) of ``other``."""
+        both = ((getattr(self, name), getattr(other, name)) for name in _PARTS)
+        return _State(*(np.where(rows.reshape(-1, *(1,) * (old.ndim - 1)), new, old) for old, new in both))
 
     @staticmethod
     def join(parts: list[_State]) -> _State:
-        return _State(
-            np.concatenate([p.points for p in parts]),
-            np.concatenate([p.raw for p in parts]),
-            np.concatenate([p.active for p in parts]),
-            np.concatenate([p.shares for p in parts]),
-            np.concatenate([p.good for p in parts]),
-        )
+        return _State(*(np.concatenate([getattr(p, name) for p in parts]) for name in _PARTS))
+
+
+_PARTS = tuple(field.name for field in fields(_State))
+
+
+def _scattered(twists: FloatArray) -> FloatArray:
+    """Twists (n, 5, 3) that stand for a measured one (n, 3) and its error: itself and four at ``sqrt(3) TWIST_ERROR`` from it.
+
+    With the weights :data:`_SCATTER_WEIGHTS` they have the moments of a normal error up to the third (unscented transform,
+    Julier and Uhlmann 1997).
+    """
+    helper = np.where(np.abs(twists[:, :1]) < 0.7, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    first = unit(np.cross(twists, helper))
+    second = np.cross(twists, first)
+    step = np.sqrt(3.0) * TWIST_ERROR
+    return unit(twists[:, None] + step * np.stack((0 * first, first, -first, second, -second), axis=1))
 
 
 def _fit_scale(predicted: FloatArray, loads: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Friction load (m,) that fits each draw's predictions (m, n, 3) to the loads best, and its log likelihood (m,)."""
-    size = (loads**2).sum(axis=1)
-    product = (predicted * loads).sum(axis=2)
+    """Friction load (m,) that fits each draw's predictions (m, n, q, 3) to the loads (n, 3) best, and its log likelihood (m,).
+
+    The likelihood of a pair is the mean over the q twists that it may have had of a Student density of the load's error.
+    """
+    size = (loads**2).sum(axis=1)[:, None]
+    product = np.einsum("mnqi,ni->mnq", predicted, loads)
     # a draw that is not possible predicts no load at all; its likelihood then is that of no load
-    square = np.maximum((predicted**2).sum(axis=2), 1e-300)
-    scale = np.maximum(product.sum(axis=1) / square.sum(axis=1), 1e-12)
-    miss = size
+    square = np.maximum((predicted**2).sum(axis=3), 1e-300)
+    scale = np.maximum(product[..., 0].sum(axis=1) / square[..., 0].sum(axis=1), 1e-12)
+
+    def student() -> tuple[FloatArray, FloatArray]:
+        # |F - sP|² = |F|² - 2 s F·P + s²|P|²
+        s = scale[:, None, None]
+        miss = np.maximum((size - 2 * s * product + s**2 * square) / (LOAD_ERROR**2 * size), 0.0)
+        return miss, _SCATTER_WEIGHTS * (1 + miss / FREEDOM) ** (-(FREEDOM + 3) / 2)
+
     for _ in range(6):
-        # |F - sP|² = |F|² - 2 s F·P + s²|P|²; weights of the Student likelihood (iteratively reweighted least squares)
-        miss = (size - 2 * scale[:, None] * product + scale[:, None] ** 2 * square) / (LOAD_ERROR**2 * size)
-        weight = 1.0 / (FREEDOM + miss) / size
-        scale = np.maximum((weight * product).sum(axis=1) / (weight * square).sum(axis=1), 1e-12)
-    miss = (size - 2 * scale[:, None] * product + scale[:, None] ** 2 * square) / (LOAD_ERROR**2 * size)
-    likelihood = -0.5 * (FREEDOM + 3) * np.log1p(np.maximum(miss, 0.0) / FREEDOM).sum(axis=1)
-    return scale, likelihood
+        # expectation maximisation: which twist it was, and how much of an outlier
+        miss, density = student()
+        weight = density / density.sum(axis=2, keepdims=True) / (FREEDOM + miss) / size
+        scale = np.maximum((weight * product).sum(axis=(1, 2)) / (weight * square).sum(axis=(1, 2)), 1e-12)
+    return scale, np.log(student()[1].sum(axis=2)).sum(axis=1)
 
 
 def _temper(likelihood: FloatArray, most: float) -> float:

@@ -7,6 +7,7 @@ from typing import Protocol, runtime_checkable
 from numpy.typing import ArrayLike
 
 from stablepush._arrays import FloatArray
+from stablepush.models.gp import GaussianProcessSurface, KernelSum
 from stablepush.models.ideal import IdealLimitSurface
 from stablepush.models.monomials import monomial_exponents
 from stablepush.models.polynomial import PolynomialLimitSurface
@@ -34,4 +35,11 @@ class LimitSurface(Protocol):
         """``H_inv``: loads on the surface for twists."""
 
 
-__all__ = ["IdealLimitSurface", "LimitSurface", "PolynomialLimitSurface", "monomial_exponents"]
+__all__ = [
+    "GaussianProcessSurface",
+    "IdealLimitSurface",
+    "KernelSum",
+    "LimitSurface",
+    "PolynomialLimitSurface",
+    "monomial_exponents",
+]

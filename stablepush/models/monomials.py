@@ -86,3 +86,28 @@ def gradient_rows(points: FloatArray, degree: int) -> FloatArray:
                 i, j, k = (int(e) for e in lowered)
                 rows[..., axis, m] = exponent[axis] * lower[..., monomial_index(degree - 1, (i, j, k))]
     return rows
+
+
+@cache
+def bombieri_norms(degree: int) -> FloatArray:
+    """Return ``b`` (m,): ``Σ b_m a_m²`` is the square of Bombieri's norm, which does not change when the axes are turned.
+
+    ``b_m = i! j! k! / d!`` (Beauzamy, Bombieri, Enflo, Montgomery 1990).
+    """
+    factorial = np.concatenate(([1.0], np.cumprod(np.arange(1.0, degree + 1))))
+    norms = factorial[_exponents(degree)].prod(axis=1) / factorial[degree]
+    norms.flags.writeable = False
+    return np.asarray(norms)
+
+
+def substitution(matrix: FloatArray, degree: int) -> FloatArray:
+    """Return ``T`` (m, m): ``T a`` are the coefficients of ``y -> H(matrix @ y)`` if ``a`` are those of ``H``."""
+    # both sides are polynomials of y: agreeing at enough points they agree
+    points = _general_points(degree)
+    return np.asarray(np.linalg.lstsq(monomials(points, degree), monomials(points @ matrix.T, degree))[0])
+
+
+@cache
+def _general_points(degree: int) -> FloatArray:
+    points = np.random.default_rng(0).normal(size=(4 * len(_exponents(degree)), 3))
+    return points / np.linalg.norm(points, axis=1, keepdims=True)

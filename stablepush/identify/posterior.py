@@ -1,0 +1,42 @@
+"""Surfaces that pairs leave likely: an ensemble of SOS-convex polynomials with a fit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stablepush._arrays import FloatArray
+from stablepush.identify.estimator import Part, SquaredLoss, SquaredWeights, asked
+from stablepush.identify.moments import Moments
+
+#: Surfaces of the ensemble that comes with a fit.
+MEMBERS = 50
+
+
+def draw_coefficients(
+    estimator: SquaredLoss, part: Part, weights: SquaredWeights, best: FloatArray, rho: float, seed: int
+) -> list[FloatArray]:
+    """Return coefficients of equally likely surfaces, all SOS-convex.
+
+    With a slider: the convex polynomials nearest to the ideal surfaces of the likely pressures. Each of these has been
+    weighed by the pokes; weighing those in again would make the draws agree too much.
+
+    Without: Laplace's approximation. The objective ``aᵀPa - 2q·a`` over twice its residual variance ``s²`` is the logarithm of a
+    posterior with covariance ``s² P⁻¹``; draws of that are the minimisers for ``q + s P^(1/2) z`` with standard normal ``z``,
+    each found under the convexity constraint (randomise, then optimise: Bardsley, Solonen, Haario and Laine 2014).
+    """
+    if weights.prior and part.pressures is not None:
+        alone = SquaredWeights(0.0, 0.0, weights.prior)
+        degree = estimator.degree
+        draws = part.pressures.wrenches(asked(), rho)[:: max(1, len(part.pressures.loads) // MEMBERS)]
+        return [
+            estimator.solve(part.with_pseudo(Moments.from_pairs(draw, asked(), degree)), alone).coefficients
+            for draw in draws[:MEMBERS]
+        ]
+    quadratic, linear = estimator.normal_equations(part, weights)
+    # value of the objective with its constants: three residuals a pair and the penalty, which counts as much as the
+    # coefficients take away
+    residual = float(best @ quadratic @ best - 2 * linear @ best + weights.eta2 * part.pairs.count + part.pull_constant)
+    scatter = np.sqrt(max(residual, 0.0) / (3 * part.pairs.count))
+    root = np.linalg.cholesky(quadratic)
+    noise = np.random.default_rng(seed).standard_normal((MEMBERS, len(linear)))
+    return [estimator.minimize(quadratic, linear + scatter * root @ z).coefficients for z in noise]

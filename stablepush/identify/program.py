@@ -1,0 +1,162 @@
+"""The convex programs of a fit: canonicalised once for a degree and a loss, then solved again with new numbers."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from stablepush._arrays import FloatArray
+from stablepush.errors import SolverError
+from stablepush.identify.moments import Moments
+from stablepush.identify.sos import gram_parametrization
+from stablepush.models.monomials import monomial_exponents
+
+#: Lower bound on the eigenvalues of Q, for loads scaled to a median length of one; |F|^4 has eigenvalues 4 to 12.
+LEAST_EIGENVALUE = 1e-3
+#: The same under the norm loss, whose authors ask for no more than a positive number.
+LEAST_EIGENVALUE_NORM = 1e-6
+
+#: Solvers in the order they are tried, with their settings: the second takes over where the first fails, and the status
+#: then names it.
+_SOLVERS: tuple[tuple[str, dict[str, float]], ...] = (("CLARABEL", {}), ("SCS", {"eps": 1e-7, "max_iters": 50_000}))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """Coefficients (m,), Gram matrix ``Q`` (n, n) of a convex one, the solver's status and its own time in s."""
+
+    coefficients: FloatArray
+    gram: FloatArray | None
+    status: str
+    solve_time: float
+
+
+class _Program:
+    """Coefficients ``a``, convex by a matrix ``Q(a, s) ⪰ floor`` if asked for, and the solvers."""
+
+    def __init__(self, degree: int, convex: bool, floor: float) -> None:
+        import cvxpy as cp
+
+        self._convex = convex
+        self._a = cp.Variable(len(monomial_exponents(degree)))
+        self._constraints: list[Any] = []
+        if convex:
+            particular, free = gram_parametrization(degree)
+            size = round(len(particular) ** 0.5)
+            gram = particular @ self._a
+            if free.shape[1]:
+                self._s = cp.Variable(free.shape[1])
+                gram = gram + free @ self._s
+            gram = cp.reshape(gram, (size, size), order="C")
+            self._gram = (gram + gram.T) / 2
+            self._constraints.append(self._gram >> floor * np.eye(size))
+
+    def _pose(self, objective: Any) -> None:
+        import cvxpy as cp
+
+        self._problem = cp.Problem(cp.Minimize(objective), self._constraints)
+
+    def _solve(self) -> Estimate:
+        failures = []
+        for name, settings in _SOLVERS:
+            started = time.perf_counter()
+            status = self._attempt(name, settings)
+            if status in ("optimal", "optimal_inaccurate"):
+                elapsed = time.perf_counter() - started
+                stats: Any = self._problem.solver_stats
+                return Estimate(
+                    np.asarray(self._a.value),
+                    np.asarray(self._gram.value) if self._convex else None,
+                    status if name == _SOLVERS[0][0] else f"{status} ({name})",
+                    elapsed if stats is None or stats.solve_time is None else float(stats.solve_time),
+                )
+            failures.append(f"{name}: {status}")
+        raise SolverError(f"fit: no solver found a solution ({', '.join(failures)})")
+
+    def _attempt(self, name: str, settings: dict[str, float]) -> str:
+        import cvxpy as cp
+
+        try:
+            # the status says it when a solution is inaccurate, and the certificate decides: no warning needed
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)
+                self._problem.solve(solver=name, warm_start=False, **settings)
+        except cp.error.SolverError:
+            return "failed"
+        return str(self._problem.status)
+
+
+class SquaredProgram(_Program):
+    """``minimise aᵀ P a - 2 q·a`` over SOS-convex polynomials."""
+
+    def __init__(self, degree: int) -> None:
+        import cvxpy as cp
+
+        super().__init__(degree, True, LEAST_EIGENVALUE)
+        count = self._a.size
+        self._root = cp.Parameter((count, count))
+        self._linear = cp.Parameter(count)
+        self._pose(cp.sum_squares(self._root @ self._a) - 2 * self._linear @ self._a)
+
+    def solve(self, quadratic: FloatArray, linear: FloatArray) -> Estimate:
+        """Solve for a positive definite ``P`` (m, m) and ``q`` (m,)."""
+        # the scale of the objective is free: near one it suits the solvers' tolerances
+        scale = float(np.trace(quadratic)) / len(quadratic)
+        self._root.value = np.linalg.cholesky(quadratic / scale).T
+        self._linear.value = linear / scale
+        return self._solve()
+
+
+class NormProgram(_Program):
+    """``minimise w_reg |a| + w_force |ξ| + w_slip |δ|``: the loss of the authors' code, norms where the paper has squares.
+
+    ``ξ_i = H(F_i) - 1`` and ``δ_i = ∇H(F_i) - s_i V_i`` with a free scale ``s_i``, which is the part of the gradient across the
+    measured twist. (Their scales are positive; a convex H whose gradients oppose the twists has no smaller loss, so it does
+    not bind on data with F·V > 0.)
+    """
+
+    def __init__(self, degree: int, convex: bool) -> None:
+        import cvxpy as cp
+
+        super().__init__(degree, convex, LEAST_EIGENVALUE_NORM)
+        count = self._a.size
+        self._size = cp.Parameter(nonneg=True)
+        self._level = cp.Parameter((count + 1, count))
+        self._level_target = cp.Parameter(count + 1)
+        self._slip = cp.Parameter((count, count))
+        self._pose(
+            self._size * cp.norm(self._a) + cp.norm(self._level @ self._a - self._level_target) + cp.norm(self._slip @ self._a)
+        )
+
+    def solve(self, moments: Moments, w_reg: float, w_force: float, w_slip: float) -> Estimate:
+        """Solve for the moments of some pairs."""
+        joint = np.block([[moments.level, -moments.target[:, None]], [-moments.target[None, :], np.array([[moments.count]])]])
+        root = _root(joint) * w_force
+        self._size.value = w_reg
+        self._level.value = root[:, :-1]
+        self._level_target.value = -root[:, -1]
+        self._slip.value = _root(moments.slip) * w_slip
+        return self._solve()
+
+
+def _root(gram: FloatArray) -> FloatArray:
+    """Square root ``R`` with ``RᵀR`` the positive semidefinite ``gram``, which may be singular."""
+    values, vectors = np.linalg.eigh(gram)
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
+
+
+@cache
+def squared_program(degree: int) -> SquaredProgram:
+    """Return the program of a degree; its canonical form is kept for the process."""
+    return SquaredProgram(degree)
+
+
+@cache
+def norm_program(degree: int, convex: bool) -> NormProgram:
+    """Return the program of a degree; its canonical form is kept for the process."""
+    return NormProgram(degree, convex)
