@@ -49,6 +49,30 @@ def test_other_models_are_fitted(rig, tmp_path, model):
     assert sp.load_model(out).provenance["model"] == model
 
 
+def test_a_gaussian_process_is_fitted_and_classifies(rig, tmp_path, capsys):
+    out = tmp_path / "gp.json"
+    assert main(["fit", str(rig / "log"), "--model", "gp", "-o", str(out)]) == 0
+    assert "no limit surface" in capsys.readouterr().out
+    arguments = ["--contact", str(rig / "contact.json"), "--cors", str(rig / "cors.csv"), "-o", str(tmp_path / "o.csv")]
+    assert main(["classify", str(out), *arguments]) == 0
+
+
+@pytest.mark.parametrize("options", (["--loss", "norm"], ["--loss", "published"], ["--com-tolerance", "0.004"]))
+def test_fits_in_other_ways(rig, tmp_path, options):
+    out = tmp_path / "m.json"
+    assert main(["fit", str(rig / "log"), *options, "-o", str(out)]) == 0
+    assert sp.load_model(out).certificate["sos_convex"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"), ((["--loss", "abs"], "'abs'"), (["--com-tolerance", "-1"], "-1"), (["--com-tolerance", "nan"], "nan"))
+)
+def test_bad_ways_to_fit_are_refused(rig, tmp_path, capsys, options, said):
+    assert main(["fit", str(rig / "log"), *options, "-o", str(tmp_path / "m.json")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and said in error
+
+
 def test_classify_adds_columns(rig, tmp_path):
     out = tmp_path / "out.csv"
     arguments = ["--contact", str(rig / "contact.json"), "--cors", str(rig / "cors.csv"), "-o", str(out)]

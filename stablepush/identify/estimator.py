@@ -127,7 +127,7 @@ class SquaredLoss:
         stiffness, pull, constant = self._penalty(pairs)
         moments = Moments.from_pairs(pairs.loads, pairs.directions, self.degree)
         weights = np.ones(len(pairs))
-        if self._robust:
+        if self._robust and len(pairs):
             for _ in range(2):
                 part = Part(moments, stiffness, pull, constant, weights)
                 fitted = self.solve(part, SquaredWeights(MIDDLE, MIDDLE)).coefficients

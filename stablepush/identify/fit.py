@@ -255,10 +255,10 @@ def _level(coefficients: FloatArray, pairs: Pairs, weights: FloatArray, degree: 
 
 
 def _com_box(tolerance: ArrayLike) -> FloatArray:
-    box = np.broadcast_to(check_vectors(np.atleast_1d(tolerance), "com_tolerance", np.size(tolerance)), (2,))
-    if (box < 0).any():
-        raise InputError(f"com_tolerance: expected half widths >= 0, got {box.min():g}")
-    return box
+    box = check_vectors(np.atleast_1d(tolerance), "com_tolerance", np.atleast_1d(tolerance).shape[-1])
+    if box.shape not in ((1,), (2,)) or (box < 0).any():
+        raise InputError(f"com_tolerance: expected one or two half widths >= 0 in m, got {tolerance}")
+    return np.broadcast_to(box, (2,))
 
 
 def _needed(degree: int) -> int:

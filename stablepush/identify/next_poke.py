@@ -88,7 +88,9 @@ def poke_outcome(
     force = np.cos(chosen)[:, None] * n + np.sin(chosen)[:, None] * tangents
     loads = wrench_from_force(p, force)
     motion = surface.twist(loads)
-    return surface.wrench(motion), motion
+    # a load on the surface does the work of H_inv of its motion, which on a facet is another load
+    work = (surface.wrench(motion) * motion).sum(axis=1) / (loads * motion).sum(axis=1)
+    return loads * work[:, None], motion
 
 
 def rank_pokes(

@@ -21,6 +21,7 @@ SAME_DIRECTION = 1e-3
 #: Smallest over largest singular value of unit loads, below which they are said to leave a direction open.
 LEAST_SPREAD = 0.05
 STANDARD_GRAVITY = 9.80665
+_TRANSLATION = 1e300
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,8 +128,8 @@ def _check_units(f: FloatArray, v: FloatArray, slider: Slider) -> None:
             f"wrenches: a quarter of the moments act with lever arms above {arm:.3g} m on a slider of radius {size:.3g} m; "
             "expected N·m (are they N·mm, or the outline in another unit?)"
         )
-    low = float(np.quantile(np.nan_to_num(speeds, posinf=np.inf), 0.25))
-    if low > UNIT_SLIP * size and np.isfinite(low):
+    low = float(np.quantile(np.nan_to_num(speeds, nan=0.0, posinf=_TRANSLATION), 0.25, method="lower"))
+    if UNIT_SLIP * size < low < _TRANSLATION:
         raise InputError(
             f"twists: three quarters of the rotation centres are farther than {low:.3g} m from a slider of radius {size:.3g} m; "
             "expected m/s and rad/s (are they mm/s?)"

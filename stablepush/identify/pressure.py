@@ -19,9 +19,9 @@ from stablepush._arrays import FloatArray, read_only
 from stablepush.errors import InputError
 from stablepush.planar import unit
 
-#: Scale of the load's error relative to its size, and the degrees of freedom of its Student distribution: scatter within a
+#: Scale of the load's error relative to its size, of a Student distribution with four degrees of freedom: scatter within a
 #: poke is 9 % on the published logs, and friction is not quite Coulomb's.
-LOAD_ERROR, FREEDOM = 0.15, 4.0
+LOAD_ERROR = 0.15
 #: Scatter (rad) of the twist's direction, each way: the path of a poke is a chord, and the tracking of its ends not exact.
 TWIST_ERROR = 0.05
 _SCATTER_WEIGHTS = np.array((1, 0.5, 0.5, 0.5, 0.5)) / 3
@@ -162,34 +162,12 @@ class PressureSampler:
         return proposed, np.where(inside & proposed.good, ratio, -np.inf)
 
     def _tilted(self, points: FloatArray, raw: FloatArray, active: np.ndarray, center: FloatArray) -> _State:
-        """Shares ``q ∝ g exp(λ·x)`` with mean ``center``: Newton on the convex ``log Σ g exp(λ·(x - c))``."""
-        base = np.where(active, np.log(raw), -np.inf)
-        scaled = (points - center[:, None]) / self._radius
-        tilt = np.zeros((len(points), 2))
-        shares = np.zeros(active.shape)
-        good = np.zeros(len(points), dtype=bool)
-        rest = np.arange(len(points))
-        for _ in range(_TILT_STEPS):
-            x = scaled[rest]
-            logit = base[rest] + (x @ tilt[rest][:, :, None])[:, :, 0]
-            share = np.exp(logit - logit.max(axis=1, keepdims=True))
-            share /= share.sum(axis=1, keepdims=True)
-            mean = (share[:, None, :] @ x)[:, 0]
-            done = np.abs(mean).max(axis=1) < _TILT_TOLERANCE
-            shares[rest[done]], good[rest[done]] = share[done], True
-            rest, x, share, mean = rest[~done], x[~done], share[~done], mean[~done]
-            if not len(rest):
-                break
-            off = x - mean[:, None]
-            weighted = share[:, :, None] * off
-            xx = (weighted[..., 0] * off[..., 0]).sum(axis=1) + 1e-12
-            yy = (weighted[..., 1] * off[..., 1]).sum(axis=1) + 1e-12
-            xy = (weighted[..., 0] * off[..., 1]).sum(axis=1)
-            step = np.stack((xy * mean[:, 1] - yy * mean[:, 0], xy * mean[:, 0] - xx * mean[:, 1]), axis=-1)
-            step /= (xx * yy - xy * xy + 1e-24)[:, None]
-            # a tilt that runs away leaves one point: such a draw does not surround the centre of mass, and stays unfinished
-            length = np.linalg.norm(step, axis=1, keepdims=True)
-            tilt[rest] += step * np.minimum(1.0, 2.0 / np.maximum(length, 1e-300))
+        """Return draws whose shares ``q ∝ raw exp(λ·x)`` have the mean ``center``."""
+        from stablepush.models._kernels import tilt_shares
+
+        shares, good = np.empty(active.shape), np.empty(len(points), dtype=bool)
+        scaled, scaled_center = points / self._radius, np.ascontiguousarray(center / self._radius)
+        tilt_shares(scaled, raw, active, scaled_center, _TILT_TOLERANCE, _TILT_STEPS, shares, good)
         return _State(points, raw, active, center, shares, good)
 
 
@@ -238,24 +216,11 @@ def _fit_scale(predicted: FloatArray, loads: FloatArray) -> tuple[FloatArray, Fl
 
     The likelihood of a pair is the mean over the q twists that it may have had of a Student density of the load's error.
     """
-    size = (loads**2).sum(axis=1)[:, None]
-    product = np.einsum("mnqi,ni->mnq", predicted, loads)
-    # a draw that is not possible predicts no load at all; its likelihood then is that of no load
-    square = np.maximum((predicted**2).sum(axis=3), 1e-300)
-    scale = np.maximum(product[..., 0].sum(axis=1) / square[..., 0].sum(axis=1), 1e-12)
+    from stablepush.models._kernels import fit_scales
 
-    def student() -> tuple[FloatArray, FloatArray]:
-        # |F - sP|² = |F|² - 2 s F·P + s²|P|²
-        s = scale[:, None, None]
-        miss = np.maximum((size - 2 * s * product + s**2 * square) / (LOAD_ERROR**2 * size), 0.0)
-        return miss, _SCATTER_WEIGHTS * (1 + miss / FREEDOM) ** (-(FREEDOM + 3) / 2)
-
-    for _ in range(6):
-        # expectation maximisation: which twist it was, and how much of an outlier
-        miss, density = student()
-        weight = density / density.sum(axis=2, keepdims=True) / (FREEDOM + miss) / size
-        scale = np.maximum((weight * product).sum(axis=(1, 2)) / (weight * square).sum(axis=(1, 2)), 1e-12)
-    return scale, np.log(student()[1].sum(axis=2)).sum(axis=1)
+    scales, likelihoods = np.empty(len(predicted)), np.empty(len(predicted))
+    fit_scales(predicted, np.ascontiguousarray(loads), _SCATTER_WEIGHTS, LOAD_ERROR, scales, likelihoods)
+    return scales, likelihoods
 
 
 def _temper(likelihood: FloatArray, most: float) -> float:

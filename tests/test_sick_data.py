@@ -1,0 +1,75 @@
+"""Data that cannot be right, or that leave the surface open: an error, or a remark that says why."""
+
+import numpy as np
+import pytest
+from conftest import triangle
+from test_identify import RHO, pairs
+
+import stablepush as sp
+
+
+def remarks(f, v, **options):
+    return " ".join(sp.fit_limit_surface(f, v, characteristic_length=RHO, **options).remarks)
+
+
+def test_good_data_give_no_remark():
+    assert remarks(*pairs(20, 0.02)) == ""
+    assert remarks(*pairs(3, 0.02), slider=triangle()) == ""
+
+
+def test_fewer_pairs_than_needed():
+    assert "4 different loads leave the surface open, which takes 5" in remarks(*pairs(4, 0.02))
+    assert "which takes 10" in remarks(*pairs(6, 0.02), model="poly6-cvx")
+
+
+def test_repeated_pairs():
+    f, v = pairs(8, 0.02)
+    said = remarks(np.tile(f, (3, 1)), np.tile(v, (3, 1)))
+    assert "16 of 24 pairs repeat" in said
+    assert "1 different loads" in remarks(np.repeat(f[:1], 10, axis=0), np.repeat(v[:1], 10, axis=0))
+
+
+def test_all_in_one_plane():
+    f, v = pairs(30)
+    f[:, 2] *= 1e-4
+    v[:, 2] *= 1e-4
+    assert "nearly in one plane" in remarks(f, v)
+
+
+@pytest.mark.parametrize(
+    ("f", "v", "message"),
+    [
+        ((1, 1, 1000), (1, 1, 1), "N·mm"),
+        ((1, 1, 1), (1000, 1000, 1), "mm/s"),
+    ],
+)
+def test_units_off_by_a_thousand_are_refused(f, v, message):
+    loads, twists = pairs(20, 0.02)
+    with pytest.raises(sp.InputError, match=message):
+        sp.fit_limit_surface(loads * f, twists * v, slider=triangle())
+
+
+def test_kilonewtons_are_noticed():
+    loads, twists = pairs(20, 0.02)
+    for factor in (1e-3, 1e3):
+        assert "forces in N" in remarks(loads * factor, twists, slider=triangle())
+
+
+def test_pairs_against_the_motion():
+    f, v = pairs(20, 0.02)
+    f[:4] *= -1
+    assert "4 of 20 pairs have F·V < 0" in remarks(f, v)
+
+
+@pytest.mark.parametrize("model", ("poly4-cvx", "poly6-cvx", "poly4", "quadratic", "gp"))
+@pytest.mark.parametrize("slider", (None, triangle()))
+def test_the_sickest_data_still_give_a_surface(model, slider):
+    """One pair, the same pair ten times, pairs along one line: finite predictions, certified where that is claimed."""
+    f, v = pairs(1)
+    line = np.array(((1.0, 0, 0), (2.0, 0, 0), (-1.0, 0, 0)))
+    for loads, twists in ((f, v), (np.repeat(f, 10, axis=0), np.repeat(v, 10, axis=0)), (line, line)):
+        fit = sp.fit_limit_surface(loads, twists, model, slider=slider, characteristic_length=RHO)
+        assert np.isfinite(fit.surface.twist([[1.0, 2.0, 0.05]])).all()
+        assert fit.remarks or slider is not None
+        if fit.certificate is not None:
+            assert fit.certificate.sos_convex
