@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 
 from stablepush._arrays import BoolArray, FloatArray, check_number, check_sense
 from stablepush.contact import PushContact
-from stablepush.errors import UnsupportedContactError
-from stablepush.models import LimitSurface
+from stablepush.errors import InputError, UnsupportedContactError
+from stablepush.models import GaussianProcessSurface, LimitSurface
 from stablepush.oracle import StabilityOracle
 from stablepush.planar import normalize_twist, unit
 
@@ -87,10 +87,17 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
 
     Raises
     ------
+    InputError
+        If the surface is a Gaussian process.
     UnsupportedContactError
         If the wrench cone is flat (one contact point, no friction) or holds a line (opposed contacts): its region then has
         no interior, or no boundary curve.
     """
+    if isinstance(surface, GaussianProcessSurface):
+        raise InputError(
+            "surface: expected a limit surface; the slip and the loads of a Gaussian process do not agree, so it has no stable "
+            "region (ask StabilityOracle about single motions)"
+        )
     oracle = StabilityOracle(surface, contact)
     if not oracle.cone.is_solid_and_pointed:
         raise UnsupportedContactError(

@@ -62,7 +62,9 @@ def test_grid_pressures_predict_the_loads(method):
 
 
 def test_linear_program_is_optimal():
-    """No other pressure with that centre has a smaller sum of absolute errors: against random ones, and the truth's cells."""
+    """The same problem in cvxpy has the same optimum, and random feasible steps do not lower it."""
+    import cvxpy as cp
+
     from stablepush.identify.pressure import predict_loads
 
     f, v = pairs(12, 0.05)
@@ -74,14 +76,33 @@ def test_linear_program_is_optimal():
     def cost(loads):
         return np.abs(np.tensordot(loads, columns, 1) - normalize_wrench(f, rho)).sum()
 
-    rng = np.random.default_rng(0)
+    other = cp.Variable(len(found.points), nonneg=True)
+    matrix = columns.transpose(1, 2, 0).reshape(-1, len(found.points))
+    problem = cp.Problem(cp.Minimize(cp.norm1(matrix @ other - normalize_wrench(f, rho).ravel())), [found.points.T @ other == 0])
+    problem.solve(solver=cp.CLARABEL)
     best = cost(found.loads)
-    null = np.linalg.svd(found.points.T)[2][2:]
-    for _ in range(200):
-        other = found.loads + 0.05 * rng.normal(size=len(null)) @ null
-        if (other >= 0).all():
-            assert cost(other) >= best - 1e-9
+    assert best == pytest.approx(problem.value, rel=1e-5)
     assert found.residual < 1.0
+
+
+def test_ellipsoid_of_even_feet_keeps_their_symmetry():
+    for points in (((-0.05, 0), (0.05, 0)), ((-0.05, 0), (-0.01, 0), (0.01, 0), (0.05, 0))):
+        surface = sp.ellipsoid_from_pressure(sp.SupportDistribution(points, np.ones(len(points))), 3.0)
+        np.testing.assert_allclose(surface.twist([0, 1.0, 0]), (0, 1, 0), atol=1e-9)
+
+
+def test_a_silent_gaussian_process_gives_no_answer():
+    f, v = pairs(3)
+    surface = sp.fit_limit_surface(f, v, "gp", characteristic_length=RHO).surface
+    zero = type(surface.slip)(surface.slip.inputs, 0 * surface.slip.coefficients, 1.0)
+    dumb = sp.GaussianProcessSurface(zero, surface.log_size, zero, 5.0, RHO)
+    with pytest.raises(sp.ConvergenceError):
+        dumb.twist(f)
+    with pytest.raises(sp.ConvergenceError):
+        dumb.wrench(v)
+    contact = sp.PushContact.on_edge(triangle(), 0, 0.05, 0.05, 0.9)
+    with pytest.raises(sp.InputError, match="no stable region"):
+        sp.stable_region(surface, contact)
 
 
 def test_ellipsoid_of_a_pressure_touches_the_ideal_surface_on_its_axes():

@@ -174,6 +174,9 @@ def test_outliers_count_for_little_and_are_reported():
 
 def test_no_poke_at_all_gives_what_the_prior_expects():
     none = np.empty((0, 3))
+    for options in ({"model": "quadratic"}, {"model": "gp"}, {"model": "poly4"}, {"loss": "norm"}, {"loss": "published"}):
+        with pytest.raises(sp.InputError, match="poly4-cvx and poly6-cvx have a prior"):
+            sp.fit_limit_surface(none, none, slider=triangle(), **options)
     fit = sp.fit_limit_surface(none, none, slider=triangle())
     assert fit.surface.force_unit == "mu*N"
     assert fit.certificate is not None and fit.certificate.sos_convex

@@ -37,9 +37,7 @@ def test_outcomes_obey_coulomb_at_the_finger(name):
 
 def test_the_best_poke_is_where_surfaces_disagree():
     """Two surfaces that differ in torque only: a poke through the centre of mass tells nothing, one off it does."""
-    exponents = sp.monomial_exponents(2)
     members = np.array([[1.0, 0, 0, 1.0, 0, z] for z in np.linspace(0.6, 1.4, 12)])
-    assert exponents.shape == (6, 3)
     surface = sp.PolynomialLimitSurface(members.mean(axis=0), 2, RHO, ensemble=members)
     edge = np.array((0.0, 1.0))
     pokes = [sp.Poke(0, np.array((x, -0.05)), edge, edge, 0.0) for x in (0.0, 0.02, 0.04)]
@@ -69,5 +67,32 @@ def test_gains_come_with_a_fit():
     assert gains == sorted(gains, reverse=True) and 0 < gains[0] < 1
     with pytest.raises(sp.InputError, match="ensemble"):
         sp.rank_pokes(surface_zoo()["quartic"], ranked, MU)
+    with pytest.raises(sp.InputError, match="ensemble"):
+        sp.rank_pokes(surface_zoo()["ring"], ranked, MU)
     with pytest.raises(sp.InputError, match="candidates"):
         sp.rank_pokes(fit.surface, [], MU)
+
+
+@pytest.mark.parametrize(
+    "options", ({"edges": [7]}, {"edges": [1.0]}, {"places": 0}, {"headings": 2.5}, {"places": "3"}, {"widest": 2.0})
+)
+def test_bad_candidates_are_refused(options):
+    with pytest.raises(sp.InputError):
+        sp.poke_candidates(triangle(), **options)
+
+
+def test_one_heading_is_the_normal():
+    for poke in sp.poke_candidates(triangle(), places=1, headings=1):
+        np.testing.assert_allclose(poke.heading, poke.normal)
+
+
+def test_bad_pokes_are_refused():
+    surface, point, normal = surface_zoo()["quartic"], [[0.0, -0.05]], [[0.0, 1.0]]
+    for points, normals, headings in (
+        (point, normal, [[0.0, -1.0]]),
+        (point, normal, [[0.0, 0.0]]),
+        (point, normal * 2, normal),
+        (np.empty((0, 2)),) * 3,
+    ):
+        with pytest.raises(sp.InputError):
+            sp.poke_outcome(surface, points, normals, headings, MU)

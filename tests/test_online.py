@@ -17,8 +17,9 @@ def test_an_update_is_the_fit_to_all_pokes_with_faded_weights():
     for load, twist in zip(f, v, strict=True):
         estimate = follower.update(load, twist)
     loads = normalize_wrench(f, RHO)
-    scale = np.linalg.norm(loads[0])
-    moments = Moments.from_pairs(loads / scale, unit(normalize_twist(v, RHO)), 4, 0.8 ** np.arange(11, -1, -1))
+    fading = 0.8 ** np.arange(11, -1, -1)
+    scale = np.exp(fading @ np.log(np.linalg.norm(loads, axis=1)) / fading.sum())
+    moments = Moments.from_pairs(loads / scale, unit(normalize_twist(v, RHO)), 4, fading)
     norms = bombieri_norms(4)
     quadratic, linear = np.diag(norms) + 7 * moments.slip + 3 * moments.level, norms * sphere_power(4) + 3 * moments.target
     whole = squared_program(4).solve(quadratic, linear).coefficients / scale**4
@@ -47,6 +48,33 @@ def test_a_change_is_followed_and_every_surface_is_certified(options):
         errors.append(np.degrees(angle_between(slip, normalize_twist(asked, RHO)).mean()))
     assert errors[39] < 0.7 * errors[0]
     assert errors[79] < 0.7 * errors[40]
+
+
+def test_neither_the_first_poke_nor_a_bad_one_rules_for_ever():
+    f, v = pairs(40, 0.02)
+    plain, other = sp.OnlineIdentifier(RHO), sp.OnlineIdentifier(RHO)
+    for i, (load, twist) in enumerate(zip(f, v, strict=True)):
+        one = plain.update(load, twist)
+        two = other.update(load * (3.0 if i == 0 else 1.0), twist)
+        if i == 5:
+            for bad in (load * 1e200, load * np.nan, load * 0):
+                with pytest.raises(sp.InputError):
+                    other.update(bad, twist)
+    test_f, test_v = pairs(100, seed=8)
+
+    def error(surface):
+        return angle_between(normalize_twist(surface.twist(test_f), RHO), normalize_twist(test_v, RHO)).mean()
+
+    assert error(two.surface) < 1.5 * error(one.surface)
+    assert two.surface.value(test_f).mean() == pytest.approx(one.surface.value(test_f).mean(), rel=0.2)
+
+
+def test_surfaces_of_tiny_loads_can_be_written_and_read(tmp_path):
+    f, v = pairs(3)
+    estimate = sp.OnlineIdentifier(RHO).update(f[0] * 1e-4, v[0])
+    assert estimate.surface.force_unit == "mu*N"
+    sp.save_model(estimate.surface, tmp_path / "m.json")
+    np.testing.assert_array_equal(sp.load_model(tmp_path / "m.json").coefficients, estimate.surface.coefficients)
 
 
 def test_surprise_is_the_error_of_the_surface_before():

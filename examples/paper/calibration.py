@@ -3,13 +3,12 @@
 Share of held-out slip directions within the central 50, 80 and 95 % of what the ensemble predicts: on the real pokes (with
 their own scatter added, as estimated from the pokes fitted), and on simulated rigs against their true surface.
 
-    python examples/paper/calibration.py DATA -o paper [--evaluations 15] [--jobs 2]
+    python examples/paper/calibration.py DATA -o paper [--evaluations 8] [--jobs 2]
 """
 
 from __future__ import annotations
 
 import json
-from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from pathlib import Path
 
@@ -76,24 +75,23 @@ def on_rig(with_slider: bool, count: int, seed: int) -> np.ndarray:
 
 def main() -> None:
     arguments = lab.parser(__doc__)
-    arguments.add_argument("--evaluations", type=int, default=15)
+    arguments.add_argument("--evaluations", type=int, default=8)
     options = arguments.parse_args()
     logs = lab.pokes(options.data, "wood")
     report: dict[str, list[tuple[float, float]]] = {}
-    with ProcessPoolExecutor(options.jobs) as pool:
-        for with_slider, count in product((True, False), TOTALS):
-            jobs = list(product((options.data,), logs, (with_slider,), (count,), range(options.evaluations)))
-            real = list(pool.map(on_pokes, *zip(*jobs, strict=True)))
-            simulated = list(pool.map(on_rig, *zip(*product((with_slider,), (count,), range(RIGS)), strict=True)))
-            for name, shares in (("pokes", real), ("simulated", simulated)):
-                line = f"{name:>9s}, {'with the slider' if with_slider else 'pokes alone':>15s}, {count:2d} pokes:"
-                inside = np.array([[(np.abs(s - 0.5) < level / 2).mean() for level in COVERAGES] for s in shares])
-                row = [lab.interval(100 * column) for column in inside.T]
-                report[line] = row
-                print(
-                    line + "".join(f"   {100 * c:.0f} %: {m:4.1f} ± {h:3.1f}" for c, (m, h) in zip(COVERAGES, row, strict=True)),
-                    flush=True,
-                )
+    for with_slider, count in product((True, False), TOTALS):
+        jobs = list(product((options.data,), logs, (with_slider,), (count,), range(options.evaluations)))
+        real = lab.run_all(on_pokes, jobs, options.jobs)
+        simulated = lab.run_all(on_rig, list(product((with_slider,), (count,), range(RIGS))), options.jobs)
+        for name, shares in (("pokes", real), ("simulated", simulated)):
+            line = f"{name:>9s}, {'with the slider' if with_slider else 'pokes alone':>15s}, {count:2d} pokes:"
+            inside = np.array([[(np.abs(s - 0.5) < level / 2).mean() for level in COVERAGES] for s in shares])
+            row = [lab.interval(100 * column) for column in inside.T]
+            report[line] = row
+            print(
+                line + "".join(f"   {100 * c:.0f} %: {m:4.1f} ± {h:3.1f}" for c, (m, h) in zip(COVERAGES, row, strict=True)),
+                flush=True,
+            )
     options.output.mkdir(parents=True, exist_ok=True)
     (options.output / "calibration.json").write_text(json.dumps(report, indent=1), encoding="utf-8")
 

@@ -10,7 +10,6 @@ the outline and the centre of mass; it sees the same pokes, and its error is als
 from __future__ import annotations
 
 import json
-from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from pathlib import Path
 
@@ -63,8 +62,7 @@ def main() -> None:
     theirs = lab.published(options).get("figure_5", {}).get("mean_angle_error_deg", {})
     logs = lab.pokes(options.data, options.surface)
     jobs = list(product((options.data,), (options.surface,), logs, range(EVALUATIONS)))
-    with ProcessPoolExecutor(options.jobs) as pool:
-        results = list(pool.map(evaluate, *zip(*jobs, strict=True)))
+    results = lab.run_all(evaluate, jobs, options.jobs)
     found = {name: [lab.interval([r[name][k] for r in results]) for k in (0, 1)] for name in results[0]}
     print(f"{options.surface}: {len(logs)} arrangements ({', '.join(logs)}), {EVALUATIONS} splits each")
     for k, test in enumerate(("sensor", "idealLS")):
@@ -107,7 +105,7 @@ def draw(found: dict, theirs: dict, surface: str, file: Path) -> None:
         for name, color, label in (("default", "#D55E00", "with the slider"), ("alone", "#CC79A7", "pokes alone")):
             mean, half = np.array([found[f"{name} {n}"][k] for n in TOTALS]).T
             axes.errorbar(TOTALS, mean, half, color=color, marker="o", label=f"this library's default, {label}")
-        axes.set(title=f"{surface}, test on {test}", xlabel="pokes seen in all", ylabel="mean angle, deg", ylim=(8, 30))
+        axes.set(title=f"{surface}, test on {test}", xlabel="pokes seen in all", ylabel="mean angle, deg", ylim=(5, 30))
         axes.grid(alpha=0.3)
     figure.axes[0].legend(fontsize=8)
     figure.savefig(file, dpi=120)

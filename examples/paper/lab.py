@@ -2,7 +2,10 @@
 
 ``DATA`` is a clone of the authors' repository (github.com/robinzhoucmu/MLab_EXP), or a folder that holds such files under
 ``raw/``. The published numbers are read from ``DATA/published.json`` (means and 95 % intervals behind the paper's figures and
-tables) and the hand labels from ``DATA/labels.csv`` (columns ``log, action, stable``) where those are present.
+tables) and the hand labels, which ``tables.py`` needs, from ``DATA/labels.csv`` (columns ``log, action, stable``).
+
+Intervals are over splits or trials. Splits of the same few logs overlap, so they tell how sure a mean over these logs is, not how
+another object would do.
 """
 
 from __future__ import annotations
@@ -10,10 +13,13 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+from tqdm import tqdm
 
 import stablepush as sp
 from stablepush.logs.mlab import Source, find_sources, import_source
@@ -127,6 +133,13 @@ def fit_as_published(loads: np.ndarray, twists: np.ndarray, train: np.ndarray, v
     rows = np.concatenate((train, validation))
     hold_out = np.arange(len(train), len(rows))
     return sp.fit_limit_surface(loads[rows], twists[rows], model, characteristic_length=RHO, loss="norm", hold_out=hold_out)
+
+
+def run_all(function: Callable, jobs: list[tuple], processes: int) -> list:
+    """Return ``function(*job)`` of every job, computed by several processes, with a progress bar for who watches."""
+    with ProcessPoolExecutor(processes) as pool:
+        done = pool.map(function, *zip(*jobs, strict=True))
+        return list(tqdm(done, total=len(jobs), desc=function.__name__, disable=None, leave=False))
 
 
 def angle_error(surface: sp.LimitSurface, loads: np.ndarray, twists: np.ndarray, rho: float = RHO) -> float:

@@ -10,7 +10,6 @@ finger's heading.
 from __future__ import annotations
 
 import json
-from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from pathlib import Path
 
@@ -21,7 +20,7 @@ import stablepush as sp
 from stablepush.planar import normalize_twist, unit
 
 COUNTS = (2, 3, 4, 6, 8, 10, 12)
-RIGS, REPLAYS = 20, 5
+RIGS, REPLAYS = 8, 2
 MU, NOISE = 0.8, 0.06
 
 
@@ -99,20 +98,18 @@ def main() -> None:
     report: dict[str, list] = {}
     print("mean angle error (deg) ± 95 %, and the gain of choosing, paired; after pokes")
     print(" " * 34 + "".join(f"{n:>15d}" for n in COUNTS))
-    with ProcessPoolExecutor(options.jobs) as pool:
-        for with_slider in (True, False):
-            word = "with the slider" if with_slider else "pokes alone"
-            sim = {
-                c: np.array(list(pool.map(simulated, *zip(*product((with_slider,), (c,), range(RIGS)), strict=True))))
-                for c in (False, True)
-            }
-            jobs = {c: list(product((options.data,), logs, (with_slider,), (c,), range(REPLAYS))) for c in (False, True)}
-            real = {c: np.array(list(pool.map(replayed, *zip(*jobs[c], strict=True)))) for c in (False, True)}
-            for name, both in (("simulated", sim), ("replay", real)):
-                for label, values in (("random", both[False]), ("chosen", both[True]), ("gain", both[False] - both[True])):
-                    row = [lab.interval(column) for column in values.T]
-                    report[f"{name}, {word}, {label}"] = row
-                    print(f"{f'{name}, {word}, {label}':>34s}" + "".join(f"   {m:5.2f} ± {h:4.2f}" for m, h in row), flush=True)
+    for with_slider in (True, False):
+        word = "with the slider" if with_slider else "pokes alone"
+        sim, real = {}, {}
+        for chosen in (False, True):
+            sim[chosen] = np.array(lab.run_all(simulated, list(product((with_slider,), (chosen,), range(RIGS))), options.jobs))
+            jobs = list(product((options.data,), logs, (with_slider,), (chosen,), range(REPLAYS)))
+            real[chosen] = np.array(lab.run_all(replayed, jobs, options.jobs))
+        for name, both in (("simulated", sim), ("replay", real)):
+            for label, values in (("random", both[False]), ("chosen", both[True]), ("gain", both[False] - both[True])):
+                row = [lab.interval(column) for column in values.T]
+                report[f"{name}, {word}, {label}"] = row
+                print(f"{f'{name}, {word}, {label}':>34s}" + "".join(f"   {m:5.2f} ± {h:4.2f}" for m, h in row), flush=True)
     options.output.mkdir(parents=True, exist_ok=True)
     (options.output / "next_poke.json").write_text(json.dumps(report, indent=1), encoding="utf-8")
     draw(report, options.output / "next_poke.png")

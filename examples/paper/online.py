@@ -13,6 +13,7 @@ import time
 
 import lab
 import numpy as np
+from tqdm import tqdm
 
 import stablepush as sp
 from stablepush.planar import unit
@@ -58,8 +59,10 @@ def stream(seed: int) -> tuple[dict[str, list[float]], dict[str, list[float]]]:
 
 
 def main() -> None:
-    options = lab.parser(__doc__, data=False).parse_args()
-    results = [stream(seed) for seed in range(STREAMS)]
+    arguments = lab.parser(__doc__, data=False)
+    arguments.add_argument("--streams", type=int, default=STREAMS)
+    options = arguments.parse_args()
+    results = [stream(seed) for seed in tqdm(range(options.streams), disable=None, leave=False)]
     curves = {name: np.array([r[0][name] for r in results]) for name in METHODS}
     print("mean angle error (deg) ± 95 % over the streams, after pokes; the pressure changes after poke", CHANGE)
     moments = (10, 30, 60, 65, 75, 90, 120)

@@ -11,7 +11,6 @@ in all.
 from __future__ import annotations
 
 import json
-from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from pathlib import Path
 
@@ -93,8 +92,7 @@ def main() -> None:
             *product(arrangements, ("few",), ("default",), FEW, range(EVALUATIONS)),
         )
     ]
-    with ProcessPoolExecutor(options.jobs) as pool:
-        results = np.array(list(pool.map(evaluate, *zip(*jobs, strict=True), chunksize=5)))
+    results = np.array(lab.run_all(evaluate, jobs, options.jobs))
     keys = [job[1:5] for job in jobs]
 
     def select(arrangement: str, kind: str, method: str, count: int) -> np.ndarray:

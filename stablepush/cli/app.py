@@ -118,7 +118,9 @@ def fit(
     log: Annotated[Path, typer.Argument(help="pushlog/1 folder.")],
     output: Output,
     model: Annotated[str, typer.Option(help="poly4-cvx, poly4, poly6-cvx, quadratic or gp.")] = "poly4-cvx",
-    seed: Annotated[int, typer.Option(parser=_whole_number, metavar="INTEGER", help="Seed of the cross-validation's folds.")] = 0,
+    seed: Annotated[
+        int, typer.Option(parser=_whole_number, metavar="INTEGER", help="Seed of the folds, the pressures and the ensemble.")
+    ] = 0,
     no_slider: Annotated[bool, typer.Option("--no-slider", help="Do not use what the log says of the slider.")] = False,
     loss: Annotated[
         str,
@@ -133,7 +135,7 @@ def fit(
     """Identify a limit surface from a log of pokes."""
     import numpy as np
 
-    from stablepush.identify import LOSSES, MODELS, fit_limit_surface
+    from stablepush.identify import LOSSES, MODELS, WITH_PRIOR, fit_limit_surface
     from stablepush.logs import read_pushlog
 
     if model not in MODELS:
@@ -142,6 +144,10 @@ def fit(
         raise InputError(f"--loss: expected one of {', '.join(LOSSES)}, got {loss!r}")
     if not (math.isfinite(com_tolerance) and 0 <= com_tolerance <= 1e6):
         raise InputError(f"--com-tolerance: expected a length in m >= 0, got {com_tolerance:g}")
+    if com_tolerance and (no_slider or loss != "squared" or model not in WITH_PRIOR):
+        raise InputError(
+            f"--com-tolerance: {com_tolerance:g} is of use only where the slider is: {' or '.join(WITH_PRIOR)}, squared loss"
+        )
     _require_seed(seed)
     _require_file(output)
     pokes = read_pushlog(log)

@@ -12,14 +12,15 @@ import scipy.special
 from numpy.typing import ArrayLike
 
 from stablepush._arrays import FloatArray, check_vectors, read_only
-from stablepush.errors import InputError
+from stablepush.errors import InputError, SolverError
 from stablepush.identify.certificate import Certificate, certify
 from stablepush.identify.estimator import Estimator, NormLoss, Part, SquaredLoss, SquaredWeights
 from stablepush.identify.gp import fit_gaussian_process
-from stablepush.identify.pairs import Pairs
+from stablepush.identify.pairs import LARGEST_RATIO, Pairs
 from stablepush.identify.posterior import draw_coefficients
 from stablepush.identify.pressure import PressureEnsemble, PressureSampler
 from stablepush.identify.program import Estimate
+from stablepush.identify.surface import surface_from_scaled
 from stablepush.models import GaussianProcessSurface, PolynomialLimitSurface
 from stablepush.models.monomials import gradient_rows, monomials
 from stablepush.planar import angle_between, normalize_twist
@@ -28,16 +29,18 @@ from stablepush.slider import Slider
 #: Polynomial models: degree, and whether SOS-convexity is imposed. A Gaussian process is the other.
 POLYNOMIALS = {"poly4-cvx": (4, True), "poly4": (4, False), "poly6-cvx": (6, True), "quadratic": (2, True)}
 MODELS = (*POLYNOMIALS, "gp")
+#: Models that take a slider as prior knowledge.
+WITH_PRIOR = ("poly4-cvx", "poly6-cvx")
 LOSSES = ("squared", "published", "norm")
 
 #: Folds of the cross-validation; with fewer than this many pairs the middle weights are taken instead.
 FOLDS = 5
 
+#: Share of Metropolis steps below which the likely pressures are said to be poorly mixed.
+LEAST_ACCEPTANCE = 0.02
+
 #: A robust weight below which a pair is reported as an outlier; a pair that fits has weight 1 to 1.75.
 OUTLIER_WEIGHT = 0.2
-
-#: Largest coefficient that a model file may hold: beyond it the surface is stored in units of the friction force.
-_LARGEST_COEFFICIENT = 1e6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,9 +65,9 @@ class Fit:
     angle_errors : array, shape (n,)
         Angle (rad) between predicted and measured twist of each pair.
     level_errors : array, shape (n,)
-        ``H(F) - 1`` of each pair.
+        ``H(F) - 1`` of each pair; ``H`` has the degree of the model, for ``gp`` it is a ratio of sizes.
     pair_weights : array, shape (n,)
-        Robust weight of each pair used for the fit: far below one for an outlier.
+        Robust weight of each pair: far below one for an outlier, zero if it was left out or held out.
     certificate : Certificate or None
         Proof of SOS-convexity, in units of the scaled loads; None for ``poly4`` and ``gp``.
     pressures : PressureEnsemble or None
@@ -107,15 +110,18 @@ def fit_limit_surface(
     com_tolerance: ArrayLike = 0.0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Fit:
-    """Identify ``H`` from loads and slip twists by the paper's convex program.
+    """Identify ``H`` from loads and slip twists by a convex program that builds on the paper's.
 
     ``minimise |a - a0|² + Σ_i w_i (eta1 α_i + eta2 β_i)`` with ``α_i = |∇H(F_i) - (∇H(F_i)·V_i)V_i|²`` and ``β_i = (H(F_i) -
     1)²``, subject to SOS-convexity for the ``-cvx`` models and the quadratic. ``eta1, eta2`` are chosen by five-fold
     cross-validation of the angle between predicted and measured twists; the final solve uses all pairs. ``w_i`` are robust
     weights.
 
-    With a slider, pressure distributions under its outline that have its centre of mass and that the pairs leave likely say
-    what to expect; without one, an ellipsoid fitted to the same pairs does (:class:`SquaredLoss`).
+    ``a0`` is the power of an ellipsoid fitted to the same pairs, and ``|·|`` Bombieri's norm in coordinates in which that
+    ellipsoid is a sphere (:class:`SquaredLoss`). With a slider, pressure distributions under its outline that have its centre
+    of mass and that the pairs leave likely (:class:`PressureSampler`) add 400 pairs of their mean surface, worth ten of the
+    measured; how much a measured pair counts beside them is then what the folds choose. Only outline and origin of the slider
+    are used, not the support that it claims. Last, the coefficients are scaled so that the loads lie on ``H = 1`` on average.
 
     Parameters
     ----------
@@ -131,7 +137,7 @@ def fit_limit_surface(
     characteristic_length : float, optional
         ``rho`` in m; without it and without a slider ``sqrt(2) rms(tau) / rms(|f|)``.
     seed : int, optional
-        Seed of the split into folds and of the ensemble; 0 if not given, so that a fit can be repeated.
+        Seed of the split into folds, of the pressures and of the ensemble; 0 if not given, so that a fit can be repeated.
     loss : {"squared", "published", "norm"}
         ``"squared"``: as above. ``"published"``: the paper's equation, ``a0 = 0`` and every ``w_i = 1``, without the slider.
         ``"norm"``: norms instead of squares, as in the authors' code, without the slider.
@@ -156,17 +162,37 @@ def fit_limit_surface(
         raise InputError(f"model: expected one of {', '.join(MODELS)}, got {model!r}")
     if loss not in LOSSES:
         raise InputError(f"loss: expected one of {', '.join(LOSSES)}, got {loss!r}")
-    seed = 0 if seed is None else seed
+    seed = _check_seed(seed)
+    if slider is not None and not isinstance(slider, Slider):
+        raise InputError(f"slider: expected a Slider, got {type(slider).__name__}")
+    box = _com_box(com_tolerance)
     pairs = Pairs.from_data(wrenches, twists, slider, characteristic_length)
-    train, tests = _split(len(pairs), hold_out, seed)
+    train, tests = _split(len(pairs), hold_out, seed, pairs.usable)
+    remarks: list[str] = []
+    if len(pairs.usable) < len(pairs):
+        left_out = np.setdiff1d(np.arange(len(pairs)), pairs.usable)
+        remarks.append(
+            f"{len(left_out)} of {len(pairs)} pairs are left out, the first of them row {left_out[0]}: their loads are more than "
+            f"{LARGEST_RATIO:g} times larger or smaller than the median"
+        )
+    takes_prior = loss == "squared" and model in WITH_PRIOR
+    if box.any() and (slider is None or not takes_prior):
+        raise InputError(
+            f"com_tolerance: expected a slider and a model that takes it as prior knowledge ({' or '.join(WITH_PRIOR)} "
+            "with the squared loss)"
+        )
+    if not len(pairs) and not takes_prior:
+        raise InputError(
+            f"wrenches, twists: expected at least one pair; without any, only {' and '.join(WITH_PRIOR)} have a prior"
+        )
+    if slider is not None and not takes_prior:
+        remarks.append("the slider gives the characteristic length and no more: this fit has no prior")
     if model == "gp":
-        return _fit_gp(pairs, train, started)
+        return _fit_gp(pairs, train, started, remarks)
     degree, convex = POLYNOMIALS[model]
 
-    remarks: list[str] = []
     sampler = None
-    box = _com_box(com_tolerance)
-    if slider is not None and loss == "squared" and convex and degree > 2:
+    if slider is not None and takes_prior:
         try:
             sampler = PressureSampler(slider.vertices, box, seed)
             sampler.prior()
@@ -182,14 +208,16 @@ def fit_limit_surface(
         estimator = SquaredLoss(degree, convex, sampler, robust and not published, "zero" if published else "ellipsoid")
 
     planned = len(estimator.candidates) * len(tests) + 1
-    done = 0
+    done = taken_over = 0
 
     def solve(part: Part, weights: Any) -> Estimate:
-        nonlocal done
+        nonlocal done, taken_over
         done += 1
         if progress is not None:
             progress(done, planned)
-        return estimator.solve(part, weights)
+        solution = estimator.solve(part, weights)
+        taken_over += solution.taken_over
+        return solution
 
     chosen, error = estimator.default, None
     if tests:
@@ -198,7 +226,11 @@ def fit_limit_surface(
             part = estimator.prepare(pairs.take(np.setdiff1d(train, rows)))
             gradient = gradient_rows(pairs.loads[rows], degree)
             for c, candidate in enumerate(estimator.candidates):
-                errors[c, rows] = angle_between(gradient @ solve(part, candidate).coefficients, pairs.directions[rows])
+                try:
+                    errors[c, rows] = angle_between(gradient @ solve(part, candidate).coefficients, pairs.directions[rows])
+                except SolverError:
+                    # weights at which no solver finds a solution are the last to choose
+                    errors[c, rows] = np.pi
         errors = errors[:, np.concatenate(tests)]
         chosen = _choose(errors, estimator.with_prior)
         error = float(errors[chosen].mean())
@@ -217,12 +249,28 @@ def fit_limit_surface(
             "the pokes contradict every pressure under the outline with the centre of mass at the origin: "
             "the fit follows the pokes (is the outline, the centre of mass or the sign of a moment wrong?)"
         )
+    if weights.prior and whole.pressures is not None and whole.pressures.acceptance < LEAST_ACCEPTANCE:
+        remarks.append(
+            f"only {whole.pressures.acceptance:.1%} of the moves of the likely pressures were taken: their spread may be off"
+        )
+    if taken_over:
+        remarks.append(f"{taken_over} of {done} solves were taken over by the second solver")
+    pair_weights = np.zeros(len(pairs))
+    pair_weights[train] = whole.pair_weights
     outliers = int((whole.pair_weights < OUTLIER_WEIGHT).sum())
     if outliers and not weights.prior:
         remarks.append(f"{outliers} of {len(train)} pairs are outliers and count for little")
 
     certificate = None if best.gram is None else certify(best.coefficients, best.gram, degree)
-    surface = _surface(best, ensemble, certificate, degree, pairs, model)
+    surface = surface_from_scaled(
+        best.coefficients,
+        degree,
+        pairs.rho,
+        pairs.force_scale if len(pairs) else None,
+        certificate=certificate,
+        ensemble=ensemble,
+        provenance={"model": model, "pairs": len(train), "loss": loss, "prior": bool(weights.prior)},
+    )
     gradient = gradient_rows(pairs.loads, degree) @ best.coefficients
     f = np.asarray(wrenches, dtype=np.float64)
     return Fit(
@@ -235,9 +283,9 @@ def fit_limit_surface(
         validation_error=error,
         angle_errors=read_only(angle_between(gradient, pairs.directions)),
         level_errors=read_only(surface.value(f if surface.force_unit == "N" else f / pairs.force_scale) - 1),
-        pair_weights=read_only(whole.pair_weights),
+        pair_weights=read_only(pair_weights),
         certificate=certificate,
-        pressures=None if whole.pressures is None else whole.pressures.scaled(pairs.force_scale),
+        pressures=None if whole.pressures is None or not weights.prior else whole.pressures.scaled(pairs.force_scale),
         remarks=tuple(remarks),
     )
 
@@ -257,7 +305,7 @@ def _level(coefficients: FloatArray, pairs: Pairs, weights: FloatArray, degree: 
 def _com_box(tolerance: ArrayLike) -> FloatArray:
     box = check_vectors(np.atleast_1d(tolerance), "com_tolerance", np.atleast_1d(tolerance).shape[-1])
     if box.shape not in ((1,), (2,)) or (box < 0).any():
-        raise InputError(f"com_tolerance: expected one or two half widths >= 0 in m, got {tolerance}")
+        raise InputError(f"com_tolerance: expected one or two half widths >= 0 in m, got {tolerance!r}")
     return np.broadcast_to(box, (2,))
 
 
@@ -266,22 +314,33 @@ def _needed(degree: int) -> int:
     return -(-(degree + 1) * (degree + 2) // 6)
 
 
-def _split(count: int, hold_out: ArrayLike | None, seed: int) -> tuple[np.ndarray, list[np.ndarray]]:
+def _check_seed(seed: int | None) -> int:
+    if seed is None:
+        return 0
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise InputError(f"seed: expected a whole number >= 0, got {seed!r}")
+    return int(seed)
+
+
+def _split(count: int, hold_out: ArrayLike | None, seed: int, usable: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
     """Return the rows to fit, and the sets of rows that validate."""
-    everything = np.arange(count)
     if hold_out is not None:
-        rows = np.asarray(hold_out)
+        try:
+            rows = np.asarray(hold_out)
+        except ValueError:
+            raise InputError("hold_out: expected a list of row numbers") from None
         if rows.ndim != 1 or not len(rows) or not np.issubdtype(rows.dtype, np.integer):
             raise InputError("hold_out: expected at least one row number")
         if rows.min() < 0 or rows.max() >= count or len(np.unique(rows)) != len(rows):
             raise InputError(f"hold_out: expected different rows from 0 to {count - 1}")
-        if len(rows) == count:
-            raise InputError("hold_out: expected rows that leave some pairs to fit")
-        return np.setdiff1d(everything, rows), [rows]
-    if count < FOLDS:
-        return everything, []
-    order = np.random.default_rng(seed).permutation(count)
-    return everything, [np.sort(part) for part in np.array_split(order, FOLDS)]
+        train, rows = np.setdiff1d(usable, rows), np.intersect1d(rows, usable)
+        if not len(train) or not len(rows):
+            raise InputError("hold_out: expected rows that leave some pairs to fit, and to validate")
+        return train, [rows]
+    if len(usable) < FOLDS:
+        return usable, []
+    order = np.random.default_rng(seed).permutation(usable)
+    return usable, [np.sort(part) for part in np.array_split(order, FOLDS)]
 
 
 def _choose(errors: FloatArray, with_prior: int) -> int:
@@ -303,33 +362,7 @@ def _choose(errors: FloatArray, with_prior: int) -> int:
     return plain if gain.mean() > needed else chosen
 
 
-def _surface(
-    best: Estimate,
-    ensemble: list[FloatArray],
-    certificate: Certificate | None,
-    degree: int,
-    pairs: Pairs,
-    model: str,
-) -> PolynomialLimitSurface:
-    """Bring the coefficients back to newtons, and the certificate with them."""
-    to_newton = pairs.force_scale ** (-degree)
-    force_unit = "N"
-    if not len(pairs) or max(np.abs(a).max() for a in (best.coefficients, *ensemble)) * to_newton > _LARGEST_COEFFICIENT:
-        to_newton, force_unit = 1.0, "mu*N"
-    entry = None if certificate is None else certificate.in_units(to_newton).to_json()
-    return PolynomialLimitSurface(
-        best.coefficients * to_newton,
-        degree,
-        pairs.rho,
-        force_unit=force_unit,
-        certificate=entry,
-        covariance=np.cov(np.array(ensemble) * to_newton, rowvar=False) if ensemble else None,
-        ensemble=np.array(ensemble) * to_newton if ensemble else None,
-        provenance={"model": model, "pairs": len(pairs), "force_scale_N": pairs.force_scale},
-    )
-
-
-def _fit_gp(pairs: Pairs, train: np.ndarray, started: float) -> Fit:
+def _fit_gp(pairs: Pairs, train: np.ndarray, started: float, remarks: list[str]) -> Fit:
     surface, elapsed = fit_gaussian_process(pairs.take(train))
     f = pairs.loads * pairs.force_scale * (1.0, 1.0, pairs.rho)
     slip = normalize_twist(surface.twist(f), pairs.rho)
@@ -343,6 +376,6 @@ def _fit_gp(pairs: Pairs, train: np.ndarray, started: float) -> Fit:
         validation_error=None,
         angle_errors=read_only(angle_between(slip, pairs.directions)),
         level_errors=read_only(surface.value(f) - 1),
-        pair_weights=read_only(np.ones(len(train))),
-        remarks=("a Gaussian process is no limit surface: nothing makes it convex, and its regions may be wrong",),
+        pair_weights=read_only(np.isin(np.arange(len(pairs)), train).astype(float)),
+        remarks=(*remarks, "a Gaussian process is no limit surface: nothing makes it convex, nor its slip and its loads agree"),
     )

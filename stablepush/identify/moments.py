@@ -39,6 +39,11 @@ class Moments:
         m = (degree + 1) * (degree + 2) // 2
         return cls(np.zeros((m, m)), np.zeros((m, m)), np.zeros(m), 0.0)
 
+    def rescaled(self, factor: float, degree: int) -> Moments:
+        """Return the moments of the same pairs with their loads times ``factor``."""
+        once = factor**degree
+        return Moments(self.slip * factor ** (2 * degree - 2), self.level * once**2, self.target * once, self.count)
+
     def __add__(self, other: Moments) -> Moments:
         return Moments(self.slip + other.slip, self.level + other.level, self.target + other.target, self.count + other.count)
 

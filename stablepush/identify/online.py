@@ -7,15 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_number, check_vectors
-from stablepush.errors import InputError
+from stablepush._arrays import LARGEST_MAGNITUDE, FloatArray, check_number, check_vectors
+from stablepush.errors import InputError, SolverError
 from stablepush.identify.certificate import Certificate, certify
 from stablepush.identify.estimator import MIDDLE, sphere_power
 from stablepush.identify.moments import Moments
+from stablepush.identify.pairs import LEAST_FORCE
 from stablepush.identify.program import squared_program
+from stablepush.identify.surface import surface_from_scaled
 from stablepush.models import PolynomialLimitSurface
-from stablepush.models.monomials import bombieri_norms
-from stablepush.planar import normalize_twist, normalize_wrench, unit
+from stablepush.models.monomials import bombieri_norms, gradient_rows
+from stablepush.planar import angle_between, normalize_twist, normalize_wrench, unit
 
 METHODS = ("moments", "projected-gradient")
 
@@ -24,8 +26,9 @@ METHODS = ("moments", "projected-gradient")
 class OnlineEstimate:
     """The surface after a poke, with its proof of convexity.
 
-    ``surprise`` (rad): angle between the twist of this poke and the one that the surface before it predicted; ``memory``:
-    pokes that count, older ones in part.
+    ``certificate`` is for loads of mean size one; ``surprise`` (rad) is the angle between the twist of this poke and the one
+    that the surface before it predicted; ``memory`` the number of pokes that count, older ones in part (of no use to the
+    projected gradient).
     """
 
     surface: PolynomialLimitSurface
@@ -53,10 +56,10 @@ class OnlineIdentifier:
     degree : int
         Even degree, 2 or more.
     eta1, eta2 : float
-        Weights of slip and level residuals, for loads whose first has length one.
+        Weights of slip and level residuals, for loads of mean size one.
     method : {"moments", "projected-gradient"}
     step : float
-        Of the projected gradient, as a share of the largest stable one.
+        Of the projected gradient, as a share of the one that would minimise the newest poke's loss along its steepest axis.
     """
 
     def __init__(
@@ -72,14 +75,14 @@ class OnlineIdentifier:
     ) -> None:
         if method not in METHODS:
             raise InputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
-        if degree not in (2, 4, 6):
-            raise InputError(f"degree: expected 2, 4 or 6, got {degree}")
+        if not isinstance(degree, int) or degree not in (2, 4, 6):
+            raise InputError(f"degree: expected 2, 4 or 6, got {degree!r}")
         self._rho = check_number(characteristic_length, "characteristic_length", above=0.0)
         self._forgetting = check_number(forgetting, "forgetting", above=0.0, largest=1.0)
         self._eta1, self._eta2 = check_number(eta1, "eta1", above=0.0), check_number(eta2, "eta2", above=0.0)
         self._step = check_number(step, "step", above=0.0, largest=1.0)
         self._degree, self._method = degree, method
-        self._scale: float | None = None
+        self._log_scale, self._memory = 0.0, 0.0
         self._moments = Moments.none(degree)
         self._coefficients = sphere_power(degree)
 
@@ -88,38 +91,44 @@ class OnlineIdentifier:
         f, v = check_vectors(wrench, "wrench", 3), check_vectors(twist, "twist", 3)
         if f.shape != (3,) or v.shape != (3,) or not f.any() or not v.any():
             raise InputError("wrench, twist: expected one load and one twist that are not zero, each of shape (3,)")
-        load = normalize_wrench(f, self._rho)
-        if self._scale is None:
-            # H is homogeneous: any fixed scale serves, and the first poke's keeps loads near one
-            self._scale = float(np.linalg.norm(load))
-        load, direction = load / self._scale, unit(normalize_twist(v, self._rho))
-        predicted = PolynomialLimitSurface(self._coefficients, self._degree, 1.0).twist(load)
-        surprise = float(np.arccos(np.clip(unit(predicted) @ direction, -1, 1)))
-        newest = Moments.from_pairs(load[None], direction[None], self._degree)
-        self._moments = self._moments * self._forgetting + newest
+        load, direction = normalize_wrench(f, self._rho), unit(normalize_twist(v, self._rho))
+        size = float(np.linalg.norm(load))
+        if not LEAST_FORCE <= size <= LARGEST_MAGNITUDE:
+            raise InputError(f"wrench: expected a load of {LEAST_FORCE:g} to {LARGEST_MAGNITUDE:g} N, got {size:g} N")
+        slip = gradient_rows(load / size, self._degree) @ self._coefficients
+        surprise = float(angle_between(slip, direction))
+        # the penalty and the weights are meant for loads of size one: the scale is the geometric mean size, faded like the rest
+        memory = 1 + self._forgetting * self._memory
+        log_scale = self._log_scale + (np.log(size) - self._log_scale) / memory
+        scale, shrink = float(np.exp(log_scale)), float(np.exp(self._log_scale - log_scale)) if self._memory else 1.0
+        newest = Moments.from_pairs(load[None] / scale, direction[None], self._degree)
+        moments = self._moments.rescaled(shrink, self._degree) * self._forgetting + newest
         if self._method == "moments":
             stiffness, pull = self._sphere()
-            solution = squared_program(self._degree).solve(
-                stiffness + self._eta1 * self._moments.slip + self._eta2 * self._moments.level,
-                pull + self._eta2 * self._moments.target,
-            )
+            quadratic = stiffness + self._eta1 * moments.slip + self._eta2 * moments.level
+            solution = squared_program(self._degree).solve(quadratic, pull + self._eta2 * moments.target)
         else:
-            # loss aᵀPa - 2q·a of the newest poke; steps up to 1/λ_max(P) cannot overshoot
-            quadratic, linear = newest.slip + newest.level, newest.target
-            gradient = quadratic @ self._coefficients - linear
-            moved = self._coefficients - self._step * gradient / float(np.linalg.eigvalsh(quadratic)[-1])
+            # loss aᵀPa - 2q·a of the newest poke, whose gradient is 2(Pa - q): steps of 1/λ_max(P) along Pa - q reach its minimum
+            before = self._coefficients * shrink ** (-self._degree)
+            quadratic = newest.slip + newest.level
+            downhill = newest.target - quadratic @ before
+            moved = before + self._step * downhill / float(np.linalg.eigvalsh(quadratic)[-1])
             solution = squared_program(self._degree).solve(np.eye(len(moved)), moved)
-        self._coefficients = solution.coefficients
-        assert solution.gram is not None
+        if solution.gram is None:
+            raise SolverError("online fit: the solver gave no proof of convexity")
         certificate = certify(solution.coefficients, solution.gram, self._degree)
-        surface = PolynomialLimitSurface(
-            solution.coefficients * self._scale ** (-self._degree),
+        # nothing of this object has changed so far: a poke that could not be used leaves it as it was
+        self._moments, self._coefficients = moments, solution.coefficients
+        self._log_scale, self._memory = log_scale, memory
+        surface = surface_from_scaled(
+            solution.coefficients,
             self._degree,
             self._rho,
-            certificate=certificate.in_units(self._scale ** (-self._degree)).to_json(),
+            scale,
+            certificate=certificate,
             provenance={"model": f"poly{self._degree}-cvx", "method": self._method, "forgetting": self._forgetting},
         )
-        return OnlineEstimate(surface, certificate, surprise, self._moments.count)
+        return OnlineEstimate(surface, certificate, surprise, memory)
 
     def _sphere(self) -> tuple[FloatArray, FloatArray]:
         norms = bombieri_norms(self._degree)

@@ -16,6 +16,8 @@ from stablepush.slider import Slider
 LEAST_FORCE = 1e-9
 #: A factor between what pairs say and what the slider says, beyond which a unit must be wrong (the usual slips are 1000).
 UNIT_SLIP = 50.0
+#: A load this many times larger or smaller than the median is no load on the same surface: it is left out.
+LARGEST_RATIO = 30.0
 #: Pairs whose direction differs by less than this (rad) count as one.
 SAME_DIRECTION = 1e-3
 #: Smallest over largest singular value of unit loads, below which they are said to leave a direction open.
@@ -61,6 +63,12 @@ class Pairs:
         """Return some of the pairs, in the same units."""
         return Pairs(self.loads[rows], self.directions[rows], self.rho, self.force_scale)
 
+    @property
+    def usable(self) -> np.ndarray:
+        """Rows (k,) whose load has a size that the median does not rule out."""
+        sizes = np.linalg.norm(self.loads, axis=1)
+        return np.flatnonzero((sizes > 1 / LARGEST_RATIO) & (sizes < LARGEST_RATIO))
+
     def remarks(self, needed: int, slider: Slider | None) -> list[str]:
         """Say what the pairs leave open, for a model that takes ``needed`` pairs of general position to settle."""
         said: list[str] = []
@@ -80,11 +88,11 @@ class Pairs:
         if distinct < needed:
             said.append(
                 f"{distinct} different loads leave the surface open, which takes {needed}: "
-                "what they leave open comes from the prior"
+                "what they leave open the penalty settles"
             )
         elif (spread := np.linalg.svd(directions, compute_uv=False))[-1] < LEAST_SPREAD * spread[0]:
             said.append(
-                "the loads lie nearly in one plane: off it the surface comes from the prior (poke at other places and angles)"
+                "the loads lie nearly in one plane: off it the penalty settles the surface (poke at other places and angles)"
             )
         opposed = int(((self.loads * self.directions).sum(axis=1) < 0).sum())
         if opposed:

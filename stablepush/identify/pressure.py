@@ -10,7 +10,7 @@ weight is gone, resample, move every draw by Metropolis steps, and so on.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import shapely
@@ -40,12 +40,16 @@ class PressureEnsemble:
     """Equally likely pressure distributions.
 
     ``points`` (m, 12, 2): support points (m, in B); ``shares`` (m, 12): their shares of the load, zero for unused points;
-    ``loads`` (m,): total friction load ``mu*N`` in N, one without pokes.
+    ``loads`` (m,): total friction load ``mu*N`` in N, one without pokes. ``ancestors``: different draws of the prior that
+    they come from, and ``acceptance``: share of Metropolis steps taken after the last resampling; both tell how well the
+    draws are mixed.
     """
 
     points: FloatArray
     shares: FloatArray
     loads: FloatArray
+    ancestors: int
+    acceptance: float
 
     def wrenches(self, twists: FloatArray, rho: float) -> FloatArray:
         """Return the normalised loads (m, n, 3) of unit normalised twists (n, 3)."""
@@ -53,7 +57,7 @@ class PressureEnsemble:
 
     def scaled(self, factor: float) -> PressureEnsemble:
         """Return the same pressures with their friction loads times ``factor``."""
-        return PressureEnsemble(self.points, self.shares, read_only(self.loads * factor))
+        return replace(self, loads=read_only(self.loads * factor))
 
 
 def predict_loads(points: FloatArray, loads: FloatArray, twists: FloatArray) -> FloatArray:
@@ -80,7 +84,7 @@ class PressureSampler:
     def prior(self) -> PressureEnsemble:
         """Return draws that no poke has weighed."""
         state = self._first(np.random.default_rng(self._seed))
-        return PressureEnsemble(read_only(state.points), read_only(state.shares), np.ones(self._count))
+        return PressureEnsemble(read_only(state.points), read_only(state.shares), np.ones(self._count), self._count, 1.0)
 
     def posterior(self, loads: FloatArray, twists: FloatArray, rho: float) -> PressureEnsemble:
         """Return draws given normalised loads (n, 3) and unit normalised twists (n, 3)."""
@@ -90,13 +94,14 @@ class PressureSampler:
         state = self._first(rng)
         twists = _scattered(twists)
         scale, likelihood = _fit_scale(self._predict(state, twists, rho), loads)
-        power = 0.0
+        power, ancestors, taken = 0.0, np.arange(self._count), 0.0
         while power < 1.0:
             step = _temper(likelihood, 1.0 - power)
             power += step
             weights = np.exp(step * (likelihood - likelihood.max()))
             chosen = _systematic(weights / weights.sum(), rng)
             state, scale, likelihood = state.take(chosen), scale[chosen], likelihood[chosen]
+            ancestors, taken = ancestors[chosen], 0.0
             for _ in range(_MOVES):
                 proposed, ratio = self._propose(state, rng)
                 new_scale, new_likelihood = _fit_scale(self._predict(proposed, twists, rho), loads)
@@ -104,7 +109,9 @@ class PressureSampler:
                 state = state.replace(accepted, proposed)
                 scale = np.where(accepted, new_scale, scale)
                 likelihood = np.where(accepted, new_likelihood, likelihood)
-        return PressureEnsemble(read_only(state.points), read_only(state.shares), read_only(scale))
+                taken += float(accepted.mean()) / _MOVES
+        left = len(np.unique(ancestors))
+        return PressureEnsemble(read_only(state.points), read_only(state.shares), read_only(scale), left, taken)
 
     def _predict(self, state: _State, twists: FloatArray, rho: float) -> FloatArray:
         """Loads (m, n, q, 3) of twists (n, q, 3)."""

@@ -12,6 +12,7 @@ from stablepush._arrays import FloatArray, read_only
 from stablepush.errors import InputError, SolverError
 from stablepush.identify.pairs import Pairs
 from stablepush.identify.pressure import predict_loads
+from stablepush.identify.surface import surface_from_scaled
 from stablepush.models import IdealLimitSurface, PolynomialLimitSurface
 from stablepush.planar import unit
 from stablepush.slider import Slider
@@ -68,7 +69,11 @@ def fit_pressure_grid(
     """
     if method not in METHODS:
         raise InputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
+    if not isinstance(slider, Slider):
+        raise InputError(f"slider: expected a Slider, got {type(slider).__name__}")
     pairs = Pairs.from_data(wrenches, twists, slider, None)
+    if not len(pairs):
+        raise InputError("wrenches, twists: expected at least one pair")
     side = float(np.ptp(slider.vertices, axis=0).max()) / DEFAULT_CELLS if spacing is None else spacing
     points = SupportDistribution.from_polygon(slider.vertices, side).points
     count = len(points)
@@ -78,7 +83,9 @@ def fit_pressure_grid(
     measured = (pairs.loads * pairs.force_scale).ravel()
     loads = np.linalg.lstsq(matrix, measured)[0] if method == "least-squares" else _least_absolute(matrix, measured, points)
     if not (loads > 0).any():
-        raise SolverError("pressure grid: no cell carries load")
+        raise SolverError(
+            "pressure grid: no pressure under the outline explains the pairs; is the origin of B inside the outline?"
+        )
     residual = float(np.sqrt(((matrix @ loads - measured) ** 2).mean()))
     positive = np.maximum(loads, 0.0)
     surface = IdealLimitSurface(SupportDistribution(points, positive), float(positive.sum()), pairs.rho)
@@ -126,18 +133,22 @@ def ellipsoid_from_pressure(support: SupportDistribution, friction_load: float) 
     torque = np.array((c[1], -c[0], rho)) / largest_torque
     form = np.diag((1.0, 1.0, 0.0)) / friction_load**2 + np.outer(torque, torque)
     xx, xy, xz, yy, yz, zz = form[np.triu_indices(3)]
+    coefficients = friction_load**2 * np.array((xx, 2 * xy, 2 * xz, yy, 2 * yz, zz))
     provenance = {"model": "ellipsoid", "source": "Howe and Cutkosky 1996"}
-    return PolynomialLimitSurface((xx, 2 * xy, 2 * xz, yy, 2 * yz, zz), 2, rho, provenance=provenance)
+    return surface_from_scaled(coefficients, 2, rho, friction_load, provenance=provenance)
 
 
 def _geometric_median(support: SupportDistribution) -> FloatArray:
-    """Point (2,) with the least weighted sum of distances: the median is convex, and a support point may be it."""
+    """Point (2,) with the least weighted sum of distances: the sum is convex, and a support point may have it."""
     points, weights = support.points[support.weights > 0], support.weights[support.weights > 0]
 
     def cost(c: FloatArray) -> float:
         return float(weights @ np.linalg.norm(points - c, axis=1))
 
-    best = min(points, key=cost)
+    costs = np.array([cost(c) for c in points])
+    least = points[costs <= costs.min() * (1 + 1e-12)].mean(axis=0)
+    # points of a line may share the least sum, and then all between them do: the middle keeps the symmetry
+    best = least if cost(least) <= costs.min() * (1 + 1e-12) else points[int(np.argmin(costs))]
     off = points - best
     distance = np.linalg.norm(off, axis=1)
     here = distance == 0

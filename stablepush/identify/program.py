@@ -34,6 +34,8 @@ class Estimate:
     gram: FloatArray | None
     status: str
     solve_time: float
+    #: whether the first solver failed
+    taken_over: bool = False
 
 
 class _Program:
@@ -62,7 +64,7 @@ class _Program:
         self._problem = cp.Problem(cp.Minimize(objective), self._constraints)
 
     def _solve(self) -> Estimate:
-        failures = []
+        failures: list[str] = []
         for name, settings in _SOLVERS:
             started = time.perf_counter()
             status = self._attempt(name, settings)
@@ -74,6 +76,7 @@ class _Program:
                     np.asarray(self._gram.value) if self._convex else None,
                     status if name == _SOLVERS[0][0] else f"{status} ({name})",
                     elapsed if stats is None or stats.solve_time is None else float(stats.solve_time),
+                    taken_over=bool(failures),
                 )
             failures.append(f"{name}: {status}")
         raise SolverError(f"fit: no solver found a solution ({', '.join(failures)})")
@@ -107,7 +110,7 @@ class SquaredProgram(_Program):
         """Solve for a positive definite ``P`` (m, m) and ``q`` (m,)."""
         # the scale of the objective is free: near one it suits the solvers' tolerances
         scale = float(np.trace(quadratic)) / len(quadratic)
-        self._root.value = np.linalg.cholesky(quadratic / scale).T
+        self._root.value = _factor(quadratic / scale)
         self._linear.value = linear / scale
         return self._solve()
 
@@ -116,8 +119,8 @@ class NormProgram(_Program):
     """``minimise w_reg |a| + w_force |ξ| + w_slip |δ|``: the loss of the authors' code, norms where the paper has squares.
 
     ``ξ_i = H(F_i) - 1`` and ``δ_i = ∇H(F_i) - s_i V_i`` with a free scale ``s_i``, which is the part of the gradient across the
-    measured twist. (Their scales are positive; a convex H whose gradients oppose the twists has no smaller loss, so it does
-    not bind on data with F·V > 0.)
+    measured twist. The authors ask for positive scales. Here they are free, which leaves the data as moments; the two differ
+    only where the fitted gradient opposes a measured twist, an outlier.
     """
 
     def __init__(self, degree: int, convex: bool) -> None:
@@ -142,6 +145,14 @@ class NormProgram(_Program):
         self._level_target.value = -root[:, -1]
         self._slip.value = _root(moments.slip) * w_slip
         return self._solve()
+
+
+def _factor(quadratic: FloatArray) -> FloatArray:
+    """Upper factor ``R`` with ``RᵀR`` the matrix; a matrix that is positive definite but for rounding is taken as it is."""
+    try:
+        return np.asarray(np.linalg.cholesky(quadratic).T)
+    except np.linalg.LinAlgError:
+        return _root(quadratic)
 
 
 def _root(gram: FloatArray) -> FloatArray:

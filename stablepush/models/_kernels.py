@@ -393,6 +393,7 @@ def fit_scales(predicted, loads, weights, error, scales, likelihoods):  # type: 
                     density[k] = weights[k] * 128.0 * rest * rest * rest * math.sqrt(rest)
                     shrink[k] = rest / sizes[i]
                     sum_density += density[k]
+                sum_density = max(sum_density, 1e-300)
                 for k in range(q):
                     w = density[k] / sum_density * shrink[k]
                     above += w * product[i, k]

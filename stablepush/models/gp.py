@@ -11,8 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stablepush._arrays import FloatArray, check_array, check_number, check_vectors, read_only
-from stablepush.errors import InputError
+from stablepush.errors import ConvergenceError, InputError
 from stablepush.planar import normalize_twist, normalize_wrench, unit
+
+#: Size (of a unit twist, or N) of a mean below which it says nothing.
+_SILENT = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,11 +94,21 @@ class GaussianProcessSurface:
         f = unit(normalize_wrench(check_vectors(wrenches, "wrenches", 3), self.characteristic_length))
         if not f.any(axis=-1).all():
             raise InputError("wrenches: expected wrenches that are not zero")
-        return unit(self.slip(f)) / (1.0, 1.0, self.characteristic_length)
+        return unit(_nonzero(self.slip(f), "wrenches")) / (1.0, 1.0, self.characteristic_length)
 
     def wrench(self, twists: ArrayLike) -> FloatArray:
         """Return the loads (..., 3) of twists (..., 3)."""
         v = unit(normalize_twist(check_vectors(twists, "twists", 3), self.characteristic_length))
         if not v.any(axis=-1).all():
             raise InputError("twists: expected twists that are not zero")
-        return np.asarray(self.load(v) * (1.0, 1.0, self.characteristic_length))
+        return np.asarray(_nonzero(self.load(v), "twists") * (1.0, 1.0, self.characteristic_length))
+
+
+def _nonzero(vectors: FloatArray, asked: str) -> FloatArray:
+    """Far from all that it has seen the mean of a process is zero, which is no answer."""
+    silent = np.linalg.norm(vectors, axis=-1) < _SILENT
+    if silent.any():
+        raise ConvergenceError(
+            f"Gaussian process: {int(silent.sum())} of {silent.size} {asked} are too far from all pairs that it knows"
+        )
+    return vectors

@@ -1,0 +1,44 @@
+"""Coefficients of scaled loads to surfaces in newtons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from stablepush._arrays import LARGEST_MAGNITUDE, FloatArray
+from stablepush.identify.certificate import Certificate
+from stablepush.models import PolynomialLimitSurface
+
+
+def surface_from_scaled(
+    coefficients: FloatArray,
+    degree: int,
+    rho: float,
+    force_scale: float | None,
+    *,
+    certificate: Certificate | None = None,
+    ensemble: Sequence[FloatArray] = (),
+    provenance: Mapping[str, Any],
+) -> PolynomialLimitSurface:
+    """Return the surface whose coefficients are given for loads in units of ``force_scale`` (N).
+
+    Without a scale, or where coefficients for newtons would be larger than a file may hold, the surface keeps the unit that
+    it has and says so (``"mu*N"``).
+    """
+    factor = 1.0 if force_scale is None else force_scale ** (-degree)
+    force_unit = "N"
+    if force_scale is None or max(np.abs(a).max() for a in (coefficients, *ensemble)) * factor > LARGEST_MAGNITUDE:
+        factor, force_unit = 1.0, "mu*N"
+    members = factor * np.array(ensemble) if len(ensemble) else None
+    return PolynomialLimitSurface(
+        factor * coefficients,
+        degree,
+        rho,
+        force_unit=force_unit,
+        certificate=None if certificate is None else certificate.in_units(factor).to_json(),
+        covariance=None if members is None else np.cov(members, rowvar=False),
+        ensemble=members,
+        provenance={**provenance, "force_scale_N": force_scale},
+    )
