@@ -245,6 +245,8 @@ def test_likely_pressures_have_the_centre_of_mass_and_the_outline():
         assert (loaded.sum(axis=1) >= 3).all()
         outline = shapely.buffer(triangle().polygon, 1e-12)
         assert shapely.contains_xy(outline, *pressures.points[loaded].T).all()
+    # draws die out as the pokes come in, and those that are left move
+    assert 5 < pressures.ancestors < 200 and 0.02 < pressures.acceptance < 0.9
     # the friction load of the rig, 5 N, is found within its scatter
     assert abs(np.median(pressures.loads) - 5) < 0.5
 

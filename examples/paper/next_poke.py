@@ -19,7 +19,7 @@ import numpy as np
 import stablepush as sp
 from stablepush.planar import normalize_twist, unit
 
-COUNTS = (2, 3, 4, 6, 8, 10, 12)
+COUNTS = (2, 3, 4, 6, 8)
 RIGS, REPLAYS = 8, 2
 MU, NOISE = 0.8, 0.06
 
