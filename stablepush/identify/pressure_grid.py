@@ -19,6 +19,8 @@ from stablepush.slider import Slider
 from stablepush.support import SupportDistribution
 
 METHODS = ("least-squares", "linear-program")
+#: Singular values below this share of the largest count as zero: measured loads cannot tell what lies below their scatter.
+LEAST_SINGULAR = 0.01
 #: Cells along the longer side of the outline's bounding box, if no spacing is given.
 DEFAULT_CELLS = 12
 
@@ -81,7 +83,11 @@ def fit_pressure_grid(
     columns = predict_loads(points[:, None] / pairs.rho, np.ones((count, 1)), pairs.directions)
     matrix = columns.transpose(1, 2, 0).reshape(-1, count)
     measured = (pairs.loads * pairs.force_scale).ravel()
-    loads = np.linalg.lstsq(matrix, measured)[0] if method == "least-squares" else _least_absolute(matrix, measured, points)
+    loads = (
+        np.linalg.lstsq(matrix, measured, LEAST_SINGULAR)[0]
+        if method == "least-squares"
+        else _least_absolute(matrix, measured, points)
+    )
     if not (loads > 0).any():
         raise SolverError(
             "pressure grid: no pressure under the outline explains the pairs; is the origin of B inside the outline?"
