@@ -310,7 +310,7 @@ def test_walled_in_means_no_path():
 def test_a_gap_too_narrow_for_the_slider_exhausts_the_lattice():
     """The centre of mass could pass, so the distance field does not see it: the search has to."""
     walls = [((0.4, -0.1), (0.5, -0.1), (0.5, 0.4), (0.4, 0.4)), ((0.4, 0.49), (0.5, 0.49), (0.5, 0.9), (0.4, 0.9))]
-    result = sp.plan(small_scene(obstacles=walls, bounds=(0.0, 0.0, 0.9, 0.8), goal=(0.7, 0.4, -1.5)), time_limit=100)
+    result = sp.plan(small_scene(obstacles=walls, bounds=(0.0, 0.0, 0.9, 0.8), goal=(0.7, 0.4, -1.5)), time_limit=600)
     assert result.status == "no-path"
     assert "exhausted" in result.message
 

@@ -20,6 +20,10 @@ from stablepush.models.monomials import bombieri_norms, gradient_rows
 from stablepush.planar import angle_between, normalize_twist, normalize_wrench, unit
 
 METHODS = ("moments", "projected-gradient")
+#: Pokes whose median size starts the scale.
+FIRST_POKES = 5
+#: Size over the scale beyond which a load loses weight.
+LARGEST_SIZE = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +87,7 @@ class OnlineIdentifier:
         self._step = check_number(step, "step", above=0.0, largest=1.0)
         self._degree, self._method = degree, method
         self._log_scale, self._memory = 0.0, 0.0
+        self._first: list[tuple[FloatArray, FloatArray]] = []
         self._moments = Moments.none(degree)
         self._coefficients = sphere_power(degree)
 
@@ -92,24 +97,38 @@ class OnlineIdentifier:
         if f.shape != (3,) or v.shape != (3,) or not f.any() or not v.any():
             raise InputError("wrench, twist: expected one load and one twist that are not zero, each of shape (3,)")
         load, direction = normalize_wrench(f, self._rho), unit(normalize_twist(v, self._rho))
+        largest = float(np.abs(load).max())
+        if not LEAST_FORCE <= largest <= LARGEST_MAGNITUDE:
+            raise InputError(f"wrench: expected a load of {LEAST_FORCE:g} to {LARGEST_MAGNITUDE:g} N, got {largest:g} N")
         size = float(np.linalg.norm(load))
-        if not LEAST_FORCE <= size <= LARGEST_MAGNITUDE:
-            raise InputError(f"wrench: expected a load of {LEAST_FORCE:g} to {LARGEST_MAGNITUDE:g} N, got {size:g} N")
         slip = gradient_rows(load / size, self._degree) @ self._coefficients
         surprise = float(angle_between(slip, direction))
-        # the penalty and the weights are meant for loads of size one: the scale is the geometric mean size, faded like the rest
         memory = 1 + self._forgetting * self._memory
-        log_scale = self._log_scale + (np.log(size) - self._log_scale) / memory
-        scale, shrink = float(np.exp(log_scale)), float(np.exp(self._log_scale - log_scale)) if self._memory else 1.0
-        newest = Moments.from_pairs(load[None] / scale, direction[None], self._degree)
-        moments = self._moments.rescaled(shrink, self._degree) * self._forgetting + newest
+        first = self._first
+        if len(first) < FIRST_POKES:
+            # the penalty and the weights are meant for loads of size one; a median of a few is not ruled by one bad poke
+            first = [*first, (load, direction)]
+            log_scale = float(np.median([np.log(np.linalg.norm(f)) for f, _ in first]))
+            newest = self._reduced(load, direction, log_scale)
+            moments = Moments.none(self._degree)
+            for f, v in first:
+                moments = moments * self._forgetting + self._reduced(f, v, log_scale)
+        else:
+            # from then on the scale follows as a geometric mean that fades like the rest
+            log_scale = self._log_scale + (np.log(size) - self._log_scale) / memory
+            newest = self._reduced(load, direction, log_scale)
+            faded = self._moments * self._forgetting
+            moments = faded.rescaled(float(np.exp(self._log_scale - log_scale)), self._degree) + newest
+        scale = float(np.exp(log_scale))
         if self._method == "moments":
             stiffness, pull = self._sphere()
             quadratic = stiffness + self._eta1 * moments.slip + self._eta2 * moments.level
             solution = squared_program(self._degree).solve(quadratic, pull + self._eta2 * moments.target)
         else:
             # loss aᵀPa - 2q·a of the newest poke, whose gradient is 2(Pa - q): steps of 1/λ_max(P) along Pa - q reach its minimum
-            before = self._coefficients * shrink ** (-self._degree)
+            before = (
+                self._coefficients * np.exp(self._degree * (log_scale - self._log_scale)) if self._memory else self._coefficients
+            )
             quadratic = newest.slip + newest.level
             downhill = newest.target - quadratic @ before
             moved = before + self._step * downhill / float(np.linalg.eigvalsh(quadratic)[-1])
@@ -119,7 +138,7 @@ class OnlineIdentifier:
         certificate = certify(solution.coefficients, solution.gram, self._degree)
         # nothing of this object has changed so far: a poke that could not be used leaves it as it was
         self._moments, self._coefficients = moments, solution.coefficients
-        self._log_scale, self._memory = log_scale, memory
+        self._log_scale, self._memory, self._first = log_scale, memory, first
         surface = surface_from_scaled(
             solution.coefficients,
             self._degree,
@@ -129,6 +148,13 @@ class OnlineIdentifier:
             provenance={"model": f"poly{self._degree}-cvx", "method": self._method, "forgetting": self._forgetting},
         )
         return OnlineEstimate(surface, certificate, surprise, memory)
+
+    def _reduced(self, load: FloatArray, direction: FloatArray, log_scale: float) -> Moments:
+        """Moments of one poke. Residuals grow like the d-th power of a load: one that is too large counts for less, so that
+        its pull is bounded; too small ones have bounded residuals as it is."""
+        scaled = load / np.exp(log_scale)
+        excess = max(1.0, float(np.linalg.norm(scaled)) / LARGEST_SIZE)
+        return Moments.from_pairs(scaled[None], direction[None], self._degree, np.array([excess ** (-2 * self._degree)]))
 
     def _sphere(self) -> tuple[FloatArray, FloatArray]:
         norms = bombieri_norms(self._degree)
