@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
 import numpy as np
+import scipy.sparse
 
 from stablepush._arrays import FloatArray
 from stablepush.errors import SolverError
@@ -63,9 +64,9 @@ class _Program:
 
         self._problem = cp.Problem(cp.Minimize(objective), self._constraints)
 
-    def _solve(self) -> Estimate:
+    def _solve(self, solvers: tuple[tuple[str, dict[str, float]], ...] = _SOLVERS) -> Estimate:
         failures: list[str] = []
-        for name, settings in _SOLVERS:
+        for name, settings in solvers:
             started = time.perf_counter()
             status = self._attempt(name, settings)
             if status in ("optimal", "optimal_inaccurate"):
@@ -95,7 +96,12 @@ class _Program:
 
 
 class SquaredProgram(_Program):
-    """``minimise aᵀ P a - 2 q·a`` over SOS-convex polynomials."""
+    """``minimise aᵀ P a - 2 q·a`` over SOS-convex polynomials.
+
+    A fit solves it hundreds of times for 15 coefficients, and the modelling layer then takes longer than the solver: Clarabel is
+    handed its standard form, ``½xᵀPx + q·x`` with ``b - Ax`` in the cone, of which only ``P`` and ``q`` change. Should it
+    fail, SCS takes over through cvxpy.
+    """
 
     def __init__(self, degree: int) -> None:
         import cvxpy as cp
@@ -105,14 +111,47 @@ class SquaredProgram(_Program):
         self._root = cp.Parameter((count, count))
         self._linear = cp.Parameter(count)
         self._pose(cp.sum_squares(self._root @ self._a) - 2 * self._linear @ self._a)
+        particular, free = gram_parametrization(degree)
+        self._map = np.concatenate((particular, free), axis=1)
+        self._size = round(len(particular) ** 0.5)
+        # the solver's vector of a symmetric matrix: columns of its upper triangle, off the diagonal times sqrt 2
+        columns, rows = np.tril_indices(self._size)
+        scale = np.where(rows == columns, 1.0, np.sqrt(2.0))
+        entries = self._map.reshape(self._size, self._size, -1)
+        entries = (entries + entries.transpose(1, 0, 2)) / 2
+        self._matrix = scipy.sparse.csc_matrix(-scale[:, None] * entries[rows, columns])
+        self._bound = np.where(rows == columns, -LEAST_EIGENVALUE, 0.0)
 
     def solve(self, quadratic: FloatArray, linear: FloatArray) -> Estimate:
         """Solve for a positive definite ``P`` (m, m) and ``q`` (m,)."""
         # the scale of the objective is free: near one it suits the solvers' tolerances
         scale = float(np.trace(quadratic)) / len(quadratic)
+        direct = self._direct(quadratic / scale, linear / scale)
+        if direct is not None:
+            return direct
         self._root.value = _factor(quadratic / scale)
         self._linear.value = linear / scale
-        return self._solve()
+        return replace(self._solve(_SOLVERS[1:]), taken_over=True)
+
+    def _direct(self, quadratic: FloatArray, linear: FloatArray) -> Estimate | None:
+        import clarabel
+
+        count, total = len(linear), self._map.shape[1]
+        curvature = np.zeros((total, total))
+        curvature[:count, :count] = np.triu(2 * quadratic)
+        slope = np.zeros(total)
+        slope[:count] = -2 * linear
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        cones = [clarabel.PSDTriangleConeT(self._size)]
+        problem = (scipy.sparse.csc_matrix(curvature), slope, self._matrix, self._bound, cones, settings)
+        solution = clarabel.DefaultSolver(*problem).solve()
+        status = {"Solved": "optimal", "AlmostSolved": "optimal_inaccurate"}.get(str(solution.status))
+        x = np.array(solution.x)
+        if status is None or not np.isfinite(x).all():
+            return None
+        gram = (self._map @ x).reshape(self._size, self._size)
+        return Estimate(x[:count], (gram + gram.T) / 2, status, float(solution.solve_time))
 
 
 class NormProgram(_Program):
