@@ -137,7 +137,7 @@ class SquaredLoss:
         if self._sampler is not None:
             pressures = self._sampler.posterior(pairs.loads, pairs.directions, pairs.rho)
             # the ideal surface is linear in the pressure: the mean of the loads is that of the mean pressure
-            pseudo = Moments.from_pairs(pressures.wrenches(asked(), pairs.rho).mean(axis=0), asked(), self.degree)
+            pseudo = Moments.from_pairs(pressures.wrenches(pseudo_twists(), pairs.rho).mean(axis=0), pseudo_twists(), self.degree)
         return Part(moments, stiffness, pull, constant, weights, pseudo, pressures)
 
     def solve(self, part: Part, weights: SquaredWeights) -> Estimate:
@@ -167,12 +167,12 @@ class SquaredLoss:
         count = len(bombieri_norms(self.degree))
         if self._shrink == "zero":
             return np.eye(count), np.zeros(count), 0.0
-        axes = np.eye(3) if self.degree == 2 else _ellipsoid_axes(pairs)
-        # a in whitened coordinates is T a, and the unit sphere's power has value one on the unit sphere
-        whitened = substitution(axes, self.degree)
-        norm = bombieri_norms(self.degree)
-        sphere = sphere_power(self.degree)
-        return whitened.T @ (norm[:, None] * whitened), whitened.T @ (norm * sphere), float(norm @ sphere**2)
+        stiffness, pull, constant = sphere_penalty(self.degree)
+        if self.degree == 2:
+            return stiffness, pull, constant
+        # the coefficients in coordinates in which the ellipsoid is the unit sphere are T a
+        whitened = substitution(_ellipsoid_axes(pairs), self.degree)
+        return whitened.T @ stiffness @ whitened, whitened.T @ pull, constant
 
 
 class NormLoss:
@@ -221,6 +221,12 @@ def _ellipsoid_axes(pairs: Pairs) -> FloatArray:
     return np.asarray(vectors / np.sqrt(values) @ vectors.T)
 
 
+def sphere_penalty(degree: int) -> tuple[FloatArray, FloatArray, float]:
+    """Return ``S, p, c``: Bombieri's distance of ``a`` from ``|F|^d`` is ``aᵀSa - 2p·a + c``, squared."""
+    norms, sphere = bombieri_norms(degree), sphere_power(degree)
+    return np.diag(norms), norms * sphere, float(norms @ sphere**2)
+
+
 @cache
 def sphere_power(degree: int) -> FloatArray:
     """Coefficients of ``|F|^d``."""
@@ -230,6 +236,6 @@ def sphere_power(degree: int) -> FloatArray:
 
 
 @cache
-def asked() -> FloatArray:
+def pseudo_twists() -> FloatArray:
     """Unit normalised twists (n, 3) at which pressures are asked for their loads."""
     return read_only(unit(np.random.default_rng(0).normal(size=(PSEUDO_PAIRS, 3))))

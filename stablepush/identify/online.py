@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike
 from stablepush._arrays import LARGEST_MAGNITUDE, FloatArray, check_number, check_vectors
 from stablepush.errors import InputError, SolverError
 from stablepush.identify.certificate import Certificate, certify
-from stablepush.identify.estimator import MIDDLE, sphere_power
+from stablepush.identify.estimator import MIDDLE, sphere_penalty, sphere_power
 from stablepush.identify.moments import Moments
 from stablepush.identify.pairs import LEAST_FORCE
 from stablepush.identify.program import squared_program
 from stablepush.identify.surface import surface_from_scaled
 from stablepush.models import PolynomialLimitSurface
-from stablepush.models.monomials import bombieri_norms, gradient_rows
+from stablepush.models.monomials import gradient_rows
 from stablepush.planar import angle_between, normalize_twist, normalize_wrench, unit
 
 METHODS = ("moments", "projected-gradient")
@@ -121,7 +121,7 @@ class OnlineIdentifier:
             moments = faded.rescaled(float(np.exp(self._log_scale - log_scale)), self._degree) + newest
         scale = float(np.exp(log_scale))
         if self._method == "moments":
-            stiffness, pull = self._sphere()
+            stiffness, pull, _ = sphere_penalty(self._degree)
             quadratic = stiffness + self._eta1 * moments.slip + self._eta2 * moments.level
             solution = squared_program(self._degree).solve(quadratic, pull + self._eta2 * moments.target)
         else:
@@ -155,7 +155,3 @@ class OnlineIdentifier:
         scaled = load / np.exp(log_scale)
         excess = max(1.0, float(np.linalg.norm(scaled)) / LARGEST_SIZE)
         return Moments.from_pairs(scaled[None], direction[None], self._degree, np.array([excess ** (-2 * self._degree)]))
-
-    def _sphere(self) -> tuple[FloatArray, FloatArray]:
-        norms = bombieri_norms(self._degree)
-        return np.diag(norms), norms * sphere_power(self._degree)

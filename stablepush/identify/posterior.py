@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stablepush._arrays import FloatArray
-from stablepush.identify.estimator import Part, SquaredLoss, SquaredWeights, asked
+from stablepush.identify.estimator import Part, SquaredLoss, SquaredWeights, pseudo_twists
 from stablepush.identify.moments import Moments
 
 #: Surfaces of the ensemble that comes with a fit.
@@ -33,12 +33,12 @@ def draw_coefficients(
     """
     if weights.prior and part.pressures is not None:
         alone = SquaredWeights(0.0, 0.0, weights.prior)
-        draws = part.pressures.wrenches(asked(), rho)[:: max(1, len(part.pressures.loads) // MEMBERS)]
+        draws = part.pressures.wrenches(pseudo_twists(), rho)[:: max(1, len(part.pressures.loads) // MEMBERS)]
         rng = np.random.default_rng(seed)
         found = []
         for draw in draws[:MEMBERS]:
             rows = rng.choice(len(draw), PAIRS_OF_A_MEMBER, replace=False)
-            pseudo = Moments.from_pairs(draw[rows], asked()[rows], estimator.degree)
+            pseudo = Moments.from_pairs(draw[rows], pseudo_twists()[rows], estimator.degree)
             found.append(estimator.solve(part.with_pseudo(pseudo), alone).coefficients)
         return found
     quadratic, linear = estimator.normal_equations(part, weights)
