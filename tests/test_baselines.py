@@ -129,3 +129,17 @@ def test_ellipsoid_of_a_pressure_touches_the_ideal_surface_on_its_axes():
 def test_bad_methods_are_refused():
     with pytest.raises(sp.InputError, match="least-squares"):
         sp.fit_pressure_grid(*pairs(5), triangle(), "guess")
+
+
+def test_a_gaussian_process_answers_between_its_pairs():
+    # with a free length scale the likelihood of these seven pairs makes each its own island
+    for seed in range(25):
+        rng = np.random.default_rng(seed)
+        feet, shares = unit(rng.normal(size=(3, 2))), rng.dirichlet(np.ones(3))
+        ideal = sp.IdealLimitSurface(sp.SupportDistribution(feet - shares @ feet, shares), 1.0, 1.0)
+        twists = unit(rng.normal(size=(60, 3)))
+        loads = ideal.wrench(twists) + 0.1 * rng.normal(size=(60, 3))
+        twists = unit(twists + 0.1 * rng.normal(size=(60, 3)))
+        surface = sp.fit_limit_surface(loads[:7], twists[:7], "gp", characteristic_length=1.0).surface
+        assert np.isfinite(surface.twist(loads)).all()
+        assert np.isfinite(surface.wrench(twists)).all()

@@ -2,9 +2,10 @@
 
 On simulated rigs, pokes at random places against pokes that promise to tell most, with the slider known and with pokes alone;
 then a replay of the real pokes, in which the next one is chosen among those not yet seen by its contact point and the
-finger's heading.
+finger's heading. Mean angle error after each number of pokes, and the pokes that the mean error needs to come down to given
+levels, with bootstrap intervals over rigs or replays.
 
-    python examples/paper/next_poke.py DATA -o paper [--jobs 2]
+    python examples/paper/next_poke.py DATA -o paper [--rigs 24] [--replays 6] [--jobs 2]
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ import numpy as np
 import stablepush as sp
 from stablepush.planar import normalize_twist, unit
 
-COUNTS = (2, 3, 4, 6, 8)
-RIGS, REPLAYS = 8, 2
+COUNTS = tuple(range(2, 10))
+SHOWN = (2, 3, 4, 5, 7, 9)
+#: Levels (deg) of the mean error whose pokes are counted.
+LEVELS = (24.0, 20.0, 16.0, 12.0)
 MU, NOISE = 0.8, 0.06
 
 
@@ -42,8 +45,7 @@ def curve(
         fit = sp.fit_limit_surface(
             loads[seen], twists[seen], slider=sp.Slider(slider.vertices) if with_slider else None, characteristic_length=lab.RHO
         )
-        if len(seen) in COUNTS:
-            scores.append(score(fit.surface, left))
+        scores.append(score(fit.surface, left))
         if len(seen) == COUNTS[-1]:
             return scores
         if chosen:
@@ -92,24 +94,58 @@ def replayed(data: Path, arrangement: str, with_slider: bool, chosen: bool, turn
     )
 
 
+def needed(curves: np.ndarray, level: float) -> float:
+    """Return the pokes after which the mean (k) of curves (m, k) is down to the level for good, between two counts by the
+    straight line; NaN if it never is."""
+    mean = curves.mean(axis=0)
+    above = np.flatnonzero(mean > level)
+    if not len(above):
+        return float(COUNTS[0])
+    last = int(above[-1])
+    if last == len(COUNTS) - 1:
+        return float("nan")
+    return COUNTS[last] + float((mean[last] - level) / (mean[last] - mean[last + 1]))
+
+
+def needed_interval(curves: np.ndarray, level: float) -> str:
+    """Return the pokes needed with their 95 % bootstrap interval; ">" where less than 95 % of the resamples come down to it."""
+    rng = np.random.default_rng(0)
+    draws = [needed(curves[rng.integers(len(curves), size=len(curves))], level) for _ in range(2000)]
+    low, high = np.nanquantile(np.where(np.isnan(draws), np.inf, draws), (0.025, 0.975), method="nearest")
+    value = needed(curves, level)
+    word = f"> {COUNTS[-1]}" if np.isnan(value) else "<= 2" if value == COUNTS[0] else f"{value:.1f}"
+    return word if np.isnan(value) else f"{word} ({low:.1f}-{f'{high:.1f}' if np.isfinite(high) else f'>{COUNTS[-1]}'})"
+
+
 def main() -> None:
-    options = lab.parser(__doc__).parse_args()
+    arguments = lab.parser(__doc__)
+    arguments.add_argument("--rigs", type=int, default=24, help="simulated rigs")
+    arguments.add_argument("--replays", type=int, default=6, help="replays of each log")
+    options = arguments.parse_args()
     logs = lab.pokes(options.data, "wood")
     report: dict[str, list] = {}
+    table: list[str] = []
     print("mean angle error (deg) ± 95 %, and the gain of choosing, paired; after pokes")
-    print(" " * 34 + "".join(f"{n:>15d}" for n in COUNTS))
+    print(" " * 34 + "".join(f"{n:>15d}" for n in SHOWN))
     for with_slider in (True, False):
         word = "with the slider" if with_slider else "pokes alone"
         sim, real = {}, {}
         for chosen in (False, True):
-            sim[chosen] = np.array(lab.run_all(simulated, list(product((with_slider,), (chosen,), range(RIGS))), options.jobs))
-            jobs = list(product((options.data,), logs, (with_slider,), (chosen,), range(REPLAYS)))
+            jobs = list(product((with_slider,), (chosen,), range(options.rigs)))
+            sim[chosen] = np.array(lab.run_all(simulated, jobs, options.jobs))
+            jobs = list(product((options.data,), logs, (with_slider,), (chosen,), range(options.replays)))
             real[chosen] = np.array(lab.run_all(replayed, jobs, options.jobs))
         for name, both in (("simulated", sim), ("replay", real)):
             for label, values in (("random", both[False]), ("chosen", both[True]), ("gain", both[False] - both[True])):
                 row = [lab.interval(column) for column in values.T]
                 report[f"{name}, {word}, {label}"] = row
-                print(f"{f'{name}, {word}, {label}':>34s}" + "".join(f"   {m:5.2f} ± {h:4.2f}" for m, h in row), flush=True)
+                shown = [row[COUNTS.index(n)] for n in SHOWN]
+                print(f"{f'{name}, {word}, {label}':>34s}" + "".join(f"   {m:5.2f} ± {h:4.2f}" for m, h in shown), flush=True)
+                if label != "gain":
+                    cells = "".join(f"{needed_interval(values, level):>17s}" for level in LEVELS)
+                    table.append(f"{f'{name}, {word}, {label}':>34s}{cells}")
+    print("pokes until the mean error is down to (deg)")
+    print("\n".join((" " * 34 + "".join(f"{level:>17g}" for level in LEVELS), *table)))
     options.output.mkdir(parents=True, exist_ok=True)
     (options.output / "next_poke.json").write_text(json.dumps(report, indent=1), encoding="utf-8")
     draw(report, options.output / "next_poke.png")

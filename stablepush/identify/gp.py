@@ -46,7 +46,9 @@ def _fit(inputs: FloatArray, outputs: FloatArray) -> KernelSum:
     except ImportError:
         raise InputError("model: expected scikit-learn to be installed for 'gp' (pip install 'stablepush[gp]')") from None
     scale = float(np.sqrt((outputs**2).mean())) or 1.0
-    kernel = ConstantKernel(1.0, (1e-3, 1e3)) * RBF(0.7, (0.05, 20.0)) + WhiteKernel(0.01, (1e-6, 1.0))
+    # a pair and its negative leave no unit vector farther than sqrt(2) from an input: with a shorter length than this the
+    # likelihood may make every pair its own island, and the process is silent between them
+    kernel = ConstantKernel(1.0, (1e-3, 1e3)) * RBF(0.7, (0.3, 20.0)) + WhiteKernel(0.01, (1e-6, 1.0))
     # the kernel is even in a pair and its negative, so the mean is odd (or even) as the outputs are
     regressor = GaussianProcessRegressor(kernel, n_restarts_optimizer=0, alpha=1e-8)
     with warnings.catch_warnings():
