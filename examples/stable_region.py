@@ -13,7 +13,7 @@ model = sp.stable_region(even, contact)
 conservative = sp.lynch_mason_region(slider, contact)
 for region in (model, conservative):
     areas = [sum(p.area for p in region.polygons(sense, 0.5)) for sense in (1, -1)]
-    low, high = np.degrees(region.translations)
+    low, high = np.degrees(region.translations[0])
     print(
         f"{region.name:12s} area within 0.5 m: {areas[0]:.3f} m² ccw, {areas[1]:.3f} m² cw; "
         f"translations {low:.0f}° to {high:.0f}°"

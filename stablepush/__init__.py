@@ -6,9 +6,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from stablepush.all_pressure import WorstPressure, all_pressure_region, worst_pressure
     from stablepush.check import CheckReport, check_plan
     from stablepush.conservative import lynch_mason_region
     from stablepush.contact import PushContact, WrenchCone
+    from stablepush.contact_choice import RankedContact, rank_contacts
     from stablepush.errors import (
         ConvergenceError,
         InputError,
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
     from stablepush.oracle import StabilityOracle
     from stablepush.path import PlanResult, Push, Transfer, load_plan, save_plan
     from stablepush.planning import plan, planner_names
+    from stablepush.probability import ProbabilityMap, chance_region, probability_map
     from stablepush.problem import PlanningProblem, load_scene, save_scene
     from stablepush.region import StableRegion, stable_region
     from stablepush.slider import Slider
@@ -52,9 +55,11 @@ __version__ = "0.1.0"
 
 #: Where each public name lives. Names are loaded on first use: the program answers --help before numpy is imported.
 _HOMES = {
+    "all_pressure": ("WorstPressure", "all_pressure_region", "worst_pressure"),
     "check": ("CheckReport", "check_plan"),
     "conservative": ("lynch_mason_region",),
     "contact": ("PushContact", "WrenchCone"),
+    "contact_choice": ("RankedContact", "rank_contacts"),
     "errors": ("ConvergenceError", "InputError", "SolverError", "StablepushError", "UnsupportedContactError"),
     "formats": ("load_contact", "load_model", "load_slider", "save_model"),
     "identify": (
@@ -78,6 +83,7 @@ _HOMES = {
     "path": ("PlanResult", "Push", "Transfer", "load_plan", "save_plan"),
     "planning": ("plan", "planner_names"),
     "problem": ("PlanningProblem", "load_scene", "save_scene"),
+    "probability": ("ProbabilityMap", "chance_region", "probability_map"),
     "region": ("StableRegion", "stable_region"),
     "slider": ("Slider",),
     "support": ("SupportDistribution",),
@@ -101,9 +107,11 @@ __all__ = [
     "PlanningProblem",
     "Poke",
     "PolynomialLimitSurface",
+    "ProbabilityMap",
     "Push",
     "PushContact",
     "PushLog",
+    "RankedContact",
     "Rig",
     "Slider",
     "SolverError",
@@ -113,8 +121,11 @@ __all__ = [
     "SupportDistribution",
     "Transfer",
     "UnsupportedContactError",
+    "WorstPressure",
     "WrenchCone",
+    "all_pressure_region",
     "certify",
+    "chance_region",
     "check_plan",
     "ellipsoid_from_pressure",
     "fit_limit_surface",
@@ -130,12 +141,15 @@ __all__ = [
     "planner_names",
     "poke_candidates",
     "poke_outcome",
+    "probability_map",
+    "rank_contacts",
     "rank_pokes",
     "read_pushlog",
     "save_model",
     "save_plan",
     "save_scene",
     "stable_region",
+    "worst_pressure",
     "write_pushlog",
 ]
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from stablepush._arrays import BoolArray, FloatArray
+from stablepush._chart import clip_loop, square_of_cors, twists_from_homogeneous
 from stablepush.contact import PushContact
 from stablepush.errors import UnsupportedContactError
 from stablepush.planar import unit
-from stablepush.region import EXTENT_RADII, StableRegion, clip_loop
+from stablepush.region import EXTENT_RADII, FAR, StableRegion
 from stablepush.se2 import wrap_angle
 from stablepush.slider import Slider
 
@@ -40,20 +41,31 @@ def lynch_mason_region(slider: Slider, contact: PushContact) -> StableRegion:
         -1.0: _half_planes(vertices, right, left, *reversed(edges)),
     }
 
-    def contains(cors: FloatArray, sense: FloatArray) -> BoolArray:
-        accepted = {}
-        for sign, (rows, offsets) in planes.items():
-            size = np.linalg.norm(rows, axis=1) * (np.linalg.norm(cors, axis=-1, keepdims=True) + slider.radius)
-            accepted[sign] = (cors @ rows.T - offsets >= -_SLACK * size).all(axis=-1)
-        return np.asarray(np.where(sense > 0, accepted[1.0], accepted[-1.0]))
+    interval = _translations(contact, normal)
 
-    extent = EXTENT_RADII * max(slider.radius, contact.radius)
+    def accepts(twists: FloatArray) -> BoolArray:
+        good = np.zeros(len(twists), dtype=bool)
+        for sign, (rows, offsets) in planes.items():
+            # a·c >= b for c = (-vy, vx)/omega, times |omega|
+            turning = sign * twists[:, 2] > 0
+            v = sign * twists[turning]
+            size = np.linalg.norm(rows, axis=1) * (np.linalg.norm(v[:, :2], axis=1) + slider.radius * v[:, 2])[:, None]
+            height = np.stack((-v[:, 1], v[:, 0]), axis=-1) @ rows.T - offsets * v[:, 2:]
+            good[turning] = (height >= -_SLACK * size).all(axis=1)
+        still = twists[:, 2] == 0
+        if interval is not None and still.any():
+            angle = np.arctan2(twists[still, 1], twists[still, 0])
+            good[still] = np.mod(angle - interval[0] + _SLACK, 2 * np.pi) <= interval[1] - interval[0] + 2 * _SLACK
+        return good
+
+    rho = slider.radius
     return StableRegion(
         name="conservative",
-        default_extent=extent,
-        translations=_translations(contact, normal),
-        _contains=contains,
-        _loops=lambda size: [_loop(rows, offsets, sign, size) for sign, (rows, offsets) in planes.items()],
+        characteristic_length=rho,
+        default_extent=EXTENT_RADII * max(slider.radius, contact.radius),
+        translations=() if interval is None else (interval,),
+        _accepts=accepts,
+        _rings=lambda sense: [[_ring(*planes[float(sense)], FAR * rho, sense) * (1.0, 1.0, rho)]],
     )
 
 
@@ -85,12 +97,12 @@ def _half_planes(
     return rows, offsets
 
 
-def _loop(rows: FloatArray, offsets: FloatArray, sign: float, extent: float) -> FloatArray:
-    """Closed loop of twists (n, 3) round the intersection of the half-planes with the square of half side ``extent`` (m)."""
-    points = np.array(((-extent, -extent, 1.0), (extent, -extent, 1.0), (extent, extent, 1.0), (-extent, extent, 1.0)))
+def _ring(rows: FloatArray, offsets: FloatArray, extent: float, sense: int) -> FloatArray:
+    """Body twists (n, 3) round the CORs ``c`` with ``rows c >= offsets`` and ``|c_x|, |c_y| <= extent`` (m)."""
+    points = square_of_cors(extent)
     for a, b in zip(rows, offsets, strict=True):
         points = clip_loop(points, np.array((*a, -b)))
-    return sign * points[:, (1, 0, 2)] * (1.0, -1.0, 1.0)
+    return twists_from_homogeneous(points, sense)
 
 
 def _translations(contact: PushContact, normal: FloatArray) -> tuple[float, float] | None:

@@ -105,17 +105,27 @@ class PushContact:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ConeArcs:
+    """Arcs ``cos(phi) first + sin(phi) second``, ``0 <= phi <= angles``, of the unit sphere: (m, 3), (m, 3), (m,)."""
+
+    first: FloatArray
+    second: FloatArray
+    angles: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class WrenchCone:
     """A polyhedral cone of normalised wrenches ``(fx, fy, tau/rho)``.
 
     ``normals`` (m, 3) are the unit facet normals, pointing inwards: a wrench is inside when no ``a_i · F`` is negative.
     ``facets`` (m, 2, 3) holds the two extreme rays of each facet. A flat cone (one contact point, or no friction) is the
-    intersection of opposite half-spaces; the whole space has no facet.
+    intersection of opposite half-spaces; the whole space has no facet. ``rays`` (n, 3) generate the cone.
     """
 
     normals: FloatArray
     facets: FloatArray
     rank: int
+    rays: FloatArray
 
     @classmethod
     def from_rays(cls, rays: FloatArray) -> WrenchCone:
@@ -125,9 +135,9 @@ class WrenchCone:
             return cls._flat(rays, rank)
         normals: list[FloatArray] = []
         facets: list[FloatArray] = []
-        for i, j in combinations(range(len(rays)), 2):
-            normal = np.cross(rays[i], rays[j])
-            size = np.linalg.norm(normal)
+        first, second = np.triu_indices(len(rays), 1)
+        across = np.cross(rays[first], rays[second])
+        for normal, size in zip(across, np.linalg.norm(across, axis=1), strict=True):
             if size < _FLAT:
                 continue
             # the normal of two nearly parallel rays is known only so well
@@ -138,7 +148,7 @@ class WrenchCone:
                     continue
                 normals.append(a)
                 facets.append(_extreme_pair(rays[heights <= slack], a))
-        return cls(read_only(np.reshape(normals, (-1, 3))), read_only(np.reshape(facets, (-1, 2, 3))), rank)
+        return cls(read_only(np.reshape(normals, (-1, 3))), read_only(np.reshape(facets, (-1, 2, 3))), rank, rays)
 
     @classmethod
     def _flat(cls, rays: FloatArray, rank: int) -> WrenchCone:
@@ -153,7 +163,7 @@ class WrenchCone:
                 if (rays @ a >= -_FLAT).all() and not any(a @ b > 1 - _FLAT for b in normals):
                     normals.append(a)
                     edges.append(np.stack((ray, ray)))
-        return cls(read_only(np.array(normals)), read_only(np.array(edges)), rank)
+        return cls(read_only(np.array(normals)), read_only(np.array(edges)), rank, rays)
 
     @property
     def is_solid_and_pointed(self) -> bool:
@@ -162,6 +172,25 @@ class WrenchCone:
             return False
         axis = self.normals.sum(axis=0)
         return bool((self.facets @ axis > _FACET_SLACK).all())
+
+    def arcs(self) -> ConeArcs:
+        """Return the arcs on the unit sphere that bound the cone, head to tail with the cone on the left; a flat cone's own."""
+        if self.rank == 3:
+            chain = _chain(self.facets)
+            start, end = chain[:, 0], chain[:, 1]
+            return ConeArcs(start, unit(end - (end * start).sum(axis=1, keepdims=True) * start), _angles(start, end))
+        first, second = np.linalg.svd(self.rays)[2][:2]
+        if self.rank == 1:
+            ends = np.array([s * self.rays[0] for s in (1.0, -1.0) if (self.rays @ self.rays[0] * s > 0).any()])
+            return ConeArcs(ends, np.broadcast_to(second, ends.shape), np.zeros(len(ends)))
+        angles = np.sort(np.arctan2(self.rays @ second, self.rays @ first))
+        gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
+        widest = int(np.argmax(gaps))
+        # rays that leave less than half of their plane open span all of it
+        span = 2 * np.pi - gaps[widest] if gaps[widest] >= np.pi - _FLAT else 2 * np.pi
+        low = angles[(widest + 1) % len(angles)]
+        start = np.cos(low) * first + np.sin(low) * second
+        return ConeArcs(start[None], (np.cos(low) * second - np.sin(low) * first)[None], np.array([span]))
 
     def margin(self, wrenches: ArrayLike) -> FloatArray:
         """Return ``min_i arcsin(a_i · F/|F|)`` (rad) of normalised wrenches (..., 3): negative outside the cone.
@@ -180,3 +209,17 @@ def _extreme_pair(rays: FloatArray, normal: FloatArray) -> FloatArray:
     i, j = np.unravel_index(int(np.argmin(angles)), angles.shape)
     pair = rays[[i, j]]
     return pair if np.cross(pair[0], pair[1]) @ normal >= 0 else pair[::-1]
+
+
+def _chain(facets: FloatArray) -> FloatArray:
+    """Order facets (m, 2, 3) head to tail, so that their outer rays run once round the cone."""
+    rest = list(facets)
+    chain = [rest.pop(0)]
+    while rest:
+        following = int(np.argmin([np.linalg.norm(f[0] - chain[-1][1]) for f in rest]))
+        chain.append(rest.pop(following))
+    return np.array(chain)
+
+
+def _angles(first: FloatArray, second: FloatArray) -> FloatArray:
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(first, second), axis=1), (first * second).sum(axis=1)))

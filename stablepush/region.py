@@ -1,4 +1,4 @@
-"""Stable regions: the set of rotation centres about which a push holds, with its boundary.
+"""Stable regions: the set of motions under which a push holds, with its boundary.
 
 The stable set lives on the sphere of unit twists, of which the planes of counter-clockwise and of clockwise CORs are two
 charts that meet in the translations. It is the image of the wrench cone under the map from loads to slip twists, so its
@@ -8,7 +8,7 @@ boundary is the image of the cone's facets: no inversion and no grid is needed, 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,82 +16,137 @@ import shapely
 import shapely.geometry
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import BoolArray, FloatArray, check_number, check_sense
-from stablepush.contact import PushContact
+from stablepush._arrays import BoolArray, FloatArray, check_number, check_sense, check_vectors
+from stablepush._chart import (
+    Rings,
+    cor_polygons,
+    disc_polygons,
+    square_of_cors,
+    twists_from_disc,
+    twists_from_homogeneous,
+)
+from stablepush.contact import PushContact, WrenchCone
 from stablepush.errors import InputError, UnsupportedContactError
 from stablepush.models import GaussianProcessSurface, LimitSurface
 from stablepush.oracle import StabilityOracle
-from stablepush.planar import normalize_twist, unit
+from stablepush.planar import cor_from_twist, normalize_twist, twist_from_cor, unit
 
-#: Largest angle (rad) on the sphere of unit twists between the boundary and the chord that stands for it.
-BOUNDARY_TOLERANCE = 1e-5
+#: Largest angle (rad) on the sphere of unit twists between the boundary and the polygon that stands for it.
+BOUNDARY_TOLERANCE = 2e-5
 #: Unbounded regions are cut at this many times the radius of slider or contact.
 EXTENT_RADII = 100.0
 
-_FIRST_SAMPLES = 33
-_MOST_ROUNDS = 14
+_CHORD = 5e-6
+_FIRST_SAMPLES = 49
+_MOST_ROUNDS = 12
+_MOST_PARTS = 64
+
+Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StableRegion:
-    """A closed set of stable rotation centres of both senses, and of stable translations.
+    """A closed set of stable motions: rotations of both senses, and translations.
 
     Attributes
     ----------
     name : str
-        How the region was found: ``"model"``, ``"conservative"``.
+        How the region was found: ``"model"``, ``"conservative"``, ``"all-pressure"``, ``"probability 0.9"``.
+    characteristic_length : float
+        ``rho`` (m) of the sphere of unit twists ``(vx, vy, rho*omega)`` on which its boundary is known.
     default_extent : float
         Half side (m) of the square about the origin of B at which :meth:`polygons` cuts.
-    translations : tuple of two floats, or None
-        Interval of stable translation directions, as angles (rad) in B with ``lower <= upper``; None if there is none.
+    translations : tuple of pairs of floats
+        Intervals of stable translation directions, as angles (rad) in B with ``lower <= upper``, the widest first.
+    curve : array, shape (n, 3), or None
+        Where the region has no interior (one finger, or no friction), the unit twists ``(vx, vy, rho*omega)`` along it; one where
+        a single motion is stable. The region then has no polygons.
     """
 
     name: str
+    characteristic_length: float
     default_extent: float
-    translations: tuple[float, float] | None
-    _contains: Callable[[FloatArray, FloatArray], BoolArray]
-    _loops: Callable[[float], Sequence[FloatArray]]
+    translations: tuple[Interval, ...]
+    _accepts: Callable[[FloatArray], BoolArray]
+    _rings: Callable[[int], Rings]
+    curve: FloatArray | None = None
+    _known: dict[int, Rings] = field(default_factory=dict, repr=False)
+
+    def contains_twists(self, twists: ArrayLike) -> BoolArray:
+        """Return whether body twists (..., 3) lie in the region; translations are twists like any other."""
+        v = check_vectors(twists, "twists", 3)
+        return np.asarray(self._accepts(v.reshape(-1, 3)).reshape(v.shape[:-1]))
 
     def contains(self, cors: ArrayLike, sense: ArrayLike) -> BoolArray:
         """Return whether CORs (..., 2) in B (m) with ``sense`` (+1 or -1, a scalar or an array) lie in the region; never cut."""
-        c = np.asarray(cors, dtype=np.float64)
-        s = np.broadcast_to(check_sense(sense), c.shape[:-1])
-        return self._contains(c, s)
+        return self.contains_twists(twist_from_cor(cors, sense))
+
+    def disc(self, sense: int) -> shapely.Geometry:
+        """Return the region of one sense in the equal-area chart of its hemisphere of unit twists, a disc of radius ``sqrt(2)``.
+
+        A COR ``c`` lies at ``2 sin(theta/2)`` from the middle in its own direction, with ``tan(theta) = |c|/rho``; translations
+        lie on the rim.
+        """
+        return disc_polygons(self._rings_of(sense), int(check_sense(sense)))
 
     def polygons(self, sense: int, extent: float | None = None) -> list[shapely.Polygon]:
         """Return the region of one sense as polygons in the COR plane (m, in B), cut at ``|x|, |y| <= extent`` (m)."""
-        sign = float(check_sense(sense))
         size = self.default_extent if extent is None else check_number(extent, "extent", above=0.0)
-        parts: list[shapely.Polygon] = []
-        for loop in self._loops(size):
-            # |c_x|, |c_y| <= E in homogeneous coordinates: c = (-vy, vx)/omega
-            twists = sign * loop
-            for row in ((1, 0, size), (-1, 0, size), (0, 1, size), (0, -1, size)):
-                twists = clip_loop(twists, np.array(row, dtype=np.float64))
-            if len(twists) < 3:
-                continue
-            cors = np.stack((-twists[:, 1], twists[:, 0]), axis=-1) / twists[:, 2:]
-            valid = shapely.make_valid(shapely.Polygon(cors))
-            parts += [g for g in shapely.get_parts(valid) if isinstance(g, shapely.Polygon)]
-            parts += [p for g in shapely.get_parts(valid) if isinstance(g, shapely.MultiPolygon) for p in shapely.get_parts(g)]
-        merged = shapely.union_all(parts)
-        pieces = [p for p in shapely.get_parts(merged) if isinstance(p, shapely.Polygon)]
-        return [p for p in pieces if p.area > 1e-15 * size * size]
+        return cor_polygons(self._rings_of(sense), int(check_sense(sense)), self.characteristic_length, size)
+
+    def area(self, sense: int, extent: float | None = None) -> float:
+        """Return the area (m²) of the region of one sense within ``|x|, |y| <= extent`` (m)."""
+        return float(sum(p.area for p in self.polygons(sense, extent)))
+
+    def solid_angle(self) -> float:
+        """Return the solid angle (sr) of the whole region, both senses, on the sphere of unit twists: it needs no cut."""
+        return float(self.disc(1).area + self.disc(-1).area)
+
+    def tightest_turn(self, sense: int) -> FloatArray | None:
+        """Return the COR (2,) of the region nearest to the origin of B (m), the tightest turn; None without one of that sense."""
+        sign = int(check_sense(sense))
+        if self.curve is not None:
+            turning = self.curve[self.curve[:, 2] * sign > 0]
+            if not len(turning):
+                return None
+            return np.asarray(cor_from_twist(turning[np.argmax(np.abs(turning[:, 2]))] / (1, 1, self.characteristic_length))[0])
+        disc = self.disc(sign)
+        if disc.is_empty:
+            return None
+        nearest = shapely.get_coordinates(shapely.shortest_line(disc, shapely.Point(0.0, 0.0)))[0]
+        twist = twists_from_disc(nearest, sign) / (1.0, 1.0, self.characteristic_length)
+        return np.asarray(cor_from_twist(twist)[0]) if twist[2] != 0 else None
+
+    def _rings_of(self, sense: int) -> Rings:
+        sign = int(check_sense(sense))
+        if sign not in self._known:
+            self._known[sign] = self._rings(sign)
+        return self._known[sign]
+
+
+#: CORs this many times the extent away are as good as translations.
+FAR = 1e9
+
+
+def everywhere(extent: float, rho: float) -> Callable[[int], Rings]:
+    """Return the rings of the set of all motions."""
+    return lambda sense: [[twists_from_homogeneous(square_of_cors(FAR * extent), sense) * (1.0, 1.0, rho)]]
 
 
 def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
-    """Return the stable region of a limit surface and a contact.
+    """Return the stable region of a limit surface and a contact, of any kind.
 
     Its boundary on the sphere of unit twists ``(vx, vy, rho*omega)`` is traced to :data:`BOUNDARY_TOLERANCE`; membership asks the
-    oracle and is exact.
+    oracle and is exact. One finger, or fingers without friction, hold a curve of motions or a single one (``curve``); fingers
+    that hold the slider between them allow every motion.
 
     Raises
     ------
     InputError
         If the surface is a Gaussian process.
     UnsupportedContactError
-        If the wrench cone is flat (one contact point, no friction) or holds a line (opposed contacts): its region then has
-        no interior, or no boundary curve.
+        If the wrench cone holds a line but not every wrench (opposed fingers without friction, and another): its region ends in
+        opposite motions.
     """
     if isinstance(surface, GaussianProcessSurface):
         raise InputError(
@@ -99,93 +154,113 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
             "region (ask StabilityOracle about single motions)"
         )
     oracle = StabilityOracle(surface, contact)
-    if not oracle.cone.is_solid_and_pointed:
+    rho = surface.characteristic_length
+    cone, extent = oracle.cone, EXTENT_RADII * max(contact.radius, rho)
+    if len(cone.normals) == 0:
+        return StableRegion("model", rho, extent, ((0.0, 2 * np.pi),), oracle.is_stable, everywhere(extent, rho))
+    if cone.rank == 3 and not cone.is_solid_and_pointed:
         raise UnsupportedContactError(
-            "stable region: expected contacts whose wrench cone has an interior and holds no line, such as two points with "
-            "friction on one edge; ask StabilityOracle about single motions of this contact"
+            "stable region: expected a wrench cone without a line in it, or all wrenches; these contacts can press against each "
+            "other without holding the slider (ask StabilityOracle about single motions)"
         )
-    rho = surface.characteristic_length
-    loop = np.concatenate([_trace(surface, *facet)[:-1] for facet in _chain(oracle.cone.facets)])
-    radius = max(contact.radius, rho)
-    return StableRegion(
-        name="model",
-        default_extent=EXTENT_RADII * radius,
-        translations=_translation_interval(oracle, loop),
-        _contains=oracle.is_stable_cor,
-        _loops=lambda extent: (loop / (1.0, 1.0, rho),),
-    )
+    boundary = trace_cone(surface, cone)
+    if cone.rank < 3:
+        return StableRegion("model", rho, extent, _crossings(boundary), oracle.is_stable, lambda sense: [], boundary)
+    intervals = translation_intervals(boundary, oracle.is_stable)
+    return StableRegion("model", rho, extent, intervals, oracle.is_stable, lambda sense: [[boundary]])
 
 
-def _chain(facets: FloatArray) -> list[FloatArray]:
-    """Order facets (m, 2, 3) head to tail, so that their outer rays run once round the cone."""
-    rest = list(facets)
-    chain = [rest.pop(0)]
-    while rest:
-        following = int(np.argmin([np.linalg.norm(f[0] - chain[-1][1]) for f in rest]))
-        chain.append(rest.pop(following))
-    return chain
+def trace_cone(surface: LimitSurface, cone: WrenchCone) -> FloatArray:
+    """Unit normalised slip twists (n, 3) along the boundary of a cone, once round with the cone on the left, or along a flat
+    cone.
 
-
-def _trace(surface: LimitSurface, start: FloatArray, end: FloatArray) -> FloatArray:
-    """Slip twists (n, 3), normalised to unit length, along the facet between two rays, dense enough to be joined by chords."""
+    Loads on a facet are ``cos(phi) e1 + sin(phi) e2``; steps in ``phi`` are refined until chords keep to the curve.
+    """
+    frames = cone.arcs()
     rho = surface.characteristic_length
 
-    def slip(shares: FloatArray) -> FloatArray:
-        loads = (1 - shares[:, None]) * start + shares[:, None] * end
+    def slip(index: np.ndarray, share: FloatArray) -> FloatArray:
+        angle = share * frames.angles[index]
+        loads = np.cos(angle)[:, None] * frames.first[index] + np.sin(angle)[:, None] * frames.second[index]
         return unit(normalize_twist(surface.twist(loads * (1.0, 1.0, rho)), rho))
 
-    shares = np.linspace(0.0, 1.0, _FIRST_SAMPLES)
-    twists = slip(shares)
-    coarse = np.ones(len(shares) - 1, dtype=bool)
+    count = len(frames.angles)
+    if not frames.angles.any():
+        return slip(np.arange(count), np.zeros(count))
+    index = np.repeat(np.arange(count), _FIRST_SAMPLES)
+    share = np.tile(np.linspace(0.0, 1.0, _FIRST_SAMPLES), count)
+    twists = slip(index, share)
     for _ in range(_MOST_ROUNDS):
-        gaps = np.flatnonzero(coarse)
-        middle_shares = (shares[gaps] + shares[gaps + 1]) / 2
-        middle = slip(middle_shares)
-        chord = unit(twists[gaps] + twists[gaps + 1])
-        bent = np.linalg.norm(middle - chord, axis=1) > BOUNDARY_TOLERANCE
-        shares = np.insert(shares, gaps + 1, middle_shares)
-        twists = np.insert(twists, gaps + 1, middle, axis=0)
-        # only the halves of gaps that bent are looked at again
-        flags = np.zeros(len(shares) - 1, dtype=bool)
-        first_half = gaps[bent] + np.flatnonzero(bent)
-        flags[first_half] = flags[first_half + 1] = True
-        coarse = flags
-        if not bent.any():
+        parts = cut_parts(twists, index)
+        gaps = np.flatnonzero(parts > 1)
+        if not len(gaps):
             break
-    return twists
+        extra = parts[gaps] - 1
+        at = np.repeat(gaps, extra)
+        step = 1 + np.arange(len(at)) - np.repeat(np.cumsum(extra) - extra, extra)
+        new = share[at] + (share[at + 1] - share[at]) * step / parts[at]
+        twists = np.insert(twists, at + 1, slip(index[at], new), axis=0)
+        share, index = np.insert(share, at + 1, new), np.insert(index, at + 1, index[at])
+    # the end of a facet is the start of the next
+    last = np.append(index[1:] != index[:-1], cone.rank == 3)
+    return twists[~last]
 
 
-def _translation_interval(oracle: StabilityOracle, loop: FloatArray) -> tuple[float, float] | None:
-    """Stable directions between the places where the boundary passes through translation; the widest if several."""
+def cut_parts(twists: FloatArray, index: np.ndarray) -> np.ndarray:
+    """Into how many parts each gap between neighbours is to be cut, so that chords keep within the tolerance.
+
+    A circle through a point and its two neighbours says how far the chords beside it miss the curve.
+    """
+    step = np.diff(twists, axis=0)
+    length = np.linalg.norm(step, axis=1)
+    apart = index[1:] != index[:-1]
+    before, after = length[:-1], length[1:]
+    # height of the middle point over the chord of its neighbours
+    chord = step[:-1] + step[1:]
+    size = np.maximum(np.linalg.norm(chord, axis=1), 1e-300)
+    along = (step[:-1] * chord).sum(axis=1) / size
+    height = np.sqrt(np.maximum(before * before - along * along, 0.0))
+    height[apart[:-1] | apart[1:]] = 0.0
+    miss = np.zeros(len(length))
+    for gap, other, own, known in (
+        (slice(0, -1), after, before, ~apart[1:]),
+        (slice(1, None), before, after, ~apart[:-1]),
+    ):
+        ratio = own / np.maximum(other, 0.1 * own + 1e-300)
+        # where the motion stood still before or after, on a facet of the surface, nothing is known of the gap
+        guess = known * np.where(other < 0.01 * own, 0.05 * own, 0.25 * height * ratio)
+        miss[gap] = np.maximum(miss[gap], guess)
+    # a wide gap hides what its neighbours do not show
+    parts = np.maximum(np.sqrt(miss / _CHORD), length / 0.2)
+    parts = np.where(apart | (length < _CHORD), 1.0, np.ceil(parts))
+    return np.minimum(parts, _MOST_PARTS).astype(int)
+
+
+def translation_intervals(loop: FloatArray, accepts: Callable[[FloatArray], BoolArray]) -> tuple[Interval, ...]:
+    """Stable directions between the places where a closed boundary (n, 3) passes through translation, the widest first."""
     following = np.roll(loop, -1, axis=0)
     crossing = np.flatnonzero((loop[:, 2] < 0) != (following[:, 2] < 0))
     if not len(crossing):
-        return None
+        return ()
     a, b = loop[crossing], following[crossing]
-    share = a[:, 2] / (a[:, 2] - b[:, 2])
-    at = a + share[:, None] * (b - a)
+    at = a + (a[:, 2] / (a[:, 2] - b[:, 2]))[:, None] * (b - a)
     angles = np.sort(np.arctan2(at[:, 1], at[:, 0]))
     ends = np.append(angles[1:], angles[0] + 2 * np.pi)
     middles = (angles + ends) / 2
-    stable = oracle.is_stable(np.stack((np.cos(middles), np.sin(middles), np.zeros_like(middles)), axis=-1))
-    if not stable.any():
-        return None
-    widest = int(np.argmax(np.where(stable, ends - angles, -1.0)))
-    return float(angles[widest]), float(ends[widest])
+    stable = accepts(np.stack((np.cos(middles), np.sin(middles), np.zeros_like(middles)), axis=-1))
+    found = [(float(low), float(high)) for low, high, good in zip(angles, ends, stable, strict=True) if good]
+    return tuple(sorted(found, key=lambda interval: interval[0] - interval[1]))
 
 
-def clip_loop(points: FloatArray, half_space: FloatArray) -> FloatArray:
-    """Clip a closed loop (n, 3) by ``half_space · p >= 0`` (Sutherland and Hodgman 1974, in homogeneous coordinates)."""
-    if not len(points):
-        return points
-    height = points @ half_space
-    following, following_height = np.roll(points, -1, axis=0), np.roll(height, -1)
-    inside = height >= 0
-    crosses = inside != (following_height >= 0)
-    share = np.divide(height, height - following_height, out=np.zeros_like(height), where=crosses)
-    cut = points + share[:, None] * (following - points)
-    both = np.stack((points, cut), axis=1).reshape(-1, 3)
-    return both[np.stack((inside, crosses), axis=1).ravel()]
+def _crossings(curve: FloatArray) -> tuple[Interval, ...]:
+    """Translations (as intervals of no width) at which a curve of motions passes from one sense to the other."""
+    if len(curve) <= 2:
+        still = curve[np.abs(curve[:, 2]) < 1e-12]
+    else:
+        crossing = np.flatnonzero((curve[:-1, 2] < 0) != (curve[1:, 2] < 0))
+        a, b = curve[crossing], curve[crossing + 1]
+        still = a + (a[:, 2] / (a[:, 2] - b[:, 2]))[:, None] * (b - a)
+    return tuple((float(angle), float(angle)) for angle in np.arctan2(still[:, 1], still[:, 0]))
 
 
 def regions_to_json(regions: Sequence[StableRegion], extent: float | None = None) -> dict[str, Any]:
@@ -196,11 +271,13 @@ def regions_to_json(regions: Sequence[StableRegion], extent: float | None = None
             {
                 "name": region.name,
                 "extent": region.default_extent if extent is None else extent,
-                "translations": None if region.translations is None else list(region.translations),
+                "translations": [list(interval) for interval in region.translations],
+                "solid_angle": region.solid_angle(),
                 **{
                     word: [shapely.geometry.mapping(p) for p in region.polygons(sense, extent)]
                     for word, sense in (("counter_clockwise", 1), ("clockwise", -1))
                 },
+                "curve": None if region.curve is None else (region.curve / (1.0, 1.0, region.characteristic_length)).tolist(),
             }
             for region in regions
         ],

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from conftest import small_scene
 
@@ -110,8 +111,39 @@ def test_map_leaves_a_picture_and_regions(rig, tmp_path):
     assert main(["map", str(rig / "model.json"), *arguments, *outputs]) == 0
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
     names = [r["name"] for r in json.loads((tmp_path / "regions.json").read_text())["regions"]]
-    assert names == ["model", "conservative"]
+    assert names == ["model", "all-pressure", "conservative"]
     assert main(["map", str(rig / "model.json"), *arguments[:2], "-o", str(tmp_path / "bare.png"), "--extent", "0.3"]) == 0
+
+
+def test_map_draws_margins_the_sphere_and_a_chance_region(rig, tmp_path, capsys):
+    arguments = ["--contact", str(rig / "contact.json"), "--slider", str(rig / "slider.json"), "-o", str(tmp_path / "m.png")]
+    more = ["--probability", "0.9", "--margins", str(tmp_path / "margins.png"), "--sphere", str(tmp_path / "sphere.png")]
+    more += ["--com-tolerance", "0.002", "--least-mu", "0.7", "--json", str(tmp_path / "r.json")]
+    assert main(["map", str(rig / "model.json"), *arguments, *more]) == 0
+    for name in ("m.png", "margins.png", "sphere.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+    assert "probability 0.9" in capsys.readouterr().out
+    angles = {r["name"]: r["solid_angle"] for r in json.loads((tmp_path / "r.json").read_text())["regions"]}
+    assert 0 < angles["all-pressure"] < angles["model"] and angles["probability 0.9"] < angles["model"]
+
+
+def test_map_of_one_finger_draws_a_curve(rig, tmp_path, capsys):
+    write_json(tmp_path / "finger.json", {"points": [[0.0, -0.0533]], "normals": [[0, 1]], "mu": 0.5})
+    arguments = ["--contact", str(tmp_path / "finger.json"), "--slider", str(rig / "slider.json"), "-o", str(tmp_path / "m.png")]
+    assert main(["map", str(rig / "model.json"), *arguments, "--json", str(tmp_path / "r.json")]) == 0
+    model = json.loads((tmp_path / "r.json").read_text())["regions"][0]
+    assert model["solid_angle"] == 0 and len(model["curve"]) > 10
+
+
+def test_contacts_leave_a_table_and_a_picture(rig, tmp_path, capsys):
+    arguments = ["--slider", str(rig / "slider.json"), "--mu", "0.5", "--width", "0.03", "--width", "0.06", "--places", "3"]
+    outputs = ["-o", str(tmp_path / "c.csv"), "--picture", str(tmp_path / "c.png"), "--measure", "margin", "--edge", "1"]
+    assert main(["contacts", str(rig / "model.json"), *arguments, *outputs]) == 0
+    table, _ = read_table(tmp_path / "c.csv", required=(), numbers=("edge", "width", "margin", "area", "tightest_left"))
+    assert len(table["edge"]) == 6 and set(table["edge"]) == {1.0}
+    assert (np.diff(table["margin"]) <= 0).all()
+    assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
+    assert "best by margin: edge 1" in capsys.readouterr().out
 
 
 def test_map_of_a_corner_has_no_conservative_region(rig, tmp_path, capsys):
@@ -192,6 +224,7 @@ COMMANDS = {
     "fit": ["fit", "{log}", "-o", "{out}"],
     "classify": ["classify", "{model}", "--contact", "{contact}", "--cors", "{cors}", "-o", "{out}"],
     "map": ["map", "{model}", "--contact", "{contact}", "--slider", "{slider}", "-o", "{out}"],
+    "contacts": ["contacts", "{model}", "--slider", "{slider}", "--mu", "0.5", "-o", "{out}"],
     "plan": ["plan", "{scene}", "-o", "{out}"],
     "check": ["check", "{scene}", "{plan}"],
 }
@@ -330,6 +363,17 @@ def test_faults_in_cors_are_named(rig, tmp_path, capsys, text, words):
         (["plan"], ("argument",)),
         (["fit", "{log}", "-o", "{out}", "--model", "poly5"], ("poly5",)),
         (["map", "{model}", "--contact", "{contact}", "-o", "{out}", "--extent", "nan"], ("nan",)),
+        (["map", "{model}", "--contact", "{contact}", "-o", "{out}", "--probability", "1.5"], ("--probability", "1.5")),
+        (["map", "{model}", "--contact", "{contact}", "-o", "{out}", "--least-mu", "0.1"], ("--slider",)),
+        (["map", "{model}", "--contact", "{contact}", "-o", "{out}", "--com-tolerance", "-1"], ("--com-tolerance", "-1")),
+        (
+            ["map", "{model}", "--contact", "{contact}", "-o", "{out}", "--slider", "{slider}", "--com-tolerance", "0.5"],
+            ("inside",),
+        ),
+        (["contacts", "{model}", "--slider", "{slider}", "--mu", "nan", "-o", "{out}"], ("--mu", "nan")),
+        (["contacts", "{model}", "--slider", "{slider}", "--mu", "1", "--edge", "7", "-o", "{out}"], ("--edge", "7")),
+        (["contacts", "{model}", "--slider", "{slider}", "--mu", "1", "--width", "9", "-o", "{out}"], ("fit on an edge",)),
+        (["contacts", "{model}", "--slider", "{slider}", "--mu", "1", "--measure", "luck", "-o", "{out}"], ("luck",)),
         (["import", "{scene}", "-o", "{out}", "--kind", "other"], ("other",)),
         (["import", "{log}", "-o", "{out}"], ("mlab-poke",)),
         (["import", "/nowhere", "-o", "{out}"], ("/nowhere",)),
@@ -344,7 +388,7 @@ def test_bad_arguments_are_quoted(rig, tmp_path, capsys, arguments, words):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("command", ("fit", "classify", "map", "plan"))
+@pytest.mark.parametrize("command", ("fit", "classify", "map", "contacts", "plan"))
 def test_outputs_that_cannot_be_written(rig, tmp_path, capsys, command):
     (tmp_path / "file").write_text("")
     one_line(capsys, fill(command, rig, tmp_path / "file" / "out"), tmp_path / "file")
@@ -369,7 +413,7 @@ def test_words_that_the_terminal_cannot_show(rig, tmp_path):
 def test_help_and_version(capsys):
     assert main([]) == 0
     assert "plan" in capsys.readouterr().out
-    for command in ("demo", "import", "fit", "classify", "map", "plan", "check"):
+    for command in ("demo", "import", "fit", "classify", "map", "contacts", "plan", "check"):
         assert main([command, "--help"]) == 0
         assert "Usage: stablepush" in capsys.readouterr().out
     assert main(["--version"]) == 0

@@ -125,7 +125,7 @@ def _acceptance(
             block = slice(start, start + _BLOCK)
             good[block] = oracle.margin(twists[block]) >= least
         if conservative is not None:
-            good &= _region_contains(conservative, twists)
+            good &= conservative.contains_twists(twists)
         return np.asarray(good)
 
     return accept
@@ -135,19 +135,6 @@ def _half_of_the_best(problem: PlanningProblem, contact: int, oracle: StabilityO
     """Half of the largest margin (rad) of a straight push."""
     angles = float(problem.contacts[contact].frame[2]) + np.linspace(-np.pi / 2, np.pi / 2, 361)
     return float(oracle.margin(np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1)).max()) / 2
-
-
-def _region_contains(region: StableRegion, twists: FloatArray) -> BoolArray:
-    turning = twists[:, 2] != 0
-    inside = np.zeros(len(twists), dtype=bool)
-    if turning.any():
-        cors, sense = planar.cor_from_twist(twists[turning])
-        inside[turning] = region.contains(cors, sense)
-    if region.translations is not None and (~turning).any():
-        low, high = region.translations
-        angle = np.arctan2(twists[~turning, 1], twists[~turning, 0])
-        inside[~turning] = np.mod(angle - low, 2 * np.pi) <= high - low
-    return inside
 
 
 def _tightest(

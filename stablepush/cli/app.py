@@ -219,45 +219,157 @@ def draw_map(
     model: Annotated[Path, typer.Argument(help="model/1 file.")],
     contact: Contact,
     output: Output,
-    slider: Annotated[Path | None, typer.Option(help="slider/1 file; needed for the conservative region.")] = None,
+    slider: Annotated[
+        Path | None, typer.Option(help="slider/1 file; needed for the all-pressure and the conservative region.")
+    ] = None,
     regions_file: Annotated[Path | None, typer.Option("--json", help="Regions as JSON.")] = None,
     extent: Annotated[float | None, typer.Option(parser=_number, metavar="METRES", help="Half side of the map in m.")] = None,
+    probability: Annotated[
+        float | None,
+        typer.Option(parser=_number, metavar="P", help="Also the region that is stable with this probability, by the ensemble."),
+    ] = None,
+    com_tolerance: Annotated[
+        float, typer.Option(parser=_number, metavar="METRES", help="How far off the centre of mass may be, for all-pressure.")
+    ] = 0.0,
+    least_mu: Annotated[
+        float | None, typer.Option(parser=_number, metavar="MU", help="Least friction at the contact, for all-pressure.")
+    ] = None,
+    margins: Annotated[Path | None, typer.Option(help="Chart of margins over turns each way, as PNG.")] = None,
+    sphere: Annotated[Path | None, typer.Option(help="Regions on the sphere of unit twists, as PNG.")] = None,
 ) -> None:
-    """Draw the stable regions: of the model, and the conservative one."""
+    """Draw the stable regions: of the model, all-pressure and conservative."""
+    from stablepush.all_pressure import all_pressure_region
     from stablepush.conservative import lynch_mason_region
     from stablepush.files import write_json
     from stablepush.formats import load_contact, load_model, load_slider
-    from stablepush.plot import plot_regions, save_figure
+    from stablepush.models import PolynomialLimitSurface
+    from stablepush.plot import plot_margins, plot_regions, plot_twist_sphere, save_figure
+    from stablepush.probability import chance_region, probability_map
     from stablepush.region import regions_to_json, stable_region
 
     if extent is not None and not (math.isfinite(extent) and 0 < extent <= 1e6):
         raise InputError(f"--extent: expected a number > 0, got {extent}")
-    _require_file(output)
-    if regions_file is not None:
-        _require_file(regions_file)
-        _require_distinct(output, regions_file)
+    if probability is not None and not 0 < probability <= 1:
+        raise InputError(f"--probability: expected a number above 0 and up to 1, got {probability:g}")
+    for name, value in (("--com-tolerance", com_tolerance), ("--least-mu", least_mu)):
+        if value is not None and not (math.isfinite(value) and 0 <= value <= 1e6):
+            raise InputError(f"{name}: expected a number >= 0, got {value:g}")
+    if slider is None and (com_tolerance > 0 or least_mu is not None):
+        raise InputError("--com-tolerance, --least-mu: expected --slider with them, as they are for the all-pressure region")
+    for path in (output, regions_file, margins, sphere):
+        if path is not None:
+            _require_file(path)
+    _require_distinct(output, regions_file, margins, sphere)
     surface, fingers = load_model(model), load_contact(contact)
     body = None if slider is None else load_slider(slider)
+    if least_mu is not None and least_mu > fingers.mu:
+        raise InputError(f"--least-mu: expected at most the mu of {contact}, {fingers.mu:g}, got {least_mu:g}")
+    shading = None
     try:
         with _about(model):
             regions = [stable_region(surface, fingers)]
+            if probability is not None:
+                if not (isinstance(surface, PolynomialLimitSurface) and surface.members()):
+                    raise InputError("--probability: expected a model with an ensemble, as fit leaves it")
+                regions.append(chance_region(surface, fingers, probability))
+            if isinstance(surface, PolynomialLimitSurface) and surface.members() and regions[0].curve is None:
+                size = 5 * max(fingers.radius, 0.0 if body is None else body.radius) if extent is None else extent
+                shading = probability_map(surface, fingers, size)
     except UnsupportedContactError as error:
         raise InputError(f"{contact}: {error}") from None
-    if body is not None:
+    if body is not None and slider is not None:
+        with _about(slider):
+            limits = None if least_mu is None else (least_mu, fingers.mu)
+            regions.append(all_pressure_region(body, fingers, mu=limits, com_tolerance=com_tolerance))
         try:
             regions.append(lynch_mason_region(body, fingers))
         except UnsupportedContactError as error:
             print(f"no conservative region: {error}")
-    save_figure(plot_regions(regions, fingers, body, extent), output)
+    save_figure(plot_regions(regions, fingers, body, extent, probability=shading), output)
     if regions_file is not None:
         write_json(regions_file, regions_to_json(regions, extent))
+    if margins is not None:
+        save_figure(plot_margins(surface, fingers, regions), margins)
+    if sphere is not None:
+        save_figure(plot_twist_sphere(regions), sphere)
     for region in regions:
-        span = "no stable translation"
-        if region.translations is not None:
-            low, high = (math.degrees(a) for a in region.translations)
-            span = f"translations from {low:.1f} to {high:.1f} deg"
-        print(f"{region.name}: {span}")
+        spans = " and ".join(f"{math.degrees(low):.1f} to {math.degrees(high):.1f}" for low, high in region.translations)
+        turns = [region.tightest_turn(sense) for sense in (1, -1)]
+        words = [
+            f"{math.hypot(*cor):.3g} m {word}" for cor, word in zip(turns, ("left", "right"), strict=True) if cor is not None
+        ]
+        print(
+            f"{region.name}: {region.solid_angle():.3f} sr, "
+            + (f"translations from {spans} deg" if spans else "no stable translation")
+            + (f", tightest turns {', '.join(words)}" if words else ", no stable turn")
+        )
     print(f"{output}: written")
+
+
+@app.command()
+def contacts(
+    model: Annotated[Path, typer.Argument(help="model/1 file.")],
+    slider: Annotated[Path, typer.Option(help="slider/1 file.")],
+    mu: Annotated[float, typer.Option(parser=_number, metavar="MU", help="Friction between finger and slider.")],
+    output: Output,
+    measure: Annotated[str, typer.Option(help="Rank by area, tightest-turn or margin.")] = "area",
+    width: Annotated[
+        list[float] | None, typer.Option(parser=_number, metavar="METRES", help="Distance of the fingers; repeatable.")
+    ] = None,
+    edge: Annotated[
+        list[int] | None, typer.Option(parser=_whole_number, metavar="INTEGER", help="Edge that can be reached; repeatable.")
+    ] = None,
+    places: Annotated[int, typer.Option(parser=_whole_number, metavar="INTEGER", help="Places along each edge.")] = 9,
+    picture: Annotated[Path | None, typer.Option(help="Picture of the contacts as PNG.")] = None,
+) -> None:
+    """Rank two-finger contacts along the edges of a slider, as a table (CSV), the best first."""
+    import numpy as np
+
+    from stablepush.contact_choice import MEASURES, rank_contacts
+    from stablepush.files import write_atomically
+    from stablepush.formats import load_model, load_slider
+    from stablepush.logs.table import table_text
+    from stablepush.models import GaussianProcessSurface
+    from stablepush.plot import plot_contacts, save_figure
+
+    if measure not in MEASURES:
+        raise InputError(f"--measure: expected one of {', '.join(MEASURES)}, got {measure!r}")
+    if not (math.isfinite(mu) and 0 < mu <= 1e6):
+        raise InputError(f"--mu: expected a number > 0, got {mu:g}")
+    for value in width or ():
+        if not (math.isfinite(value) and 0 < value <= 1e6):
+            raise InputError(f"--width: expected a distance > 0 in m, got {value:g}")
+    if not 1 <= places <= 1000:
+        raise InputError(f"--places: expected a whole number from 1 to 1000, got {places}")
+    for path in (output, picture):
+        if path is not None:
+            _require_file(path)
+    _require_distinct(output, picture)
+    surface, body = load_model(model), load_slider(slider)
+    if isinstance(surface, GaussianProcessSurface):
+        raise InputError(f"{model}: expected a limit surface; a Gaussian process has no stable region")
+    for index in edge or ():
+        if not 0 <= index < len(body.vertices):
+            raise InputError(f"--edge: expected 0 to {len(body.vertices) - 1}, got {index}")
+    with _progress("contacts") as step, _about(slider):
+        ranked = rank_contacts(
+            body, surface, mu, measure=measure, widths=width or None, places=places, edges=edge or None, progress=step.to
+        )
+    columns = {
+        name: np.array([getattr(one, name) for one in ranked])
+        for name in ("edge", "center", "width", "area", "tightest_left", "tightest_right", "margin")
+    }
+    # a turn that no COR allows is a blank
+    for name in ("tightest_left", "tightest_right"):
+        columns[name] = np.where(np.isfinite(columns[name]), columns[name], np.nan)
+    write_atomically(output, table_text(columns))
+    if picture is not None:
+        save_figure(plot_contacts(body, ranked, measure), picture)
+    best = ranked[0]
+    print(
+        f"{output}: {len(ranked)} contacts; best by {measure}: edge {best.edge}, middle {best.center:.4g} m along it, "
+        f"fingers {best.width:.4g} m apart"
+    )
 
 
 @app.command()

@@ -107,5 +107,5 @@ def run_demo(folder: Path, seed: int) -> int:
     return 0 if result.solved and report.valid else 1
 
 
-def _degrees(interval: tuple[float, float] | None) -> str:
-    return "none" if interval is None else f"{np.degrees(interval[0]):.1f}° to {np.degrees(interval[1]):.1f}° in B"
+def _degrees(intervals: tuple[tuple[float, float], ...]) -> str:
+    return " and ".join(f"{np.degrees(low):.1f}° to {np.degrees(high):.1f}° in B" for low, high in intervals) or "none"

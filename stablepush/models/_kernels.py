@@ -8,7 +8,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from stablepush._compiled import compiled
 
 #: Direction residual at which the Newton iteration stops; the rounding of the gradient itself is of this size.
 CONVERGED = 1e-13
@@ -19,17 +20,6 @@ AT_REST = 1e-14
 #: A well-scaled surface takes 5 to 6 steps; a facet with curvature 1e-9 of its neighbourhood took fewer than 60.
 MOST_STEPS = 300
 
-#: Multiply-adds may be fused, which only makes them more accurate; nothing else of fast maths, for NaN must stay NaN.
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
-
-
-def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile on first call; keep the machine code on disk unless no place can be written."""
-    try:
-        return njit(cache=True, **_OPTIONS)(function)  # type: ignore[no-any-return]
-    except RuntimeError:  # numba found neither the package nor the user's cache folder writable
-        return njit(**_OPTIONS)(function)  # type: ignore[no-any-return]
-
 
 @cache
 def polynomial_inverter(degree: int) -> Callable[..., Any]:
@@ -37,7 +27,7 @@ def polynomial_inverter(degree: int) -> Callable[..., Any]:
     order = degree - 2
     count = degree * (degree - 1) // 2
 
-    @_compiled
+    @compiled
     def invert_polynomial(hessian, rho, twists, start, wrenches):  # type: ignore[no-untyped-def]
         """Fill ``wrenches`` (n, 3) with ``argmax V·F`` over ``H <= 1`` and return the worst ``|∇H/|∇H| - V|`` and how many miss.
 
@@ -175,7 +165,7 @@ def polynomial_inverter(degree: int) -> Callable[..., Any]:
     return invert_polynomial
 
 
-@_compiled
+@compiled
 def sum_loads(points, loads, twists, wrenches):  # type: ignore[no-untyped-def]
     """Fill ``wrenches`` with ``Σ m_k (e_k, x_k × e_k)`` of unit twists, all normalised by the characteristic length."""
     for q in range(twists.shape[0]):
@@ -194,7 +184,7 @@ def sum_loads(points, loads, twists, wrenches):  # type: ignore[no-untyped-def]
         wrenches[q, 0], wrenches[q, 1], wrenches[q, 2] = fx, fy, fz
 
 
-@_compiled
+@compiled
 def sum_loads_of_many(points, loads, twists, wrenches):  # type: ignore[no-untyped-def]
     """Fill ``wrenches`` (m, n, 3) like :func:`sum_loads` for m supports of k points each: (m, k, 2), (m, k)."""
     for m in range(points.shape[0]):
@@ -214,7 +204,7 @@ def sum_loads_of_many(points, loads, twists, wrenches):  # type: ignore[no-untyp
             wrenches[m, q, 0], wrenches[m, q, 1], wrenches[m, q, 2] = fx, fy, fz
 
 
-@_compiled
+@compiled
 def minimize_power(points, loads, wrenches, twists, powers, residuals):  # type: ignore[no-untyped-def]
     """Fill ``twists`` with the minimisers of ``h(V) = Σ m_k |v_k|`` on the plane ``F·V = 1``, and ``powers`` with ``h``.
 
@@ -356,7 +346,7 @@ def minimize_power(points, loads, wrenches, twists, powers, residuals):  # type:
         powers[q] = best
 
 
-@_compiled
+@compiled
 def fit_scales(predicted, loads, weights, error, scales, likelihoods):  # type: ignore[no-untyped-def]
     """Fill ``scales`` (m,) and ``likelihoods`` (m,) of predicted loads (m, n, q, 3) against measured ones (n, 3).
 
@@ -404,7 +394,7 @@ def fit_scales(predicted, loads, weights, error, scales, likelihoods):  # type: 
         scales[d], likelihoods[d] = scale, total
 
 
-@_compiled
+@compiled
 def tilt_shares(points, raw, active, centers, tolerance, steps, shares, good):  # type: ignore[no-untyped-def]
     """Fill ``shares`` (m, k) with ``q ∝ raw exp(λ·(x - c))`` of mean zero in ``x - c``; ``good`` (m,) tells where there is
     such a tilt.

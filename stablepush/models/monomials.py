@@ -73,19 +73,25 @@ def hessian_operator(degree: int) -> FloatArray:
     return operator
 
 
-def gradient_rows(points: FloatArray, degree: int) -> FloatArray:
-    """Return ``G`` (..., 3, m): ``G @ a`` is the gradient of ``sum a_m F^m`` at points (..., 3)."""
-    lower = monomials(points, degree - 1)
+@cache
+def gradient_operator(degree: int) -> FloatArray:
+    """Return ``T`` (3, n, m): ``T @ a`` holds the gradient of ``sum a_m F^m`` as forms of degree ``d - 1``."""
     exponents = _exponents(degree)
-    rows = np.zeros((*points.shape[:-1], 3, len(exponents)))
+    operator = np.zeros((3, len(_exponents(degree - 1)), len(exponents)))
     for m, exponent in enumerate(exponents):
         for axis in range(3):
             if exponent[axis] > 0:
                 lowered = exponent.copy()
                 lowered[axis] -= 1
                 i, j, k = (int(e) for e in lowered)
-                rows[..., axis, m] = exponent[axis] * lower[..., monomial_index(degree - 1, (i, j, k))]
-    return rows
+                operator[axis, monomial_index(degree - 1, (i, j, k)), m] = exponent[axis]
+    operator.flags.writeable = False
+    return operator
+
+
+def gradient_rows(points: FloatArray, degree: int) -> FloatArray:
+    """Return ``G`` (..., 3, m): ``G @ a`` is the gradient of ``sum a_m F^m`` at points (..., 3)."""
+    return np.asarray(np.einsum("...n,anm->...am", monomials(points, degree - 1), gradient_operator(degree), optimize=True))
 
 
 @cache

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stablepush._arrays import FloatArray, check_number, check_vectors, read_only
 from stablepush.errors import ConvergenceError, InputError
-from stablepush.models.monomials import gradient_rows, hessian_operator, monomial_exponents, monomials
+from stablepush.models.monomials import gradient_operator, hessian_operator, monomial_exponents, monomials
 from stablepush.planar import normalize_wrench, unit
 
 #: What ``force_unit`` may be: forces in newton, or in units of the maximal friction force mu*N.
@@ -54,6 +54,7 @@ class PolynomialLimitSurface:
     covariance: FloatArray | None
     ensemble: FloatArray | None
     provenance: Mapping[str, Any]
+    _gradient: FloatArray = field(repr=False)
     _hessian: FloatArray = field(repr=False)
 
     def __init__(
@@ -97,6 +98,7 @@ class PolynomialLimitSurface:
         object.__setattr__(self, "covariance", covariance)
         object.__setattr__(self, "ensemble", ensemble)
         object.__setattr__(self, "provenance", MappingProxyType(dict(provenance or {})))
+        object.__setattr__(self, "_gradient", read_only(gradient_operator(degree) @ a))
         object.__setattr__(self, "_hessian", read_only(hessian_operator(degree) @ a))
 
     @property
@@ -120,7 +122,7 @@ class PolynomialLimitSurface:
     def gradient(self, wrenches: ArrayLike) -> FloatArray:
         """Return ``∇H`` (..., 3) with respect to the normalised load ``(fx, fy, tau/rho)``."""
         f = self._normalized(wrenches)
-        return np.asarray(gradient_rows(f, self.degree) @ self.coefficients)
+        return np.asarray(monomials(f, self.degree - 1) @ self._gradient.T)
 
     def twist(self, wrenches: ArrayLike) -> FloatArray:
         """Return the slip twists (..., 3) ``(vx, vy, omega)`` of wrenches, of unit length in ``(vx, vy, rho*omega)``.
@@ -130,7 +132,7 @@ class PolynomialLimitSurface:
         f = unit(self._normalized(wrenches))
         if not f.any(axis=-1).all():
             raise InputError("wrenches: expected wrenches that are not zero")
-        slip = unit(gradient_rows(f, self.degree) @ self.coefficients)
+        slip = unit(monomials(f, self.degree - 1) @ self._gradient.T)
         return slip / (1.0, 1.0, self.characteristic_length)
 
     def wrench(self, twists: ArrayLike) -> FloatArray:
