@@ -80,6 +80,11 @@ def main() -> None:
             1,
         ),
         f"map {CELLS} x {CELLS}, both senses, by H_inv": (lambda: [oracle.is_stable(t) for t in both], 5, 1),
+        f"map {CELLS} x {CELLS}, both senses, by scan lines": (
+            lambda: [sp.stable_region(surface, contact).raster(s, EXTENT, CELLS) for s in (1, -1)],
+            10,
+            1,
+        ),
         f"map {CELLS} x {CELLS}, {SURFACES} surfaces, both senses": (lambda: probability_map(many, contact, EXTENT, CELLS), 3, 1),
         "chance region p = 0.9 of 50 surfaces": (
             lambda: [sp.chance_region(surface, contact, 0.9).disc(s) for s in (1, -1)],

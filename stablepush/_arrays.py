@@ -62,6 +62,13 @@ def check_number(
     return number
 
 
+def check_count(value: object, name: str, most: int) -> int:
+    """Return a whole number from 1 to ``most``, or say what is wrong."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
+        raise InputError(f"{name}: expected a whole number from 1 to {most}, got {value!r}")
+    return int(value)
+
+
 def check_sense(sense: ArrayLike) -> FloatArray:
     """Return ``sense`` as an array of +1 (counter-clockwise) and -1 (clockwise)."""
     array = _as_float(sense, "sense")

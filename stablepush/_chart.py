@@ -12,12 +12,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import shapely
 
-from stablepush._arrays import FloatArray
+from stablepush._arrays import BoolArray, FloatArray
 from stablepush.planar import unit
 
 #: Largest gap (rad) between neighbours on a boundary, a whole part of the rim: great circles are that near to straight, to 1e-5.
 _GAP = 2 * np.pi / 800
 RIM = float(np.sqrt(2.0))
+#: Area (sr) that rounding makes where a boundary touches itself.
+DUST = 1e-12
 
 
 def disc_from_twists(twists: FloatArray, sense: int) -> FloatArray:
@@ -80,6 +82,59 @@ def dense(points: FloatArray) -> FloatArray:
 Rings = Sequence[Sequence[FloatArray]]
 
 
+def hemisphere(loop: FloatArray, sense: int, accepts: Callable[[FloatArray], BoolArray]) -> shapely.Geometry:
+    """Return, in the chart, the part of a hemisphere that a closed boundary (n, 3) of unit twists divides off and that is
+    accepted.
+
+    The boundary and the rim cut the disc into faces; one motion inside tells of each whether it belongs.
+    """
+    inside = sense * loop[:, 2] >= 0
+    rim_angles: list[FloatArray] = []
+    lines = []
+    if inside.all():
+        lines.append(disc_from_twists(dense(np.concatenate((loop, loop[:1]))), sense))
+        lines[0][-1] = lines[0][0]
+    else:
+        for start in np.flatnonzero(inside & ~np.roll(inside, 1)):
+            order = np.arange(start, start + len(loop)) % len(loop)
+            length = int(np.argmin(inside[order]))
+            chain = loop[order[:length]]
+            ends = (_on_rim(loop[start - 1], chain[0]), _on_rim(loop[order[length]], chain[-1]))
+            lines.append(disc_from_twists(dense(np.concatenate((ends[0][None], chain, ends[1][None]))), sense))
+            rim_angles += [np.arctan2(line[1], line[0]) for line in (lines[-1][0], lines[-1][-1])]
+    # the rim passes through the ends of the pieces
+    circle = _rim(np.array(rim_angles, dtype=np.float64))
+    for line in lines:
+        for k in (0, -1):
+            nearest = int(np.argmin(np.abs(circle - line[k]).sum(axis=1)))
+            if np.abs(circle[nearest] - line[k]).sum() < 1e-9:
+                line[k] = circle[nearest]
+    net = shapely.union_all([shapely.LineString(line) for line in (*lines, np.concatenate((circle, circle[:1])))])
+    faces = [face for face in shapely.get_parts(shapely.polygonize([net])) if face.area > DUST]
+    if not faces:
+        return shapely.Polygon()
+    places = np.array([face.representative_point().coords[0] for face in faces])
+    kept = accepts(twists_from_disc(places, sense))
+    return only_polygons(shapely.union_all([face for face, good in zip(faces, kept, strict=True) if good]))
+
+
+def whole_disc() -> shapely.Polygon:
+    """Return the chart of a whole hemisphere."""
+    return shapely.Polygon(_rim(np.zeros(0)))
+
+
+def _rim(more: FloatArray) -> FloatArray:
+    """Places (n, 2) round the rim, at the division that all regions share and at other angles (rad)."""
+    angles = np.unique(np.concatenate((_GAP * np.arange(-400, 400), more)))
+    return RIM * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+
+
+def _on_rim(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Where the chord between two twists (3,) passes through translation."""
+    share = a[2] / (a[2] - b[2]) if a[2] != b[2] else 0.0
+    return np.asarray(unit((a + share * (b - a)) * (1.0, 1.0, 0.0)))
+
+
 def disc_polygons(rings: Rings, sense: int) -> shapely.Geometry:
     """Return, in the chart, what polygons on the sphere hold of a hemisphere."""
 
@@ -90,7 +145,8 @@ def disc_polygons(rings: Rings, sense: int) -> shapely.Geometry:
         half = unit(half)
         return disc_from_twists(dense(np.concatenate((half, half[:1]))), sense)
 
-    return shapely.union_all([_polygon(polygon, place) for polygon in rings])
+    parts = shapely.get_parts(only_polygons(shapely.union_all([_polygon(polygon, place) for polygon in rings])))
+    return shapely.union_all([part for part in parts if part.area > DUST])
 
 
 def cor_polygons(rings: Rings, sense: int, rho: float, extent: float) -> list[shapely.Polygon]:
@@ -110,11 +166,15 @@ def cor_polygons(rings: Rings, sense: int, rho: float, extent: float) -> list[sh
 
 def rings_from_disc(disc: shapely.Geometry, sense: int) -> Rings:
     """Return polygons of the chart as polygons on the sphere."""
-    return [
-        [twists_from_disc(shapely.get_coordinates(ring)[:-1], sense) for ring in (part.exterior, *part.interiors)]
-        for part in shapely.get_parts(only_polygons(disc))
-        if not part.is_empty
-    ]
+
+    def twists(ring: shapely.LinearRing) -> FloatArray:
+        found = twists_from_disc(shapely.get_coordinates(ring)[:-1], sense)
+        # the rim is on it, not nearly so
+        found[np.abs(found[:, 2]) < 1e-12, 2] = 0.0
+        return found
+
+    parts = [part for part in shapely.get_parts(only_polygons(disc)) if not part.is_empty]
+    return [[twists(ring) for ring in (part.exterior, *part.interiors)] for part in parts]
 
 
 def _polygon(rings: Sequence[FloatArray], place: Callable[[FloatArray], FloatArray]) -> shapely.Geometry:
@@ -135,17 +195,9 @@ def make_polygons(ring: FloatArray) -> shapely.Geometry:
 def only_polygons(geometry: shapely.Geometry) -> shapely.Geometry:
     """Drop points, lines and dust from a geometry: parts of less area than rounding makes where a ring touches itself."""
     flat = [p for g in shapely.get_parts(geometry) for p in shapely.get_parts(g) if isinstance(p, shapely.Polygon)]
-    dust = 1e-12 * max((p.area for p in flat), default=0.0)
+    dust = DUST * min(1.0, max((p.area for p in flat), default=0.0))
     parts = [p for p in flat if p.area > dust]
     return parts[0] if len(parts) == 1 else shapely.union_all(parts)
-
-
-def rim(low: float, high: float) -> FloatArray:
-    """Return places (n, 2) along the rim from one angle (rad) in the chart to another."""
-    first, last = sorted((low, high))
-    inner = _GAP * np.arange(np.floor(first / _GAP) + 1, np.ceil(last / _GAP))
-    angles = np.concatenate(((low,), inner if low <= high else inner[::-1], (high,)))
-    return RIM * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
 
 
 def square_of_cors(extent: float) -> FloatArray:
@@ -156,3 +208,33 @@ def square_of_cors(extent: float) -> FloatArray:
 def twists_from_homogeneous(cors: FloatArray, sense: float) -> FloatArray:
     """Return body twists (n, 3) about homogeneous CORs (n, 3)."""
     return np.asarray(sense * cors[:, (1, 0, 2)] * (1.0, -1.0, 1.0))
+
+
+def grid_places(extent: float, cells: int) -> FloatArray:
+    """Return the middles (n,) of cells that divide ``-extent`` to ``extent``."""
+    return np.asarray(extent * ((2 * np.arange(cells) + 1) / cells - 1))
+
+
+def add_coverage(counts: FloatArray, polygon: shapely.Polygon, extent: float) -> None:
+    """Add one to the cells of a grid over ``|x|, |y| <= extent`` whose middles a polygon covers.
+
+    ``counts`` (n, n + 1) holds differences along the rows: their running sum is the number of polygons. Where the boundary
+    crosses the line through a row's middles, all cells to the right of the crossing change by the sign of the crossing.
+    """
+    rows = counts.shape[0]
+    scale = rows / (2 * extent)
+    for number, ring in enumerate((polygon.exterior, *polygon.interiors)):
+        points = shapely.get_coordinates(ring)
+        inward = 1.0 if ring.is_ccw == (number == 0) else -1.0
+        # in units of cells, middles at whole numbers
+        q = (points + extent) * scale - 0.5
+        low, high = np.minimum(q[:-1, 1], q[1:, 1]), np.maximum(q[:-1, 1], q[1:, 1])
+        first, last = np.maximum(np.ceil(low), 0).astype(int), np.minimum(np.ceil(high), rows).astype(int)
+        many = np.maximum(last - first, 0)
+        edge = np.repeat(np.arange(len(many)), many)
+        row = first[edge] + np.arange(len(edge)) - np.repeat(np.cumsum(many) - many, many)
+        a, b = q[edge], q[edge + 1]
+        column = a[:, 0] + (row - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
+        # a boundary that runs counter-clockwise goes down on the left of what it encloses
+        sign = np.where(b[:, 1] < a[:, 1], inward, -inward)
+        np.add.at(counts, (row, np.clip(np.ceil(column), 0, rows).astype(int)), sign)

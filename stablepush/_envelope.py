@@ -141,16 +141,24 @@ def _worst_point(vertices, facet, twist, slope, level, at):  # type: ignore[no-u
     """Minimum of ``g(x) - level - slope·x`` over the polygon; ``at`` (3,) receives the point and its ``g``."""
     best = np.inf
     count = len(vertices)
-    inside = twist[2] != 0.0
+    turning = twist[2] != 0.0
+    inside = False
     cx = cy = 0.0
-    if inside:
+    if turning:
         cx, cy = -twist[1] / twist[2], twist[0] / twist[2]
     for i in range(count):
         start, end = vertices[i], vertices[(i + 1) % count]
         best = _edge_minimum(start, end, facet, twist, slope, level, best, at)
-        if inside:
+        if turning:
+            # is the COR in the polygon? By even and odd crossings, and on an edge it is
+            if (start[1] > cy) != (end[1] > cy) and cx < start[0] + (cy - start[1]) / (end[1] - start[1]) * (end[0] - start[0]):
+                inside = not inside
             ex, ey = end[0] - start[0], end[1] - start[1]
-            inside = ex * (cy - start[1]) - ey * (cx - start[0]) >= -_ON * math.hypot(ex, ey)
+            share = ((cx - start[0]) * ex + (cy - start[1]) * ey) / (ex * ex + ey * ey)
+            share = min(max(share, 0.0), 1.0)
+            if math.hypot(start[0] + share * ex - cx, start[1] + share * ey - cy) <= _ON:
+                turning = False
+                inside = True
     if inside:
         value = -math.hypot(facet[0] - facet[2] * cy, facet[1] + facet[2] * cx)
         if value - level - slope[0] * cx - slope[1] * cy < best:
@@ -190,7 +198,7 @@ def _solve(matrix, right, solution):  # type: ignore[no-untyped-def]
 
 @compiled
 def envelope(vertices, coms, first, facet, twist, sign_only, level, columns, weights):  # type: ignore[no-untyped-def]
-    """Bounds (lower, upper) of ``min Σ m a·F`` over the pressures on a convex polygon (k, 2) with their mean in the hull of
+    """Bounds (lower, upper) of ``min Σ m a·F`` over the pressures on a simple polygon (k, 2) with their mean in the hull of
     ``coms``.
 
     ``first`` (3, 2): points of the polygon whose triangle holds ``coms[0]``. With ``sign_only`` the search ends once the

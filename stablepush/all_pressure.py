@@ -8,10 +8,10 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import BoolArray, FloatArray, check_number, check_vectors, read_only
-from stablepush._chart import Rings, disc_from_twists, make_polygons, only_polygons, rim, rings_from_disc
+from stablepush._arrays import BoolArray, FloatArray, check_array, check_number, read_only
+from stablepush._chart import Rings, hemisphere, rings_from_disc, whole_disc
 from stablepush.contact import PushContact
-from stablepush.errors import InputError
+from stablepush.errors import ConvergenceError, InputError
 from stablepush.planar import unit
 from stablepush.region import EXTENT_RADII, Interval, StableRegion, cut_parts, everywhere
 from stablepush.slider import Slider
@@ -23,6 +23,10 @@ _FIRST_AZIMUTHS = 65
 #: everywhere to gaps (rad) in which it does not change by as much.
 _FAR_OUTSIDE, _WIDE = 0.02, 0.05
 _MOST_ROUNDS = 8
+_MOST_POINTS = 20_000
+#: A facet whose line passes the COM this closely (in characteristic lengths) bounds the sense of the turn, but for the COM's
+#: own motion.
+_TORQUE_ONLY = 1e-6
 #: How near (rad) to the boundary its vertices lie, on the inner side.
 _ANGLE_TOLERANCE = 1e-8
 
@@ -35,7 +39,7 @@ class WorstPressure:
     ----------
     height : float
         Least ``a·F`` over all facets ``a`` of the cone and all pressures, for a friction load of one; the push can break if and
-        only if it is negative. ``a`` and ``F`` are normalised by the radius of the support.
+        only if it is negative. ``a`` and ``F`` are normalised by the characteristic length.
     gap : float
         Distance between the proven bounds of ``height``.
     points, shares : array, shape (n, 2), (n,)
@@ -61,27 +65,32 @@ class WorstPressure:
 
 
 class _Support:
-    """Support polygon, places of the COM and facets of the cone, in units of the support's radius."""
+    """Support polygon, places of the COM and facets of the cone, in units of the characteristic length."""
 
-    def __init__(self, slider: Slider, contact: PushContact, com_tolerance: ArrayLike) -> None:
-        vertices = slider.support_vertices
-        if len(vertices) < 3:
+    def __init__(self, slider: Slider, contact: PushContact, com_tolerance: ArrayLike, length: float | None) -> None:
+        hull = slider.support_vertices
+        if len(hull) < 3:
             raise InputError("slider: expected support points that are not all on a line")
-        tolerance = np.atleast_1d(np.asarray(com_tolerance, dtype=np.float64))
+        # pressure lies on the outline itself, which need not be convex; support points may share their load within their hull
+        vertices = slider.vertices if slider.support is None else hull
+        try:
+            tolerance = np.atleast_1d(np.asarray(com_tolerance, dtype=np.float64))
+        except (TypeError, ValueError):
+            raise InputError(f"com_tolerance: expected one or two half widths >= 0 in m, got {com_tolerance!r}") from None
         if tolerance.shape not in ((1,), (2,)) or not np.isfinite(tolerance).all() or (tolerance < 0).any():
             raise InputError(f"com_tolerance: expected one or two half widths >= 0 in m, got {com_tolerance!r}")
         box = np.broadcast_to(tolerance, (2,))
-        self.rho = float(np.linalg.norm(vertices, axis=1).max())
+        self.rho = slider.characteristic_length if length is None else check_number(length, "characteristic_length", above=0.0)
         self.vertices = np.ascontiguousarray(vertices / self.rho)
         corners = np.unique(np.array(((1, 1), (-1, 1), (-1, -1), (1, -1))) * box, axis=0)
         self.coms = np.ascontiguousarray(corners / self.rho)
-        self.first = self._triangle()
+        self.first = self._triangle(hull / self.rho)
         self.cone = contact.cone(self.rho)
         self.facets = np.ascontiguousarray(self.cone.normals)
 
-    def _triangle(self) -> FloatArray:
-        """Three vertices (3, 2) whose triangle holds the first place of the COM; every place must be inside the polygon."""
-        v = self.vertices
+    def _triangle(self, v: FloatArray) -> FloatArray:
+        """Three vertices (3, 2) of the hull whose triangle holds the first place of the COM; every place must be inside the
+        hull."""
         edges = np.roll(v, -1, axis=0) - v
         for z in self.coms:
             height = edges[:, 0] * (z[1] - v[:, 1]) - edges[:, 1] * (z[0] - v[:, 0])
@@ -116,18 +125,24 @@ class _Support:
 
 
 def all_pressure_region(
-    slider: Slider, contact: PushContact, *, mu: tuple[float, float] | None = None, com_tolerance: ArrayLike = 0.0
+    slider: Slider,
+    contact: PushContact,
+    *,
+    mu: tuple[float, float] | None = None,
+    com_tolerance: ArrayLike = 0.0,
+    characteristic_length: float | None = None,
 ) -> StableRegion:
     """Return the motions for which a push is stable under every pressure distribution with the slider's centre of mass.
 
     A motion ``V`` is in it if and only if for every facet ``a`` of the composite wrench cone ``min Σ m g(x) >= 0`` over ``m >= 0,
-    Σ m = 1, Σ m x = COM``, with ``g(x) = (a_x - a_tau y, a_y + a_tau x)·v(x)/|v(x)|``. The minimum is found exactly over the
-    whole support polygon, the hull of the slider's support points or of its outline: membership is proven to 1e-10 of the
-    friction load. Lynch and Mason's STABLE (1996) is a part of this region.
+    Σ m = 1, Σ m x = COM``, with ``g(x) = (a_x - a_tau y, a_y + a_tau x)·v(x)/|v(x)|``. Pressure may lie anywhere on the hull
+    of the slider's support points if it has them, else on its outline, convex or not. The minimum is found exactly over all
+    of it: membership is proven to 1e-10 of the friction load. Lynch and Mason's STABLE (1996), which takes the hull, is a part of
+    this region.
 
     For one facet the accepted twists are star-shaped about ``a`` on the unit sphere (friction is the gradient of a convex
-    function), so the boundary is one root an azimuth, traced to :data:`stablepush.region.BOUNDARY_TOLERANCE`; its
-    vertices are accepted.
+    function), so the boundary is one root an azimuth, traced to :data:`stablepush.region.BOUNDARY_TOLERANCE`. The polygons
+    are as near as that to the region, on either side; what is proven is the answer of ``contains``.
 
     Parameters
     ----------
@@ -138,6 +153,9 @@ def all_pressure_region(
         own if not given.
     com_tolerance : float or array-like, shape (2,)
         Half widths (m) of a box about the origin of B in which the centre of mass may lie.
+    characteristic_length : float, optional
+        ``rho`` (m) of the sphere on which the boundary is traced, for comparison with a surface's regions; the slider's if not
+        given. Which motions are in the region does not depend on it.
 
     Raises
     ------
@@ -152,23 +170,23 @@ def all_pressure_region(
         if check_number(low, "mu", at_least=0.0) > check_number(high, "mu", at_least=0.0):
             raise InputError(f"mu: expected the lower end first, got {mu!r}")
         contact = PushContact(contact.points, contact.normals, low)
-    support = _Support(slider, contact, com_tolerance)
+    support = _Support(slider, contact, com_tolerance, characteristic_length)
     extent = EXTENT_RADII * max(slider.radius, contact.radius)
 
     def accepts(twists: FloatArray) -> BoolArray:
         return support.holds(support.normalized(twists), support.facets)
 
     def rings(sense: int) -> Rings:
-        if not support.cone.is_solid_and_pointed:
+        if support.cone.rank < 3:
             return []
         parts = [
             _facet_disc(support, facet, boundary, sense) for facet, boundary in zip(support.facets, boundaries(), strict=True)
         ]
         return rings_from_disc(shapely.intersection_all(parts), sense)
 
-    known: list[FloatArray] = []
+    known: list[FloatArray | None] = []
 
-    def boundaries() -> list[FloatArray]:
+    def boundaries() -> list[FloatArray | None]:
         if not known:
             known.extend(_trace(support, facet, np.delete(support.facets, i, axis=0)) for i, facet in enumerate(support.facets))
         return known
@@ -178,7 +196,14 @@ def all_pressure_region(
     return StableRegion("all-pressure", support.rho, extent, _translations(support), accepts, rings)
 
 
-def worst_pressure(slider: Slider, contact: PushContact, twist: ArrayLike, *, com_tolerance: ArrayLike = 0.0) -> WorstPressure:
+def worst_pressure(
+    slider: Slider,
+    contact: PushContact,
+    twist: ArrayLike,
+    *,
+    com_tolerance: ArrayLike = 0.0,
+    characteristic_length: float | None = None,
+) -> WorstPressure:
     """Return the pressure distribution that does most to break a push with body twist (3,).
 
     It has at most three points. The bounds of its ``height`` are proven, one by this distribution, the other by duality
@@ -186,8 +211,8 @@ def worst_pressure(slider: Slider, contact: PushContact, twist: ArrayLike, *, co
     """
     from stablepush._envelope import envelope
 
-    support = _Support(slider, contact, com_tolerance)
-    v = support.normalized(check_vectors(twist, "twist", 3).reshape(1, 3))[0]
+    support = _Support(slider, contact, com_tolerance, characteristic_length)
+    v = support.normalized(check_array(twist, "twist", (3,))[None])[0]
     if len(support.facets) == 0:
         raise InputError(
             "contact: expected a wrench cone with facets; these contacts balance every load, and nothing breaks them"
@@ -218,14 +243,18 @@ def worst_pressure(slider: Slider, contact: PushContact, twist: ArrayLike, *, co
     )
 
 
-def _trace(support: _Support, facet: FloatArray, others: FloatArray) -> FloatArray:
+def _trace(support: _Support, facet: FloatArray, others: FloatArray) -> FloatArray | None:
     """Unit normalised twists (n, 3) once round the motions whose load stays inside one facet under every pressure.
+
+    None where ``a`` is a mere torque about the COM: friction's torque has the sense of the turn.
 
     Friction is ``F = ∂h/∂V`` of a convex ``h``, so ``a·F`` grows along ``a``: on the great circle from ``a`` to ``-a`` a
     motion is inside up to one place.
     """
     from stablepush._envelope import edges
 
+    if np.linalg.norm(support.rim(facet), axis=1).max() < _TORQUE_ONLY:
+        return None
     helper = np.eye(3)[int(np.argmin(np.abs(facet)))]
     first = unit(helper - (helper @ facet) * facet)
     second = np.cross(facet, first)
@@ -248,6 +277,8 @@ def _trace(support: _Support, facet: FloatArray, others: FloatArray) -> FloatArr
         gaps = np.flatnonzero(parts > 1)
         if not len(gaps):
             break
+        if len(twists) + parts[gaps].sum() > _MOST_POINTS:
+            raise ConvergenceError("all-pressure region: cannot trace its boundary: is a contact very near the centre of mass?")
         extra = parts[gaps] - 1
         at = np.repeat(gaps, extra)
         share = (1 + np.arange(len(at)) - np.repeat(np.cumsum(extra) - extra, extra)) / parts[at]
@@ -260,46 +291,18 @@ def _trace(support: _Support, facet: FloatArray, others: FloatArray) -> FloatArr
     return twists[:-1]
 
 
-def _facet_disc(support: _Support, facet: FloatArray, boundary: FloatArray, sense: int) -> shapely.Geometry:
+def _facet_disc(support: _Support, facet: FloatArray, boundary: FloatArray | None, sense: int) -> shapely.Geometry:
     """In the chart of one hemisphere, the motions whose load stays inside one facet under every pressure."""
-    inside = sense * boundary[:, 2] >= 0
-    if inside.all() or not inside.any():
-        # the boundary keeps to the hemisphere of its facet
-        return (
-            make_polygons(_closed(disc_from_twists(boundary, sense)))
-            if inside.all() and sense * facet[2] > 0
-            else shapely.Polygon()
-        )
-    enters = np.flatnonzero(inside & ~np.roll(inside, 1))
-    parts = []
-    for start in enters:
-        chain = np.roll(boundary, -start, axis=0)
-        kept = np.roll(inside, -start)
-        length = len(kept) if kept.all() else int(np.argmin(kept))
-        ends = [_on_rim(boundary[start - 1], boundary[start]), _on_rim(chain[length - 1], chain[length % len(chain)])]
-        parts.append((ends[0], chain[:length], ends[1]))
-    if len(parts) != 1:
-        parts = [max(parts, key=lambda part: len(part[1]))]
-    begin, chain, end = parts[0]
-    angle = [float(np.arctan2(*disc_from_twists(p[None], sense)[0][::-1])) for p in (end, begin)]
-    # of the two arcs of the rim the stable one: its middle makes an acute angle with every bound
-    span = (angle[1] - angle[0]) % (2 * np.pi)
-    arcs = [rim(angle[0], angle[0] + span), rim(angle[0], angle[0] + span - 2 * np.pi)]
-    middles = [angle[0] + span / 2, angle[0] + span / 2 - np.pi]
-    heights = [float((support.rim(facet) @ (sense * np.sin(m), -sense * np.cos(m))).min()) for m in middles]
-    ring = np.concatenate((disc_from_twists(np.concatenate((begin[None], chain)), sense), arcs[int(np.argmax(heights))]))
-    return only_polygons(make_polygons(_closed(ring)))
-
-
-def _closed(ring: FloatArray) -> FloatArray:
-    return np.concatenate((ring, ring[:1]))
-
-
-def _on_rim(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Where the chord between two twists (3,) passes through translation."""
-    share = a[2] / (a[2] - b[2]) if a[2] != b[2] else 0.0
-    at = unit(a + share * (b - a))
-    return np.asarray(at * (1.0, 1.0, 0.0))
+    if boundary is None:
+        # with all pressure at the COM only the little force is left, and its sign counts
+        part = whole_disc() if sense * facet[2] > 0 else shapely.Polygon()
+        for x, y in support.rim(facet):
+            if np.hypot(x, y) >= CERTIFICATE_TOLERANCE:
+                across = 4 * sense * unit(np.array((-y, x)))
+                along = np.array((-across[1], across[0]))
+                part = shapely.intersection(part, shapely.Polygon((along, -along, across - along, across + along)))
+        return part
+    return hemisphere(boundary, sense, lambda v: support.holds(np.ascontiguousarray(v), facet[None]))
 
 
 def _translations(support: _Support) -> tuple[Interval, ...]:
@@ -309,7 +312,9 @@ def _translations(support: _Support) -> tuple[Interval, ...]:
     if not len(bounds):
         return ((0.0, 2 * np.pi),)
     across = np.arctan2(bounds[:, 1], bounds[:, 0])
-    ends = np.unique(np.mod(np.concatenate((across - np.pi / 2, across + np.pi / 2)), 2 * np.pi))
+    ends = np.sort(np.mod(np.concatenate((across - np.pi / 2, across + np.pi / 2)), 2 * np.pi))
+    # bounds that are opposite leave one direction, known from both of them
+    ends = ends[np.diff(ends, append=ends[0] + 2 * np.pi) > 1e-12]
 
     def holds(angles: FloatArray) -> BoolArray:
         directions = np.stack((np.cos(angles), np.sin(angles)), axis=-1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stablepush._arrays import BoolArray, FloatArray
+from stablepush._arrays import BoolArray, FloatArray, check_number
 from stablepush._chart import clip_loop, square_of_cors, twists_from_homogeneous
 from stablepush.contact import PushContact
 from stablepush.errors import UnsupportedContactError
@@ -17,7 +17,7 @@ from stablepush.slider import Slider
 _SLACK = 1e-12
 
 
-def lynch_mason_region(slider: Slider, contact: PushContact) -> StableRegion:
+def lynch_mason_region(slider: Slider, contact: PushContact, *, characteristic_length: float | None = None) -> StableRegion:
     """Return the CORs that Lynch and Mason's procedure STABLE (1996) accepts for a line contact.
 
     With the support polygon's vertices ``v`` and ``r = max |v|``, the left and right ends ``p_l, p_r`` of the contact and
@@ -25,7 +25,8 @@ def lynch_mason_region(slider: Slider, contact: PushContact) -> StableRegion:
     ``c·f_l >= max v·f_l``, ``c·f_r <= min v·f_r``, ``|c - p_l| <= |c|`` and ``c·p_r <= -r²``; for clockwise ones left and
     right change places. A translation is accepted if the force along it through the COM lies in the composite cone. The
     support polygon is the hull of the slider's support points if it has them, else of its outline; ``r`` is taken over it,
-    not over the contacts.
+    not over the contacts. ``characteristic_length`` (m) is that of the sphere of unit twists on which the region is drawn and
+    its solid angle taken, the slider's if not given; which motions are in the region does not depend on it.
 
     Raises
     ------
@@ -58,14 +59,16 @@ def lynch_mason_region(slider: Slider, contact: PushContact) -> StableRegion:
             good[still] = np.mod(angle - interval[0] + _SLACK, 2 * np.pi) <= interval[1] - interval[0] + 2 * _SLACK
         return good
 
-    rho = slider.radius
+    rho = slider.characteristic_length
+    if characteristic_length is not None:
+        rho = check_number(characteristic_length, "characteristic_length", above=0.0)
     return StableRegion(
         name="conservative",
         characteristic_length=rho,
         default_extent=EXTENT_RADII * max(slider.radius, contact.radius),
-        translations=() if interval is None else (interval,),
+        translation_intervals=() if interval is None else (interval,),
         _accepts=accepts,
-        _rings=lambda sense: [[_ring(*planes[float(sense)], FAR * rho, sense) * (1.0, 1.0, rho)]],
+        _rings=lambda sense: [[_ring(*planes[float(sense)], FAR * slider.radius, sense) * (1.0, 1.0, rho)]],
     )
 
 
@@ -113,4 +116,5 @@ def _translations(contact: PushContact, normal: FloatArray) -> tuple[float, floa
         if np.linalg.norm(a[:2]) > _SLACK:
             middle = float(wrap_angle(np.arctan2(a[1], a[0]) - base))
             low, high = max(low, middle - np.pi / 2), min(high, middle + np.pi / 2)
-    return (base + low, base + high) if low <= high else None
+    # without friction one direction is left, known to rounding
+    return (base + low, base + max(low, high)) if low <= high + _SLACK else None

@@ -137,17 +137,18 @@ class WrenchCone:
         facets: list[FloatArray] = []
         first, second = np.triu_indices(len(rays), 1)
         across = np.cross(rays[first], rays[second])
-        for normal, size in zip(across, np.linalg.norm(across, axis=1), strict=True):
-            if size < _FLAT:
-                continue
+        sizes = np.linalg.norm(across, axis=1)
+        kept = sizes >= _FLAT
+        planes, slacks = across[kept] / sizes[kept, None], _FACET_SLACK + 1e-15 / sizes[kept]
+        heights = planes @ rays.T
+        for sign in (1.0, -1.0):
             # the normal of two nearly parallel rays is known only so well
-            slack = _FACET_SLACK + 1e-15 / size
-            for a in (normal / size, -normal / size):
-                heights = rays @ a
-                if (heights < -slack).any() or any(a @ b > 1 - slack for b in normals):
+            for i in np.flatnonzero((sign * heights >= -slacks[:, None]).all(axis=1)):
+                a = sign * planes[i]
+                if any(a @ b > 1 - slacks[i] for b in normals):
                     continue
                 normals.append(a)
-                facets.append(_extreme_pair(rays[heights <= slack], a))
+                facets.append(_extreme_pair(rays[sign * heights[i] <= slacks[i]], a))
         return cls(read_only(np.reshape(normals, (-1, 3))), read_only(np.reshape(facets, (-1, 2, 3))), rank, rays)
 
     @classmethod
@@ -208,7 +209,9 @@ def _extreme_pair(rays: FloatArray, normal: FloatArray) -> FloatArray:
     angles = rays @ rays.T
     i, j = np.unravel_index(int(np.argmin(angles)), angles.shape)
     pair = rays[[i, j]]
-    return pair if np.cross(pair[0], pair[1]) @ normal >= 0 else pair[::-1]
+    (a, b, c), (d, e, f) = pair.tolist()
+    turn = normal @ (b * f - c * e, c * d - a * f, a * e - b * d)
+    return pair if turn >= 0 else pair[::-1]
 
 
 def _chain(facets: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_number
+from stablepush._arrays import FloatArray, check_array, check_count, check_number
 from stablepush.all_pressure import all_pressure_region
 from stablepush.contact import PushContact
 from stablepush.errors import InputError
@@ -18,8 +18,8 @@ from stablepush.planar import twist_from_cor
 from stablepush.region import StableRegion, stable_region
 from stablepush.slider import Slider
 
-#: What contacts may be ranked by, and whether more of it is better.
-MEASURES = {"area": True, "tightest-turn": False, "margin": True}
+#: What contacts may be ranked by: their attribute, and the sign that puts the best first.
+MEASURES = {"area": ("area", -1.0), "tightest-turn": ("tightest_turn", 1.0), "margin": ("margin", -1.0)}
 _DIRECTIONS = 181
 
 
@@ -97,14 +97,20 @@ def rank_contacts(
         raise InputError(f"measure: expected one of {', '.join(MEASURES)}, got {measure!r}")
     if surface is None and measure == "margin":
         raise InputError("measure: expected area or tightest-turn; without a surface there is no margin")
-    if isinstance(places, bool) or not isinstance(places, (int, np.integer)) or places < 1:
-        raise InputError(f"places: expected a whole number >= 1, got {places!r}")
+    check_count(places, "places", most=1000)
     radius = 3 * slider.radius if turn_radius is None else check_number(turn_radius, "turn_radius", above=0.0)
     lengths = [float(np.linalg.norm(np.subtract(*slider.edge(i)))) for i in range(len(slider.vertices))]
-    spacings = np.atleast_1d(np.array((0.25, 0.5, 0.75)) * min(lengths) if widths is None else np.asarray(widths, dtype=float))
-    if spacings.ndim != 1 or not (np.isfinite(spacings) & (spacings > 0)).all():
-        raise InputError(f"widths: expected distances > 0 in m, got {widths!r}")
-    chosen = range(len(lengths)) if edges is None else [int(edge) for edge in edges]
+    spacings = np.array((0.25, 0.5, 0.75)) * min(lengths)
+    if widths is not None:
+        spacings = np.unique(check_array(np.atleast_1d(np.asarray(widths, dtype=object)).tolist(), "widths", (None,)))
+        if not len(spacings) or (spacings <= 0).any():
+            raise InputError(f"widths: expected distances > 0 in m, got {widths!r}")
+    chosen = list(range(len(lengths)))
+    if edges is not None:
+        given = np.atleast_1d(np.asarray(edges, dtype=object)).tolist()
+        if not given or not all(isinstance(e, (int, np.integer)) and not isinstance(e, bool) for e in given):
+            raise InputError(f"edges: expected numbers of edges, got {edges!r}")
+        chosen = sorted({int(edge) for edge in given})
     settings = []
     for edge in chosen:
         slider.edge(edge)
@@ -124,12 +130,8 @@ def rank_contacts(
         found.append(RankedContact(edge, center, width, contact, region.solid_angle(), left, right, margin))
         if progress is not None:
             progress(done + 1, len(settings))
-    value = {
-        "area": lambda c: -c.area,
-        "tightest-turn": lambda c: c.tightest_turn,
-        "margin": lambda c: -c.margin,
-    }[measure]
-    return sorted(found, key=value)
+    attribute, sign = MEASURES[measure]
+    return sorted(found, key=lambda one: sign * getattr(one, attribute))
 
 
 def _radius(cor: FloatArray | None) -> float:
@@ -138,8 +140,8 @@ def _radius(cor: FloatArray | None) -> float:
 
 def _steering_margin(surface: LimitSurface, contact: PushContact, region: StableRegion, radius: float) -> float:
     """Best, over directions, of the least margin of a straight push and of turns of ``radius`` to both sides."""
-    if region.translations:
-        low, high = region.translations[0]
+    if region.translations is not None:
+        low, high = region.translations
         angles = np.linspace(low, high, _DIRECTIONS)
     else:
         angles = float(contact.frame[2]) + np.linspace(-np.pi / 2, np.pi / 2, _DIRECTIONS)

@@ -15,7 +15,7 @@ from stablepush.path import PlanResult
 from stablepush.problem import PlanningProblem
 
 #: Sets of rotation centres that a plan may draw on.
-REGIONS = ("model", "conservative")
+REGIONS = ("model", "all-pressure", "conservative")
 
 
 class Planner(Protocol):
@@ -60,9 +60,9 @@ def plan(
         Wall time in s after which the planner stops with the status ``"timeout"``.
     seed : int, optional
         Seed of planners that draw random numbers; 0 if not given.
-    region : {"model", "conservative"}
-        Which CORs may be used: those the limit surface calls stable, or only those of these that Lynch and Mason's
-        STABLE accepts for every pressure distribution.
+    region : {"model", "all-pressure", "conservative"}
+        Which CORs may be used: those the limit surface calls stable, or only those of these that hold for every pressure
+        distribution, all of them or what Lynch and Mason's STABLE finds of them.
     progress : callable, optional
         Called now and then with a line on the state of the search.
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from stablepush._arrays import BoolArray, FloatArray, check_number, read_only
-from stablepush._chart import Rings, only_polygons, rings_from_disc
+from stablepush._arrays import BoolArray, FloatArray, check_count, check_number, read_only
+from stablepush._chart import Rings, add_coverage, grid_places, only_polygons, rings_from_disc
 from stablepush.contact import PushContact
 from stablepush.errors import InputError
 from stablepush.models import LimitSurface, PolynomialLimitSurface
@@ -33,7 +33,7 @@ class ProbabilityMap:
     clockwise: FloatArray
 
 
-def probability_map(surface: PolynomialLimitSurface, contact: PushContact, extent: float, cells: int = 400) -> ProbabilityMap:
+def probability_map(surface: LimitSurface, contact: PushContact, extent: float, cells: int = 400) -> ProbabilityMap:
     """Return the probability of stability at ``cells x cells`` CORs in the square ``|x|, |y| <= extent`` (m) about the origin
     of B.
 
@@ -47,10 +47,9 @@ def probability_map(surface: PolynomialLimitSurface, contact: PushContact, exten
         As :func:`stablepush.stable_region` does.
     """
     size = check_number(extent, "extent", above=0.0)
-    if isinstance(cells, bool) or not isinstance(cells, (int, np.integer)) or not 1 <= cells <= 10_000:
-        raise InputError(f"cells: expected a whole number from 1 to 10000, got {cells!r}")
+    check_count(cells, "cells", most=10_000)
     regions = _member_regions(surface, contact)
-    places = size * ((2 * np.arange(cells) + 1) / cells - 1)
+    places = grid_places(size, cells)
     shares = []
     for sense in (1, -1):
         counts = np.zeros((cells, cells + 1))
@@ -61,7 +60,7 @@ def probability_map(surface: PolynomialLimitSurface, contact: PushContact, exten
     return ProbabilityMap(read_only(places), read_only(places.copy()), *shares)
 
 
-def chance_region(surface: PolynomialLimitSurface, contact: PushContact, probability: float = 0.9) -> StableRegion:
+def chance_region(surface: LimitSurface, contact: PushContact, probability: float = 0.9) -> StableRegion:
     """Return the motions that are stable with at least the given probability, by the ensemble of a surface.
 
     A motion is in it if at least the share ``probability`` of the surfaces calls it stable. Its boundary consists of pieces
@@ -94,35 +93,10 @@ def chance_region(surface: PolynomialLimitSurface, contact: PushContact, probabi
         name=f"probability {level:g}",
         characteristic_length=rho,
         default_extent=EXTENT_RADII * max(contact.radius, rho),
-        translations=_common([region.translations for region in regions], needed),
+        translation_intervals=_common([region.translation_intervals for region in regions], needed),
         _accepts=accepts,
         _rings=rings,
     )
-
-
-def add_coverage(counts: FloatArray, polygon: shapely.Polygon, extent: float) -> None:
-    """Add one to the cells of a grid over ``|x|, |y| <= extent`` whose middles a polygon covers.
-
-    ``counts`` (n, n + 1) holds differences along the rows: their running sum is the number of polygons. Where the boundary
-    crosses the line through a row's middles, all cells to the right of the crossing change by the sign of the crossing.
-    """
-    rows = counts.shape[0]
-    scale = rows / (2 * extent)
-    for number, ring in enumerate((polygon.exterior, *polygon.interiors)):
-        points = shapely.get_coordinates(ring)
-        inward = 1.0 if ring.is_ccw == (number == 0) else -1.0
-        # in units of cells, middles at whole numbers
-        q = (points + extent) * scale - 0.5
-        low, high = np.minimum(q[:-1, 1], q[1:, 1]), np.maximum(q[:-1, 1], q[1:, 1])
-        first, last = np.maximum(np.ceil(low), 0).astype(int), np.minimum(np.ceil(high), rows).astype(int)
-        many = np.maximum(last - first, 0)
-        edge = np.repeat(np.arange(len(many)), many)
-        row = first[edge] + np.arange(len(edge)) - np.repeat(np.cumsum(many) - many, many)
-        a, b = q[edge], q[edge + 1]
-        column = a[:, 0] + (row - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
-        # a boundary that runs counter-clockwise goes down on the left of what it encloses
-        sign = np.where(b[:, 1] < a[:, 1], inward, -inward)
-        np.add.at(counts, (row, np.clip(np.ceil(column), 0, rows).astype(int)), sign)
 
 
 def _member_regions(surface: LimitSurface, contact: PushContact) -> list[StableRegion]:

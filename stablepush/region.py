@@ -16,11 +16,14 @@ import shapely
 import shapely.geometry
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import BoolArray, FloatArray, check_number, check_sense, check_vectors
+from stablepush._arrays import BoolArray, FloatArray, check_count, check_number, check_sense, check_vectors, read_only
 from stablepush._chart import (
     Rings,
+    add_coverage,
     cor_polygons,
     disc_polygons,
+    hemisphere,
+    rings_from_disc,
     square_of_cors,
     twists_from_disc,
     twists_from_homogeneous,
@@ -29,14 +32,16 @@ from stablepush.contact import PushContact, WrenchCone
 from stablepush.errors import InputError, UnsupportedContactError
 from stablepush.models import GaussianProcessSurface, LimitSurface
 from stablepush.oracle import StabilityOracle
-from stablepush.planar import cor_from_twist, normalize_twist, twist_from_cor, unit
+from stablepush.planar import cor_from_twist, normalize_twist, twist_from_cor
 
 #: Largest angle (rad) on the sphere of unit twists between the boundary and the polygon that stands for it.
 BOUNDARY_TOLERANCE = 2e-5
 #: Unbounded regions are cut at this many times the radius of slider or contact.
 EXTENT_RADII = 100.0
 
-_CHORD = 5e-6
+_CHORD = 8e-6
+#: Turning (of a unit twist) that is rounding.
+_STILL = 1e-9
 _FIRST_SAMPLES = 49
 _MOST_ROUNDS = 12
 _MOST_PARTS = 64
@@ -56,7 +61,7 @@ class StableRegion:
         ``rho`` (m) of the sphere of unit twists ``(vx, vy, rho*omega)`` on which its boundary is known.
     default_extent : float
         Half side (m) of the square about the origin of B at which :meth:`polygons` cuts.
-    translations : tuple of pairs of floats
+    translation_intervals : tuple of pairs of floats
         Intervals of stable translation directions, as angles (rad) in B with ``lower <= upper``, the widest first.
     curve : array, shape (n, 3), or None
         Where the region has no interior (one finger, or no friction), the unit twists ``(vx, vy, rho*omega)`` along it; one where
@@ -66,20 +71,48 @@ class StableRegion:
     name: str
     characteristic_length: float
     default_extent: float
-    translations: tuple[Interval, ...]
+    translation_intervals: tuple[Interval, ...]
     _accepts: Callable[[FloatArray], BoolArray]
     _rings: Callable[[int], Rings]
     curve: FloatArray | None = None
     _known: dict[int, Rings] = field(default_factory=dict, repr=False)
 
+    def __post_init__(self) -> None:
+        # intervals begin between -pi and pi, and nobody writes into the curve
+        turn = 2 * np.pi
+        shifts = [turn * np.ceil((-np.pi - low) / turn - 1e-12) for low, _ in self.translation_intervals]
+        wrapped = tuple(
+            (float(low + shift), float(high + shift))
+            for (low, high), shift in zip(self.translation_intervals, shifts, strict=True)
+        )
+        object.__setattr__(self, "translation_intervals", wrapped)
+        if self.curve is not None:
+            object.__setattr__(self, "curve", read_only(self.curve))
+
+    @property
+    def translations(self) -> Interval | None:
+        """The widest interval of stable translation directions, as angles (rad) in B with ``lower <= upper``; None without
+        one."""
+        return self.translation_intervals[0] if self.translation_intervals else None
+
     def contains_twists(self, twists: ArrayLike) -> BoolArray:
         """Return whether body twists (..., 3) lie in the region; translations are twists like any other."""
         v = check_vectors(twists, "twists", 3)
+        if not v.any(axis=-1).all():
+            raise InputError("twists: expected twists that are not zero")
         return np.asarray(self._accepts(v.reshape(-1, 3)).reshape(v.shape[:-1]))
 
     def contains(self, cors: ArrayLike, sense: ArrayLike) -> BoolArray:
         """Return whether CORs (..., 2) in B (m) with ``sense`` (+1 or -1, a scalar or an array) lie in the region; never cut."""
-        return self.contains_twists(twist_from_cor(cors, sense))
+        try:
+            twists = twist_from_cor(cors, sense)
+        except ValueError as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(
+                f"cors, sense: expected shapes that go together, got {np.shape(cors)} and {np.shape(sense)}"
+            ) from None
+        return self.contains_twists(twists)
 
     def disc(self, sense: int) -> shapely.Geometry:
         """Return the region of one sense in the equal-area chart of its hemisphere of unit twists, a disc of radius ``sqrt(2)``.
@@ -87,12 +120,23 @@ class StableRegion:
         A COR ``c`` lies at ``2 sin(theta/2)`` from the middle in its own direction, with ``tan(theta) = |c|/rho``; translations
         lie on the rim.
         """
-        return disc_polygons(self._rings_of(sense), int(check_sense(sense)))
+        return disc_polygons(self._rings_of(sense), _one_sense(sense))
 
     def polygons(self, sense: int, extent: float | None = None) -> list[shapely.Polygon]:
         """Return the region of one sense as polygons in the COR plane (m, in B), cut at ``|x|, |y| <= extent`` (m)."""
         size = self.default_extent if extent is None else check_number(extent, "extent", above=0.0)
-        return cor_polygons(self._rings_of(sense), int(check_sense(sense)), self.characteristic_length, size)
+        return cor_polygons(self._rings_of(sense), _one_sense(sense), self.characteristic_length, size)
+
+    def raster(self, sense: int, extent: float, cells: int = 400) -> BoolArray:
+        """Return which CORs at the middles of ``cells x cells`` squares, over ``|x|, |y| <= extent`` (m), are in the region.
+
+        The polygons are drawn by scan lines: row ``i`` has the ``i``-th least ``y``. :meth:`contains` asks the oracle instead.
+        """
+        check_count(cells, "cells", most=10_000)
+        counts = np.zeros((cells, cells + 1))
+        for polygon in self.polygons(sense, extent):
+            add_coverage(counts, polygon, extent)
+        return np.asarray(np.cumsum(counts, axis=1)[:, :-1] > 0.5)
 
     def area(self, sense: int, extent: float | None = None) -> float:
         """Return the area (m²) of the region of one sense within ``|x|, |y| <= extent`` (m)."""
@@ -104,9 +148,9 @@ class StableRegion:
 
     def tightest_turn(self, sense: int) -> FloatArray | None:
         """Return the COR (2,) of the region nearest to the origin of B (m), the tightest turn; None without one of that sense."""
-        sign = int(check_sense(sense))
+        sign = _one_sense(sense)
         if self.curve is not None:
-            turning = self.curve[self.curve[:, 2] * sign > 0]
+            turning = self.curve[self.curve[:, 2] * sign > _STILL]
             if not len(turning):
                 return None
             return np.asarray(cor_from_twist(turning[np.argmax(np.abs(turning[:, 2]))] / (1, 1, self.characteristic_length))[0])
@@ -115,13 +159,20 @@ class StableRegion:
             return None
         nearest = shapely.get_coordinates(shapely.shortest_line(disc, shapely.Point(0.0, 0.0)))[0]
         twist = twists_from_disc(nearest, sign) / (1.0, 1.0, self.characteristic_length)
-        return np.asarray(cor_from_twist(twist)[0]) if twist[2] != 0 else None
+        return np.asarray(cor_from_twist(twist)[0]) if abs(twist[2]) * self.characteristic_length > _STILL else None
 
     def _rings_of(self, sense: int) -> Rings:
-        sign = int(check_sense(sense))
+        sign = _one_sense(sense)
         if sign not in self._known:
             self._known[sign] = self._rings(sign)
         return self._known[sign]
+
+
+def _one_sense(sense: int) -> int:
+    signs = check_sense(sense)
+    if signs.ndim:
+        raise InputError("sense: expected one sense, +1 or -1")
+    return int(signs)
 
 
 #: CORs this many times the extent away are as good as translations.
@@ -164,10 +215,16 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
             "other without holding the slider (ask StabilityOracle about single motions)"
         )
     boundary = trace_cone(surface, cone)
+    # translations up to rounding are translations
+    boundary[np.abs(boundary[:, 2]) < _STILL, 2] = 0.0
     if cone.rank < 3:
         return StableRegion("model", rho, extent, _crossings(boundary), oracle.is_stable, lambda sense: [], boundary)
     intervals = translation_intervals(boundary, oracle.is_stable)
-    return StableRegion("model", rho, extent, intervals, oracle.is_stable, lambda sense: [[boundary]])
+
+    def rings(sense: int) -> Rings:
+        return rings_from_disc(hemisphere(boundary, sense, lambda v: oracle.is_stable(v / (1.0, 1.0, rho))), sense)
+
+    return StableRegion("model", rho, extent, intervals, oracle.is_stable, rings)
 
 
 def trace_cone(surface: LimitSurface, cone: WrenchCone) -> FloatArray:
@@ -182,7 +239,7 @@ def trace_cone(surface: LimitSurface, cone: WrenchCone) -> FloatArray:
     def slip(index: np.ndarray, share: FloatArray) -> FloatArray:
         angle = share * frames.angles[index]
         loads = np.cos(angle)[:, None] * frames.first[index] + np.sin(angle)[:, None] * frames.second[index]
-        return unit(normalize_twist(surface.twist(loads * (1.0, 1.0, rho)), rho))
+        return normalize_twist(surface.twist(loads * (1.0, 1.0, rho)), rho)
 
     count = len(frames.angles)
     if not frames.angles.any():
@@ -253,14 +310,18 @@ def translation_intervals(loop: FloatArray, accepts: Callable[[FloatArray], Bool
 
 
 def _crossings(curve: FloatArray) -> tuple[Interval, ...]:
-    """Translations (as intervals of no width) at which a curve of motions passes from one sense to the other."""
-    if len(curve) <= 2:
-        still = curve[np.abs(curve[:, 2]) < 1e-12]
-    else:
-        crossing = np.flatnonzero((curve[:-1, 2] < 0) != (curve[1:, 2] < 0))
-        a, b = curve[crossing], curve[crossing + 1]
-        still = a + (a[:, 2] / (a[:, 2] - b[:, 2]))[:, None] * (b - a)
-    return tuple((float(angle), float(angle)) for angle in np.arctan2(still[:, 1], still[:, 0]))
+    """Translations on a curve of motions: intervals where it runs along the rim, and of no width where it crosses it."""
+    still = curve[:, 2] == 0
+    found: list[Interval] = []
+    for run in np.split(np.flatnonzero(still), np.flatnonzero(np.diff(np.flatnonzero(still)) > 1) + 1):
+        if len(run):
+            angles = np.unwrap(np.arctan2(curve[run, 1], curve[run, 0]))
+            found.append((float(angles.min()), float(angles.max())))
+    crossing = np.flatnonzero(curve[:-1, 2] * curve[1:, 2] < 0) if len(curve) > 2 else np.zeros(0, dtype=int)
+    a, b = curve[crossing], curve[crossing + 1]
+    at = a + (a[:, 2] / (a[:, 2] - b[:, 2]))[:, None] * (b - a) if len(crossing) else a
+    found += [(float(angle), float(angle)) for angle in np.arctan2(at[:, 1], at[:, 0])]
+    return tuple(sorted(found, key=lambda interval: interval[0] - interval[1]))
 
 
 def regions_to_json(regions: Sequence[StableRegion], extent: float | None = None) -> dict[str, Any]:
@@ -271,7 +332,8 @@ def regions_to_json(regions: Sequence[StableRegion], extent: float | None = None
             {
                 "name": region.name,
                 "extent": region.default_extent if extent is None else extent,
-                "translations": [list(interval) for interval in region.translations],
+                "translations": [list(interval) for interval in region.translation_intervals],
+                "characteristic_length": region.characteristic_length,
                 "solid_angle": region.solid_angle(),
                 **{
                     word: [shapely.geometry.mapping(p) for p in region.polygons(sense, extent)]

@@ -19,10 +19,10 @@ def edge_contact(mu=0.9, center=0.05):
 
 def by_program(slider, contact, twist, coms=((0.0, 0.0),), spacing=400):
     """Least ``a·F`` over the facets by HiGHS, over points along the boundary and the COR; never below the true minimum."""
-    vertices = slider.support_vertices
+    vertices = slider.vertices if slider.support is None else slider.support_vertices
     share = np.linspace(0, 1, spacing)[:, None, None]
     points = (vertices + share * (np.roll(vertices, -1, axis=0) - vertices)).reshape(-1, 2)
-    rho = float(np.linalg.norm(vertices, axis=1).max())
+    rho = slider.characteristic_length
     rest = None
     if twist[2]:
         rest = np.array((-twist[1], twist[0])) / twist[2]
@@ -84,7 +84,7 @@ def test_a_push_outside_is_broken_by_the_pressure_returned():
     rng = np.random.default_rng(1)
     slider, contact = triangle(), edge_contact()
     region = sp.all_pressure_region(slider, contact)
-    cone, asked = contact.cone(slider.radius), 0
+    cone, asked = contact.cone(slider.characteristic_length), 0
     for sense in (1, -1):
         ring = np.array(region.disc(sense).exterior.coords)
         # at the boundary nothing is left, and a little beyond a pressure breaks the push
@@ -96,7 +96,7 @@ def test_a_push_outside_is_broken_by_the_pressure_returned():
             if region.contains_twists(outer):
                 continue
             worst = sp.worst_pressure(slider, contact, outer)
-            assert worst.breaks and float(cone.margin(worst.load / (1, 1, slider.radius))) < 0
+            assert worst.breaks and float(cone.margin(worst.load / (1, 1, slider.characteristic_length))) < 0
             # the same by way of the oracle, where all points move
             if (np.linalg.norm(point_velocity(outer, worst.points), axis=1) > 1e-6).all() and len(worst.points) > 1:
                 ideal = sp.IdealLimitSurface(sp.SupportDistribution(worst.points, worst.shares), 1.0)
@@ -130,7 +130,8 @@ def test_less_is_known_less_is_promised():
     box = sp.all_pressure_region(triangle(), edge_contact(), com_tolerance=(0.004, 0.002))
     slippery = sp.all_pressure_region(triangle(), edge_contact(), mu=(0.6, 0.9))
     feet = sp.SupportDistribution(((-0.02, -0.02), (0.04, -0.02), (-0.02, 0.04)), (1, 1, 1))
-    narrow = sp.all_pressure_region(sp.Slider(triangle().vertices, support=feet), edge_contact())
+    rho = triangle().characteristic_length
+    narrow = sp.all_pressure_region(sp.Slider(triangle().vertices, support=feet), edge_contact(), characteristic_length=rho)
     assert box.solid_angle() < known.solid_angle() < narrow.solid_angle()
     assert slippery.solid_angle() == pytest.approx(sp.all_pressure_region(triangle(), edge_contact(0.6)).solid_angle())
     rng = np.random.default_rng(3)
@@ -153,7 +154,7 @@ def test_translations_are_those_whose_force_through_the_com_is_in_the_cone():
     contact = edge_contact(0.7)
     region = sp.all_pressure_region(triangle(), contact)
     np.testing.assert_allclose(region.translations, sp.lynch_mason_region(triangle(), contact).translations)
-    ((low, high),) = region.translations
+    low, high = region.translations
     angles = np.array((low + 1e-6, high - 1e-6, low - 1e-6, high + 1e-6))
     held = region.contains_twists(np.stack((np.cos(angles), np.sin(angles), 0 * angles), axis=-1))
     np.testing.assert_array_equal(held, (True, True, False, False))
@@ -169,13 +170,23 @@ def test_units_do_not_matter():
     np.testing.assert_array_equal(small.contains(cors, 1), large.contains(1000 * cors, 1))
 
 
+def test_the_characteristic_length_is_of_the_picture_only():
+    for build in (sp.all_pressure_region, sp.lynch_mason_region):
+        one, two = build(triangle(), edge_contact()), build(triangle(), edge_contact(), characteristic_length=0.2)
+        twists = np.random.default_rng(0).normal(size=(3000, 3)) / (1, 1, 0.1)
+        np.testing.assert_array_equal(one.contains_twists(twists), two.contains_twists(twists))
+        assert one.area(1, 0.5) == pytest.approx(two.area(1, 0.5), rel=1e-4)
+        assert one.solid_angle() < two.solid_angle()
+
+
 def test_every_kind_of_contact_has_an_answer():
     slider = triangle()
     finger = sp.all_pressure_region(slider, sp.PushContact([(0.0, -0.05)], [(0, 1)], 0.8))
     assert finger.disc(1).is_empty and finger.solid_angle() == 0
     # pushed straight through its centre of mass, without turning, whatever the pressure
     assert finger.contains_twists((0.0, 1.0, 0.0))
-    ((low, high),) = finger.translations
+    low, high = finger.translations
+    assert len(finger.translation_intervals) == 1
     assert low == pytest.approx(np.pi / 2) and high == pytest.approx(low)
     pinch = sp.PushContact(((-0.05, 0.0), (0.03, 0.0)), ((1, 0), (-1, 0)), 0.5)
     everything = sp.all_pressure_region(slider, pinch)
@@ -183,6 +194,49 @@ def test_every_kind_of_contact_has_an_answer():
     assert everything.contains(np.random.default_rng(0).normal(size=(50, 2)), -1).all()
     with pytest.raises(sp.InputError, match="nothing breaks"):
         sp.worst_pressure(slider, pinch, (1.0, 0.0, 0.0))
+
+
+def test_pressure_keeps_to_an_outline_that_is_not_convex():
+    """Nothing presses in the mouth of a C: more is promised than for its hull."""
+    ring = np.array(((-1, -1), (1, -1), (1, -0.6), (-0.5, -0.6), (-0.5, 0.6), (1, 0.6), (1, 1), (-1, 1))) * 0.1
+    slider = sp.Slider(ring + np.array((0.02, 0.0)))
+    hull = sp.Slider(np.array(((-1, -1), (1, -1), (1, 1), (-1, 1))) * 0.1 + np.array((0.02, 0.0)))
+    contact = sp.PushContact.on_edge(slider, 0, 0.1, 0.08, 0.6)
+    region, cautious = sp.all_pressure_region(slider, contact), sp.all_pressure_region(hull, contact)
+    rng = np.random.default_rng(0)
+    twists = rng.normal(size=(10_000, 3)) / (1, 1, 0.1)
+    inside = region.contains_twists(twists)
+    assert (inside & ~cautious.contains_twists(twists)).any()
+    assert not (~inside & cautious.contains_twists(twists)).any()
+    polygon = slider.polygon.buffer(1e-9)
+    for twist in twists[rng.permutation(10_000)[:150]]:
+        worst = sp.worst_pressure(slider, contact, twist)
+        assert shapely.contains_xy(polygon, *worst.points.T).all()
+        assert worst.gap < 1e-11
+        assert worst.height - 1e-9 <= by_program(slider, contact, twist) <= worst.height + 5e-3
+
+
+def test_a_contact_at_the_centre_of_mass():
+    """A facet without force bounds the sense of the turn only."""
+    for offset in (0.0, 1e-9, 1e-7):
+        contact = sp.PushContact(((offset, 0.0), (0.03, 0.0)), (0, 1), 0.5)
+        region = sp.all_pressure_region(triangle(), contact)
+        for sense in (1, -1):
+            places = np.random.default_rng(1).uniform(-1.42, 1.42, size=(3000, 2))
+            places = places[(places**2).sum(axis=1) < 1.99]
+            held = region.contains_twists(twists_from_disc(places, sense) / (1, 1, region.characteristic_length))
+            wrong = places[shapely.contains_xy(region.disc(sense), *places.T) != held]
+            if len(wrong):
+                assert shapely.distance(shapely.boundary(region.disc(sense)), shapely.points(wrong)).max() < 1e-4
+
+
+def test_a_wedge_of_wrenches_has_a_region():
+    points, normals = ((-0.05, 0.0), (0.03, 0.0), (0.0, -0.05), (0.05, -0.05)), ((1, 0), (-1, 0), (0, 1), (0, 1))
+    region = sp.all_pressure_region(triangle(), sp.PushContact(points, normals, 0.0))
+    sphere = np.random.default_rng(0).normal(size=(20_000, 3))
+    share = region.contains_twists(sphere / (1, 1, region.characteristic_length)).mean()
+    assert share > 0.05
+    assert region.solid_angle() == pytest.approx(4 * np.pi * share, abs=0.1)
 
 
 def test_bad_input_is_named():

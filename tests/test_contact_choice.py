@@ -60,11 +60,9 @@ def test_bad_requests_are_named():
 
 def test_pictures_show_what_they_are_given():
     contact = sp.PushContact.on_edge(triangle(), 0, 0.05, 0.05, 0.9)
-    regions = [
-        sp.stable_region(FEET, contact),
-        sp.all_pressure_region(triangle(), contact),
-        sp.lynch_mason_region(triangle(), contact),
-    ]
+    builders = (sp.all_pressure_region, sp.lynch_mason_region)
+    promised = [build(triangle(), contact, characteristic_length=FEET.characteristic_length) for build in builders]
+    regions = [sp.stable_region(FEET, contact), *promised]
     texts = [text.get_text() for text in plot_regions(regions, contact, triangle()).legends[0].get_texts()]
     assert {"model, clockwise", "all-pressure", "conservative", "slider"} <= set(texts)
     assert any(text.startswith("tightest turn, clockwise") for text in texts)
@@ -82,6 +80,8 @@ def test_pictures_show_what_they_are_given():
     ranked = sp.rank_contacts(triangle(), FEET, 0.6, widths=(0.03, 0.06), places=3)
     dots = plot_contacts(triangle(), ranked).axes[0].collections[0]
     assert len(dots.get_offsets()) == len(ranked)
+    with pytest.raises(sp.InputError, match="characteristic length"):
+        plot_twist_sphere([regions[0], sp.lynch_mason_region(triangle(), contact)])
     with pytest.raises(sp.InputError, match="measure"):
         plot_contacts(triangle(), ranked, "beauty")
     curve = sp.stable_region(surface_zoo()["quartic"], sp.PushContact([(0.0, -0.05)], [(0, 1)], 0.6))

@@ -4,9 +4,9 @@ import shapely
 from conftest import surface_zoo, three_feet, triangle
 
 import stablepush as sp
-from stablepush._chart import twists_from_disc
+from stablepush._chart import add_coverage, twists_from_disc
 from stablepush.planar import twist_from_cor, unit
-from stablepush.probability import _covered, add_coverage
+from stablepush.probability import _covered
 from stablepush.region import BOUNDARY_TOLERANCE
 
 RHO = 0.05
@@ -56,7 +56,7 @@ def test_chance_regions_against_the_oracle(surface, level):
         if len(wrong):
             assert shapely.distance(shapely.boundary(disc), shapely.points(wrong)).max() < BOUNDARY_TOLERANCE
         assert expected.any()
-    for low, high in region.translations:
+    for low, high in region.translation_intervals:
         angles = np.array((low + 1e-4, high - 1e-4))
         directions = np.stack((np.cos(angles), np.sin(angles), 0 * angles), axis=-1)
         assert region.contains_twists(directions).all()

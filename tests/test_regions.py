@@ -53,7 +53,7 @@ def test_conservative_cors_are_stable_for_every_pressure():
         for sense in (1, -1):
             accepted = grid()[region.contains(grid(), sense)]
             assert oracle.is_stable_cor(accepted, sense).all()
-        ((low, high),) = region.translations
+        low, high = region.translations
         angles = np.linspace(low, high, 9)
         assert oracle.is_stable(np.column_stack((np.cos(angles), np.sin(angles), 0 * angles))).all()
 
@@ -97,7 +97,7 @@ def test_polygons_against_brute_force(name, mu):
 @pytest.mark.parametrize("name", ("quartic", "three feet", "patch"))
 def test_translations_end_where_the_margin_changes_sign(name):
     oracle = sp.StabilityOracle(ZOO[name], edge_contact())
-    ((low, high),) = sp.stable_region(ZOO[name], edge_contact()).translations
+    low, high = sp.stable_region(ZOO[name], edge_contact()).translations
 
     def margin(angle):
         return float(oracle.margin((np.cos(angle), np.sin(angle), 0.0)))
@@ -181,7 +181,7 @@ def test_one_finger_holds_a_curve_of_motions():
         inner = region.curve[1:-1] / (1, 1, rho)
         oracle = sp.StabilityOracle(surface, sp.PushContact([(0.01, -0.05)], [(0, 1)], 0.6))
         assert np.abs(oracle.margin(inner)).max() < 1e-6
-        for low, high in region.translations:
+        for low, high in region.translation_intervals:
             assert low == high
             direction = (np.cos(low), np.sin(low), 0.0)
             assert float(oracle.margin(direction)) == pytest.approx(0.0, abs=1e-4)
@@ -206,12 +206,35 @@ def test_opposed_fingers_hold_everything_or_are_refused():
     assert region.solid_angle() == pytest.approx(4 * np.pi, rel=1e-4)
     assert region.area(1, 0.3) == pytest.approx(0.36)
     assert region.contains(np.random.default_rng(0).normal(size=(50, 2)), -1).all()
-    assert region.translations == ((0.0, 2 * np.pi),)
+    assert region.translations == (0.0, 2 * np.pi)
     np.testing.assert_allclose(region.tightest_turn(1), (0, 0), atol=1e-12)
-    wedge = sp.PushContact(((-0.05, 0.0), (0.03, 0.0), (0.0, -0.05)), ((1, 0), (-1, 0), (0, 1)), 0.0)
-    if sp.StabilityOracle(ZOO["quartic"], wedge).cone.rank == 3:
-        with pytest.raises(sp.UnsupportedContactError, match="line in it"):
-            sp.stable_region(ZOO["quartic"], wedge)
+    points, normals = ((-0.05, 0.0), (0.03, 0.0), (0.0, -0.05), (0.05, -0.05)), ((1, 0), (-1, 0), (0, 1), (0, 1))
+    wedge = sp.PushContact(points, normals, 0.0)
+    assert sp.StabilityOracle(ZOO["quartic"], wedge).cone.rank == 3
+    with pytest.raises(sp.UnsupportedContactError, match="line in it"):
+        sp.stable_region(ZOO["quartic"], wedge)
+
+
+def test_three_prongs_of_translations():
+    """A region that reaches translation in three places right round the rim: neither hemisphere is taken for the other."""
+    # |F|^4 + 0.3 tau (fx^3 - 3 fx fy^2)
+    terms = {(4, 0, 0): 1, (0, 4, 0): 1, (0, 0, 4): 1, (2, 2, 0): 2, (2, 0, 2): 2, (0, 2, 2): 2, (3, 0, 1): 0.3, (1, 2, 1): -0.9}
+    coefficients = np.array([terms.get(tuple(e), 0.0) for e in sp.monomial_exponents(4).tolist()])
+    surface = sp.PolynomialLimitSurface(coefficients, 4, 0.05)
+    angles = np.radians((90, 210, 330))
+    for radius in (0.6, 1.0, 1.5, 2.5):
+        points = 0.05 * radius * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+        contact = sp.PushContact(points, np.stack((-np.sin(angles), np.cos(angles)), axis=-1), 0.1)
+        region = sp.stable_region(surface, contact)
+        rng = np.random.default_rng(0)
+        for sense in (1, -1):
+            places = rng.uniform(-1.42, 1.42, size=(3000, 2))
+            places = places[(places**2).sum(axis=1) < 1.998]
+            stable = region.contains_twists(twists_from_disc(places, sense) / (1, 1, 0.05))
+            disc = region.disc(sense)
+            wrong = places[shapely.contains_xy(disc, *places.T) != stable]
+            if len(wrong):
+                assert shapely.distance(shapely.boundary(disc), shapely.points(wrong)).max() < BOUNDARY_TOLERANCE
 
 
 @pytest.mark.parametrize(
@@ -263,6 +286,18 @@ def test_areas_and_solid_angles_against_counting():
     assert region.solid_angle() == pytest.approx(4 * np.pi * share, abs=0.05)
     cors = rng.uniform(-0.3, 0.3, size=(50_000, 2))
     assert region.area(-1, 0.3) == pytest.approx(0.36 * region.contains(cors, -1).mean(), abs=3e-3)
+
+
+def test_the_raster_is_the_oracle_s_answer():
+    region = sp.stable_region(ZOO["quartic"], edge_contact())
+    line = 0.3 * ((2 * np.arange(80) + 1) / 80 - 1)
+    cors = np.stack(np.meshgrid(line, line), axis=-1)
+    for sense in (1, -1):
+        drawn = region.raster(sense, 0.3, 80)
+        assert (drawn != region.contains(cors, sense)).sum() <= 1
+        assert drawn.any()
+    with pytest.raises(sp.InputError, match="cells"):
+        region.raster(1, 0.3, 0)
 
 
 def test_the_tightest_turn_is_the_nearest_stable_cor():

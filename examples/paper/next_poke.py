@@ -23,7 +23,7 @@ from stablepush.planar import normalize_twist, unit
 COUNTS = tuple(range(2, 10))
 SHOWN = (2, 3, 4, 5, 7, 9)
 #: Levels (deg) of the mean error whose pokes are counted.
-LEVELS = (24.0, 20.0, 16.0, 12.0)
+LEVELS = (20.0, 16.0, 14.0, 12.0, 10.0, 9.0)
 MU, NOISE = 0.8, 0.06
 
 

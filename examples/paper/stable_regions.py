@@ -64,8 +64,8 @@ def main() -> None:
         f"quartic from {len(loads)} pokes": sp.stable_region(fit.surface, contact),
         "even pressure": sp.stable_region(even, contact),
         f"probability {CHANCE:g}": sp.chance_region(fit.surface, contact, CHANCE),
-        "all-pressure": sp.all_pressure_region(outline, contact),
-        "STABLE": sp.lynch_mason_region(outline, contact),
+        "all-pressure": sp.all_pressure_region(outline, contact, characteristic_length=lab.RHO),
+        "STABLE": sp.lynch_mason_region(outline, contact, characteristic_length=lab.RHO),
     }
     areas = {
         name: {side: [region.area(sense, side / 2) for sense in (1, -1)] for side in SQUARES} for name, region in regions.items()

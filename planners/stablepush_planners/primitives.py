@@ -17,6 +17,7 @@ import numpy as np
 
 from stablepush import planar
 from stablepush._arrays import BoolArray, FloatArray
+from stablepush.all_pressure import all_pressure_region
 from stablepush.conservative import lynch_mason_region
 from stablepush.errors import OutOfTimeError
 from stablepush.oracle import StabilityOracle
@@ -30,6 +31,8 @@ _DIRECTIONS = 7
 _OFFSETS = np.linspace(-2.0, 2.0, 13)
 #: Twists asked at a time, between looks at the clock.
 _BLOCK = 4096
+#: Regions that hold for every pressure, in addition to the surface's own.
+_PROMISED = {"all-pressure": all_pressure_region, "conservative": lynch_mason_region}
 #: Places along a line, in rho, denser near the slider: the widest turn looked at is 50 rho.
 _PLACES = np.sinh(np.linspace(-np.arcsinh(500.0), np.arcsinh(500.0), 161)) / 10.0
 
@@ -113,9 +116,9 @@ def _acceptance(
 ) -> Callable[[FloatArray], BoolArray]:
     """Which body twists (n, 3) may be used at a contact."""
     least = max(0.0, problem.min_margin, margin) + _INSIDE
-    conservative: StableRegion | None = None
-    if region == "conservative":
-        conservative = lynch_mason_region(problem.slider, problem.contacts[contact])
+    promised: StableRegion | None = None
+    if region in _PROMISED:
+        promised = _PROMISED[region](problem.slider, problem.contacts[contact])
 
     def accept(twists: FloatArray) -> BoolArray:
         good = np.zeros(len(twists), dtype=bool)
@@ -124,8 +127,8 @@ def _acceptance(
                 raise OutOfTimeError("primitives: the deadline has passed")
             block = slice(start, start + _BLOCK)
             good[block] = oracle.margin(twists[block]) >= least
-        if conservative is not None:
-            good &= conservative.contains_twists(twists)
+        if promised is not None:
+            good &= promised.contains_twists(twists)
         return np.asarray(good)
 
     return accept

@@ -240,10 +240,10 @@ def draw_map(
     """Draw the stable regions: of the model, all-pressure and conservative."""
     from stablepush.all_pressure import all_pressure_region
     from stablepush.conservative import lynch_mason_region
-    from stablepush.files import write_json
+    from stablepush.files import write_atomically, write_json
     from stablepush.formats import load_contact, load_model, load_slider
     from stablepush.models import PolynomialLimitSurface
-    from stablepush.plot import plot_margins, plot_regions, plot_twist_sphere, save_figure
+    from stablepush.plot import figure_png, plot_margins, plot_regions, plot_twist_sphere
     from stablepush.probability import chance_region, probability_map
     from stablepush.region import regions_to_json, stable_region
 
@@ -264,7 +264,7 @@ def draw_map(
     body = None if slider is None else load_slider(slider)
     if least_mu is not None and least_mu > fingers.mu:
         raise InputError(f"--least-mu: expected at most the mu of {contact}, {fingers.mu:g}, got {least_mu:g}")
-    shading = None
+    shading, rho = None, surface.characteristic_length
     try:
         with _about(model):
             regions = [stable_region(surface, fingers)]
@@ -280,20 +280,28 @@ def draw_map(
     if body is not None and slider is not None:
         with _about(slider):
             limits = None if least_mu is None else (least_mu, fingers.mu)
-            regions.append(all_pressure_region(body, fingers, mu=limits, com_tolerance=com_tolerance))
+            if len(body.support_vertices) < 3:
+                print("no all-pressure region: the slider's support points lie on a line")
+            else:
+                regions.append(
+                    all_pressure_region(body, fingers, mu=limits, com_tolerance=com_tolerance, characteristic_length=rho)
+                )
         try:
-            regions.append(lynch_mason_region(body, fingers))
+            regions.append(lynch_mason_region(body, fingers, characteristic_length=rho))
         except UnsupportedContactError as error:
             print(f"no conservative region: {error}")
-    save_figure(plot_regions(regions, fingers, body, extent, probability=shading), output)
+    # all is made before any of it is written
+    pictures = [(output, figure_png(plot_regions(regions, fingers, body, extent, probability=shading)))]
+    if margins is not None:
+        pictures.append((margins, figure_png(plot_margins(surface, fingers, regions))))
+    if sphere is not None:
+        pictures.append((sphere, figure_png(plot_twist_sphere(regions))))
     if regions_file is not None:
         write_json(regions_file, regions_to_json(regions, extent))
-    if margins is not None:
-        save_figure(plot_margins(surface, fingers, regions), margins)
-    if sphere is not None:
-        save_figure(plot_twist_sphere(regions), sphere)
+    for path, picture in pictures:
+        write_atomically(path, picture)
     for region in regions:
-        spans = " and ".join(f"{math.degrees(low):.1f} to {math.degrees(high):.1f}" for low, high in region.translations)
+        spans = " and ".join(f"{math.degrees(low):.1f} to {math.degrees(high):.1f}" for low, high in region.translation_intervals)
         turns = [region.tightest_turn(sense) for sense in (1, -1)]
         words = [
             f"{math.hypot(*cor):.3g} m {word}" for cor, word in zip(turns, ("left", "right"), strict=True) if cor is not None
@@ -330,7 +338,7 @@ def contacts(
     from stablepush.formats import load_model, load_slider
     from stablepush.logs.table import table_text
     from stablepush.models import GaussianProcessSurface
-    from stablepush.plot import plot_contacts, save_figure
+    from stablepush.plot import figure_png, plot_contacts
 
     if measure not in MEASURES:
         raise InputError(f"--measure: expected one of {', '.join(MEASURES)}, got {measure!r}")
@@ -351,7 +359,10 @@ def contacts(
     for index in edge or ():
         if not 0 <= index < len(body.vertices):
             raise InputError(f"--edge: expected 0 to {len(body.vertices) - 1}, got {index}")
-    with _progress("contacts") as step, _about(slider):
+    longest = max(float(np.linalg.norm(np.subtract(*body.edge(i)))) for i in edge or range(len(body.vertices)))
+    if width and min(width) > longest:
+        raise InputError(f"--width: expected fingers that fit on an edge, up to {longest:.6g} m, got {min(width):g}")
+    with _progress("contacts") as step, _about(model):
         ranked = rank_contacts(
             body, surface, mu, measure=measure, widths=width or None, places=places, edges=edge or None, progress=step.to
         )
@@ -362,9 +373,10 @@ def contacts(
     # a turn that no COR allows is a blank
     for name in ("tightest_left", "tightest_right"):
         columns[name] = np.where(np.isfinite(columns[name]), columns[name], np.nan)
+    drawn = figure_png(plot_contacts(body, ranked, measure)) if picture is not None else b""
     write_atomically(output, table_text(columns))
     if picture is not None:
-        save_figure(plot_contacts(body, ranked, measure), picture)
+        write_atomically(picture, drawn)
     best = ranked[0]
     print(
         f"{output}: {len(ranked)} contacts; best by {measure}: edge {best.edge}, middle {best.center:.4g} m along it, "
@@ -383,7 +395,7 @@ def plan(
     seed: Annotated[
         int, typer.Option(parser=_whole_number, metavar="INTEGER", help="Seed of planners that draw random numbers.")
     ] = 0,
-    region: Annotated[str, typer.Option(help="Rotation centres to use: model or conservative.")] = "model",
+    region: Annotated[str, typer.Option(help="Rotation centres to use: model, all-pressure or conservative.")] = "model",
     view: Annotated[Path | None, typer.Option(help="Animation of the plan as an HTML page.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture of the plan as PNG, if one is found.")] = None,
 ) -> None:

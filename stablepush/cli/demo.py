@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stablepush.all_pressure import all_pressure_region
 from stablepush.check import check_plan
 from stablepush.conservative import lynch_mason_region
 from stablepush.demo import demo_pokes, demo_scene, demo_slider
@@ -18,6 +19,7 @@ from stablepush.logs import read_pushlog, write_pushlog
 from stablepush.path import load_plan, save_plan
 from stablepush.planning import plan
 from stablepush.plot import figure_png, plot_plan, plot_regions
+from stablepush.probability import probability_map
 from stablepush.problem import load_scene, save_scene
 from stablepush.region import stable_region
 from stablepush.report import Section, plan_html, report_html
@@ -41,8 +43,11 @@ def run_demo(folder: Path, seed: int) -> int:
     scene = load_scene(folder / "scene.json")
     contact = scene.contacts[0]
     model_region = stable_region(surface, contact)
-    conservative = lynch_mason_region(demo_slider(), contact)
-    map_png = figure_png(plot_regions([model_region, conservative], contact, scene.slider))
+    rho = surface.characteristic_length
+    promised = [build(demo_slider(), contact, characteristic_length=rho) for build in (all_pressure_region, lynch_mason_region)]
+    regions = [model_region, *promised]
+    shading = probability_map(surface, contact, 5 * demo_slider().radius)
+    map_png = figure_png(plot_regions(regions, contact, scene.slider, probability=shading))
     write_atomically(folder / "map.png", map_png)
     print(f"{folder / 'map.png'}: stable rotation centres")
 
@@ -79,9 +84,12 @@ def run_demo(folder: Path, seed: int) -> int:
         Section.with_picture(
             "Which rotation centres are stable",
             map_png,
-            "Filled: stable by the identified surface. Hatched: stable whatever the pressure is, by Lynch and Mason's "
-            "conservative test.",
-            [(f"stable translations, {r.name}", _degrees(r.translations)) for r in (model_region, conservative)],
+            "Coloured: stable by the identified surface, the darker the likelier. Dotted: stable whatever the pressure under the "
+            "outline is, exactly. Hatched: the part of that which Lynch and Mason's test finds.",
+            [
+                (f"{r.name}: solid angle, translations", f"{r.solid_angle():.3f} sr, {_degrees(r.translation_intervals)}")
+                for r in regions
+            ],
         ),
         Section.with_picture(
             "A path of stable pushes",

@@ -166,6 +166,35 @@ def polynomial_inverter(degree: int) -> Callable[..., Any]:
 
 
 @compiled
+def unit_gradients(forms, exponents, points, result):  # type: ignore[no-untyped-def]
+    """Fill ``result`` (n, 3) with directions of gradients at unit points (n, 3); zero where the gradient is.
+
+    ``forms`` (3, m): the gradient's coefficients, ``exponents`` (m, 3) of its monomials.
+    """
+    count = exponents.shape[0]
+    order = exponents[0].sum()
+    powers = np.ones((3, order + 1))
+    for q in range(points.shape[0]):
+        for axis in range(3):
+            for p in range(order):
+                powers[axis, p + 1] = powers[axis, p] * points[q, axis]
+        gx = gy = gz = 0.0
+        for m in range(count):
+            value = powers[0, exponents[m, 0]] * powers[1, exponents[m, 1]] * powers[2, exponents[m, 2]]
+            gx += forms[0, m] * value
+            gy += forms[1, m] * value
+            gz += forms[2, m] * value
+        # by the largest entry first: squares of tiny and of huge gradients must not leave the range of floats
+        largest = max(abs(gx), abs(gy), abs(gz))
+        if largest > 0.0:
+            gx, gy, gz = gx / largest, gy / largest, gz / largest
+            largest = math.sqrt(gx * gx + gy * gy + gz * gz)
+            result[q, 0], result[q, 1], result[q, 2] = gx / largest, gy / largest, gz / largest
+        else:
+            result[q, 0], result[q, 1], result[q, 2] = gx, gy, gz
+
+
+@compiled
 def sum_loads(points, loads, twists, wrenches):  # type: ignore[no-untyped-def]
     """Fill ``wrenches`` with ``Σ m_k (e_k, x_k × e_k)`` of unit twists, all normalised by the characteristic length."""
     for q in range(twists.shape[0]):

@@ -129,11 +129,15 @@ class PolynomialLimitSurface:
 
         Only the direction of a wrench counts. A zero wrench has no slip direction and is an error.
         """
+        from stablepush.models._kernels import unit_gradients
+
         f = unit(self._normalized(wrenches))
         if not f.any(axis=-1).all():
             raise InputError("wrenches: expected wrenches that are not zero")
-        slip = unit(monomials(f, self.degree - 1) @ self._gradient.T)
-        return slip / (1.0, 1.0, self.characteristic_length)
+        slip = np.empty_like(f)
+        exponents = monomial_exponents(self.degree - 1)
+        unit_gradients(self._gradient, exponents, np.ascontiguousarray(f.reshape(-1, 3)), slip.reshape(-1, 3))
+        return np.asarray(slip / (1.0, 1.0, self.characteristic_length))
 
     def wrench(self, twists: ArrayLike) -> FloatArray:
         """Return ``H_inv``: the loads (..., 3) on ``H = 1`` whose slip twists are along the given ones (..., 3).

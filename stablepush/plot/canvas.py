@@ -37,7 +37,7 @@ def canvas(size: tuple[float, float], equal: bool = True) -> tuple[Figure, Axes]
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=size, layout="compressed" if equal else "constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     if equal:

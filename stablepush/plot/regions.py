@@ -51,9 +51,10 @@ def plot_regions(
     """
     radius = max(contact.radius, slider.radius if slider is not None else 0.0)
     size = 5 * radius if extent is None else check_number(extent, "extent", above=0.0)
-    figure, axes = canvas((7.2, 8.0))
+    figure, axes = canvas((7.4, 8.8))
     if probability is not None:
         _shade(axes, probability)
+        axes.plot([], [], marker="s", markersize=9, color="0.6", linestyle="none", label="shading: probability of stability")
     for order, region in enumerate(regions):
         for sense, word, color in SENSES:
             style = _style(region, order, color, filled=probability is None)
@@ -70,7 +71,7 @@ def plot_regions(
     for sense, word, color in SENSES:
         cor = regions[0].tightest_turn(sense) if regions else None
         if cor is not None and np.abs(cor).max() <= size:
-            label = f"tightest turn, {word}: {1e3 * float(np.linalg.norm(cor)):.0f} mm"
+            label = f"tightest turn, {word}: {_length(float(np.linalg.norm(cor)))}"
             axes.plot(*cor, marker="D", color=color, markeredgecolor="black", markersize=7, linestyle="none", label=label)
     axes.set_xlim(-size, size)
     axes.set_ylim(-size, size)
@@ -89,7 +90,10 @@ def plot_twist_sphere(regions: Sequence[StableRegion], title: str = "Stable moti
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10.5, 6.0), layout="constrained")
+    lengths = sorted({region.characteristic_length for region in regions})
+    if len(lengths) != 1:
+        raise InputError(f"regions: expected at least one, all of one characteristic length, got {lengths}")
+    figure = Figure(figsize=(10.5, 6.2), layout="compressed")
     FigureCanvasAgg(figure)
     for axes, (sense, word, color) in zip(figure.subplots(1, 2), SENSES, strict=True):
         axes.set_aspect("equal")
@@ -117,8 +121,7 @@ def plot_twist_sphere(regions: Sequence[StableRegion], title: str = "Stable moti
         axes.annotate("translations", (0.0, RIM), fontsize=9, ha="center", va="bottom")
         axes.set_title(f"{word}: direction and distance of the COR", fontsize=10)
     legend(figure.axes[0], columns=4)
-    rho = regions[0].characteristic_length if regions else float("nan")
-    figure.suptitle(f"{title} (equal areas are equal solid angles; ρ = {1e3 * rho:.1f} mm)")
+    figure.suptitle(f"{title} (equal areas are equal solid angles; ρ = {_length(lengths[0])})")
     return figure
 
 
@@ -136,7 +139,7 @@ def plot_margins(
     translations, or the contact's mean normal, if not given). The band holds 90 % of the surface's ensemble.
     """
     if direction is None:
-        spans = regions[0].translations if regions else ()
+        spans = regions[0].translation_intervals if regions else ()
         direction = float(np.mean(spans[0])) if spans else float(contact.frame[2])
     rho = surface.characteristic_length
     turn = np.linspace(-np.pi / 2, np.pi / 2, _RANGE_STEPS)
@@ -155,7 +158,7 @@ def plot_margins(
     axes.plot(degrees, margin, color=COUNTER_CLOCKWISE, linewidth=1.8, label="margin")
     axes.axhline(0.0, color="black", linewidth=1.0)
     step = 0.06 * float(np.ptp(margin) or 1.0)
-    base = float(margin.min()) - step
+    base = min(axes.dataLim.y0, float(margin.min())) - step
     for row, region in enumerate(regions):
         inside = region.contains_twists(twists)
         y = base - row * step
@@ -164,7 +167,7 @@ def plot_margins(
         axes.annotate(region.name, (91.0, y), fontsize=8, va="center", annotation_clip=False)
     marks = np.array((-60, -45, -30, -15, 0, 15, 30, 45, 60))
     names = [
-        "straight" if m == 0 else f"{abs(1e3 * rho / np.tan(np.radians(m))):.0f} mm {'left' if m > 0 else 'right'}" for m in marks
+        "straight" if m == 0 else f"{_length(abs(rho / np.tan(np.radians(m))))} {'left' if m > 0 else 'right'}" for m in marks
     ]
     axes.set_xticks(marks, names, rotation=30, ha="right", fontsize=8)
     axes.set_xlim(-90, 90)
@@ -181,8 +184,8 @@ def plot_contacts(slider: Slider, ranked: Sequence[RankedContact], measure: str 
         raise InputError(f"measure: expected one of {', '.join(MEASURES)}, got {measure!r}")
     if not ranked:
         raise InputError("ranked: expected at least one contact")
-    units = {"area": ("area", 1.0, "sr"), "tightest-turn": ("tightest_turn", 1e3, "mm"), "margin": ("margin", 180 / np.pi, "deg")}
-    attribute, factor, unit_name = units[measure]
+    factor, unit_name = {"area": (1.0, "sr"), "tightest-turn": (1e3, "mm"), "margin": (180 / np.pi, "deg")}[measure]
+    attribute = MEASURES[measure][0]
     values = factor * np.array([getattr(contact, attribute) for contact in ranked], dtype=float)
     figure, axes = canvas((7.6, 7.2))
     fill(axes, slider.polygon, facecolor=SLIDER, alpha=0.35, edgecolor="black", linewidth=1.2)
@@ -241,6 +244,11 @@ def _draw_curve(axes: Axes, region: StableRegion, sense: int, style: dict[str, A
     if len(curve):
         cors = cor_from_twist(curve / (1.0, 1.0, region.characteristic_length))[0]
         axes.plot(*cors.T, marker="o" if len(cors) == 1 else None, **style)
+
+
+def _length(metres: float) -> str:
+    """A length in mm up to a metre, in m above."""
+    return f"{1e3 * metres:.3g} mm" if metres < 1 else f"{metres:.3g} m"
 
 
 def _outside(slider: Slider, contact: RankedContact, distance: float) -> FloatArray:
