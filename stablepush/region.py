@@ -64,8 +64,8 @@ class StableRegion:
     translation_intervals : tuple of pairs of floats
         Intervals of stable translation directions, as angles (rad) in B with ``lower <= upper``, the widest first.
     curve : array, shape (n, 3), or None
-        Where the region has no interior (one finger, or no friction), the unit twists ``(vx, vy, rho*omega)`` along it; one where
-        a single motion is stable. The region then has no polygons.
+        Where the region has no interior (one finger, no friction, or a cone within a facet of an ideal surface), the unit
+        twists ``(vx, vy, rho*omega)`` along it; one where a single motion is stable. The region then has no polygons.
     """
 
     name: str
@@ -217,7 +217,10 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
     boundary = trace_cone(surface, cone)
     # translations up to rounding are translations
     boundary[np.abs(boundary[:, 2]) < _STILL, 2] = 0.0
-    if cone.rank < 3:
+    if cone.rank == 3 and np.ptp(boundary, axis=0).max() < _STILL:
+        # all loads of the cone lie on one facet of an ideal surface: rotation about one support point
+        boundary = boundary[:1]
+    if cone.rank < 3 or len(boundary) == 1:
         return StableRegion("model", rho, extent, _crossings(boundary), oracle.is_stable, lambda sense: [], boundary)
     intervals = translation_intervals(boundary, oracle.is_stable)
 

@@ -187,6 +187,16 @@ def test_one_finger_holds_a_curve_of_motions():
             assert float(oracle.margin(direction)) == pytest.approx(0.0, abs=1e-4)
 
 
+def test_a_cone_within_a_facet_of_the_surface_holds_one_rotation():
+    """Where one support point carries enough, every load of the fingers turns the slider about it."""
+    feet = sp.SupportDistribution(((0.02, 0.0), (-0.3, 0.2), (-0.3, -0.2)), (0.94, 0.03, 0.03))
+    surface = sp.IdealLimitSurface(feet, 5.0)
+    contact = sp.PushContact(((0.1, -0.05), (0.12, -0.05)), (0, 1), 0.02)
+    region = sp.stable_region(surface, contact)
+    assert region.curve.shape == (1, 3) and region.solid_angle() == 0
+    np.testing.assert_allclose(region.tightest_turn(1), (0.02, 0.0), atol=1e-9)
+
+
 def test_frictionless_contacts_hold_an_arc_or_a_single_motion():
     one = sp.stable_region(ZOO["quartic"], sp.PushContact([(0.01, -0.05)], [(0, 1)], 0.0))
     assert one.curve.shape == (1, 3)
