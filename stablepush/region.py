@@ -39,10 +39,10 @@ BOUNDARY_TOLERANCE = 2e-5
 #: Unbounded regions are cut at this many times the radius of slider or contact.
 EXTENT_RADII = 100.0
 
-_CHORD = 8e-6
+_CHORD = 5e-6
 #: Turning (of a unit twist) that is rounding.
 _STILL = 1e-9
-_FIRST_SAMPLES = 49
+_FIRST_SAMPLES = 65
 _MOST_ROUNDS = 12
 _MOST_PARTS = 64
 

@@ -15,6 +15,7 @@ from collections import Counter
 
 import numpy as np
 import rigs
+import shapely
 from tqdm import tqdm
 
 import stablepush as sp
@@ -51,7 +52,7 @@ def check(seed: int, pressures: int) -> Counter[str]:
     in_stable, in_all = stable.contains_twists(asked), everywhere.contains_twists(asked)
     found = Counter(motions=len(asked), stable=int(in_stable.sum()), all_pressure=int(in_all.sum()))
     found["loose"] += int((in_stable & ~in_all).sum())
-    drawn = [rigs.pressure(rng, slider.support_vertices) for _ in range(pressures)]
+    drawn = [rigs.pressure(rng, slider.vertices) for _ in range(pressures)]
     # all pressures at once: unused places carry nothing
     most = max(len(d.points) for d in drawn)
     points, shares = np.zeros((pressures, most, 2)), np.zeros((pressures, most))
@@ -79,15 +80,13 @@ def check(seed: int, pressures: int) -> Counter[str]:
 
 
 def breaks(slider: sp.Slider, contact: sp.PushContact, twist: np.ndarray) -> bool:
-    """Return whether the worst pressure is one (on the hull, with its mean at the origin, its forces friction) and breaks the
+    """Return whether the worst pressure is one (on the outline, with its mean at the origin, its forces friction) and breaks the
     push."""
     worst = sp.worst_pressure(slider, contact, twist)
     velocity = point_velocity(twist, worst.points)
     moves = np.linalg.norm(velocity, axis=1) > 1e-9 * np.linalg.norm(twist[:2]) + 1e-12
     along = np.abs(worst.forces - worst.shares[:, None] * unit(velocity)).max(axis=1) < 1e-9
-    hull = np.roll(slider.support_vertices, -1, axis=0) - slider.support_vertices
-    offset = worst.points[:, None] - slider.support_vertices
-    inside = hull[:, 0] * offset[..., 1] - hull[:, 1] * offset[..., 0] > -1e-12
+    inside = shapely.distance(slider.polygon, shapely.points(worst.points)) < 1e-12
     is_pressure = bool(
         (worst.shares >= 0).all()
         and abs(worst.shares.sum() - 1) < 1e-9

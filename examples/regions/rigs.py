@@ -29,12 +29,20 @@ def outline(rng: np.random.Generator, convex: bool) -> np.ndarray:
             return points - center
 
 
-def pressure(rng: np.random.Generator, hull: np.ndarray, count: int = 0) -> sp.SupportDistribution:
-    """Return random support points within a hull (n, 2), vertices among them, and shares whose mean is the origin."""
+def pressure(rng: np.random.Generator, outline: np.ndarray) -> sp.SupportDistribution:
+    """Return random support points within an outline (n, 2), vertices and edges among them, and shares whose mean is the
+    origin."""
+    polygon = shapely.Polygon(outline)
+    shapely.prepare(polygon)
     while True:
-        points = rng.dirichlet(np.ones(len(hull)) * rng.choice((0.2, 1.0)), count or int(rng.integers(3, 9))) @ hull
-        if rng.random() < 0.3:
-            points = np.concatenate((points, hull[rng.permutation(len(hull))[:3]]))
+        points = rng.dirichlet(np.ones(len(outline)) * rng.choice((0.2, 1.0)), int(rng.integers(6, 14))) @ outline
+        points = points[shapely.contains_xy(polygon, *points.T)][:8]
+        if rng.random() < 0.5:
+            i = rng.integers(len(outline), size=3)
+            share = rng.choice((0.0, rng.random()), size=(3, 1))
+            points = np.concatenate((points, outline[i] + share * (outline[(i + 1) % len(outline)] - outline[i])))
+        if len(points) < 3:
+            continue
         shares = tilted(rng.exponential(size=len(points)), points)
         if shares is not None:
             return sp.SupportDistribution(points, shares)
