@@ -51,30 +51,39 @@ def clip_loop(points: FloatArray, half_space: FloatArray) -> FloatArray:
     return both[np.stack((inside, crosses), axis=1).ravel()]
 
 
+def new_places(parts: np.ndarray) -> tuple[np.ndarray, FloatArray]:
+    """For gaps that are to be cut into parts (n,): in which gap each new place (k,) lies, and what share of it lies before."""
+    extra = parts - 1
+    at = np.repeat(np.arange(len(parts)), extra)
+    step = 1 + np.arange(len(at)) - np.repeat(np.cumsum(extra) - extra, extra)
+    return at, step / parts[at]
+
+
 def dense(points: FloatArray) -> FloatArray:
     """Fill a chain (n, 3) of unit twists along great circles, so that no gap is wider than the chart forgives.
 
     Along the rim the places are those of one division of the whole rim: regions that share a part of it share its chords.
     """
-    steps = np.diff(points, axis=0)
-    angles = 2 * np.arcsin(np.minimum(np.linalg.norm(steps, axis=1) / 2, 1.0))
+    angles = 2 * np.arcsin(np.minimum(np.linalg.norm(np.diff(points, axis=0), axis=1) / 2, 1.0))
     still = np.abs(points[:, 2]) < 1e-12
-    along_rim = np.flatnonzero(still[:-1] & still[1:] & (angles > 0))
-    counts = np.maximum(1, np.ceil(angles / _GAP)).astype(int)
-    counts[along_rim] = 1
-    at = np.repeat(np.arange(len(steps)), counts)
-    share = (np.arange(len(at)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[at]
+    along_rim = still[:-1] & still[1:] & (angles > 0)
+    parts = np.maximum(1, np.ceil(angles / _GAP)).astype(int)
+    parts[along_rim] = 1
+    at, share = new_places(parts)
     angle = np.maximum(angles[at], 1e-9)
-    filled = unit(np.sin((1 - share) * angle)[:, None] * points[at] + np.sin(share * angle)[:, None] * points[at + 1])
-    starts = np.cumsum(counts) - counts
-    for i in reversed(along_rim):
-        begin, end = (float(np.arctan2(points[k, 1], points[k, 0])) for k in (i, i + 1))
-        end = begin + float(np.remainder(end - begin + np.pi, 2 * np.pi) - np.pi)
-        low, high = np.floor(min(begin, end) / _GAP) + 1, np.ceil(max(begin, end) / _GAP) - 1
-        between = _GAP * np.arange(low, high + 1)
-        between = between if end > begin else between[::-1]
-        filled = np.insert(filled, starts[i] + 1, np.stack((np.cos(between), np.sin(between), 0 * between), axis=-1), axis=0)
-    return np.concatenate((filled, points[-1:]))
+    between = unit(np.sin((1 - share) * angle)[:, None] * points[at] + np.sin(share * angle)[:, None] * points[at + 1])
+    for i in np.flatnonzero(along_rim):
+        begin, end = np.unwrap(np.arctan2(points[i : i + 2, 1], points[i : i + 2, 0]))
+        inner = _division(min(begin, end), max(begin, end))
+        inner = inner if end > begin else inner[::-1]
+        at = np.append(at, np.full(len(inner), i))
+        between = np.concatenate((between, np.stack((np.cos(inner), np.sin(inner), 0 * inner), axis=-1)))
+    return np.insert(points, at + 1, between, axis=0)
+
+
+def _division(low: float, high: float) -> FloatArray:
+    """Angles (rad) strictly between two at which the rim is divided."""
+    return _GAP * np.arange(np.floor(low / _GAP) + 1, np.ceil(high / _GAP))
 
 
 #: Polygons on the sphere: rings (n, 3) of normalised twists, joined by great circles; the first of each is the outer one. A ring
@@ -82,18 +91,15 @@ def dense(points: FloatArray) -> FloatArray:
 Rings = Sequence[Sequence[FloatArray]]
 
 
-def hemisphere(loop: FloatArray, sense: int, accepts: Callable[[FloatArray], BoolArray]) -> shapely.Geometry:
-    """Return, in the chart, the part of a hemisphere that a closed boundary (n, 3) of unit twists divides off and that is
-    accepted.
+def hemisphere(loop: FloatArray, sense: int) -> shapely.Geometry:
+    """Return, in the chart, the part of a hemisphere that lies to the left of a closed boundary (n, 3) of unit twists.
 
-    The boundary and the rim cut the disc into faces; one motion inside tells of each whether it belongs.
+    The boundary and the rim cut the disc into faces, each of which belongs or does not (:func:`encloses`).
     """
     inside = sense * loop[:, 2] >= 0
-    rim_angles: list[FloatArray] = []
     lines = []
     if inside.all():
         lines.append(disc_from_twists(dense(np.concatenate((loop, loop[:1]))), sense))
-        lines[0][-1] = lines[0][0]
     else:
         for start in np.flatnonzero(inside & ~np.roll(inside, 1)):
             order = np.arange(start, start + len(loop)) % len(loop)
@@ -101,21 +107,34 @@ def hemisphere(loop: FloatArray, sense: int, accepts: Callable[[FloatArray], Boo
             chain = loop[order[:length]]
             ends = (_on_rim(loop[start - 1], chain[0]), _on_rim(loop[order[length]], chain[-1]))
             lines.append(disc_from_twists(dense(np.concatenate((ends[0][None], chain, ends[1][None]))), sense))
-            rim_angles += [np.arctan2(line[1], line[0]) for line in (lines[-1][0], lines[-1][-1])]
-    # the rim passes through the ends of the pieces
-    circle = _rim(np.array(rim_angles, dtype=np.float64))
+    # the rim passes through the ends of the pieces, to the last digit
+    ends_in_chart = np.array([line[k] for line in lines for k in (0, -1)]).reshape(-1, 2)
+    circle = _rim(np.arctan2(ends_in_chart[:, 1], ends_in_chart[:, 0]) if not inside.all() else np.zeros(0))
     for line in lines:
         for k in (0, -1):
-            nearest = int(np.argmin(np.abs(circle - line[k]).sum(axis=1)))
-            if np.abs(circle[nearest] - line[k]).sum() < 1e-9:
-                line[k] = circle[nearest]
+            nearest = circle[int(np.argmin(np.abs(circle - line[k]).sum(axis=1)))]
+            if np.abs(nearest - line[k]).sum() < 1e-9:
+                line[k] = nearest
     net = shapely.union_all([shapely.LineString(line) for line in (*lines, np.concatenate((circle, circle[:1])))])
     faces = [face for face in shapely.get_parts(shapely.polygonize([net])) if face.area > DUST]
-    if not faces:
-        return shapely.Polygon()
-    places = np.array([face.representative_point().coords[0] for face in faces])
-    kept = accepts(twists_from_disc(places, sense))
+    places = np.array([face.representative_point().coords[0] for face in faces]).reshape(-1, 2)
+    kept = encloses(loop, twists_from_disc(places, sense))
     return only_polygons(shapely.union_all([face for face, good in zip(faces, kept, strict=True) if good]))
+
+
+def encloses(loop: FloatArray, twists: FloatArray) -> BoolArray:
+    """Return whether unit twists (k, 3) lie to the left of a closed boundary (n, 3) that encloses no two opposite ones.
+
+    Seen from a twist, the boundary then turns once round it, counter-clockwise; it turns not at all, or the other way, round one
+    that is outside.
+    """
+    helper = np.where(np.abs(twists[:, :1]) < 0.7, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    first = unit(np.cross(twists, helper))
+    second = np.cross(twists, first)
+    angle = np.arctan2(loop @ second.T, loop @ first.T)
+    turn = np.roll(angle, -1, axis=0) - angle
+    whole = (np.remainder(turn + np.pi, 2 * np.pi) - np.pi).sum(axis=0)
+    return np.asarray(whole > np.pi)
 
 
 def whole_disc() -> shapely.Polygon:
@@ -125,7 +144,7 @@ def whole_disc() -> shapely.Polygon:
 
 def _rim(more: FloatArray) -> FloatArray:
     """Places (n, 2) round the rim, at the division that all regions share and at other angles (rad)."""
-    angles = np.unique(np.concatenate((_GAP * np.arange(-400, 400), more)))
+    angles = np.unique(np.concatenate((_division(-np.pi - _GAP / 2, np.pi - _GAP / 2), more)))
     return RIM * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
 
 

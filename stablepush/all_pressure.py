@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from stablepush._arrays import BoolArray, FloatArray, check_array, check_number, read_only
-from stablepush._chart import Rings, hemisphere, rings_from_disc, whole_disc
+from stablepush._chart import Rings, hemisphere, new_places, rings_from_disc, whole_disc
 from stablepush.contact import PushContact
 from stablepush.errors import ConvergenceError, InputError
 from stablepush.planar import unit
@@ -272,16 +272,13 @@ def _trace(support: _Support, facet: FloatArray, others: FloatArray) -> FloatArr
         parts = cut_parts(twists, np.zeros(len(twists), dtype=int))
         # what is far outside other facets is no boundary of the region
         near = support.holds(twists, others, -_FAR_OUTSIDE)
-        coarse = np.ceil(np.linalg.norm(np.diff(twists, axis=0), axis=1) / _WIDE).astype(int)
+        coarse = np.maximum(1, np.ceil(np.linalg.norm(np.diff(twists, axis=0), axis=1) / _WIDE)).astype(int)
         parts = np.where(near[:-1] | near[1:], np.maximum(parts, coarse), coarse)
-        gaps = np.flatnonzero(parts > 1)
-        if not len(gaps):
+        if parts.max() == 1:
             break
-        if len(twists) + parts[gaps].sum() > _MOST_POINTS:
+        if parts.sum() > _MOST_POINTS:
             raise ConvergenceError("all-pressure region: cannot trace its boundary: is a contact very near the centre of mass?")
-        extra = parts[gaps] - 1
-        at = np.repeat(gaps, extra)
-        share = (1 + np.arange(len(at)) - np.repeat(np.cumsum(extra) - extra, extra)) / parts[at]
+        at, share = new_places(parts)
         new = azimuth[at] + (azimuth[at + 1] - azimuth[at]) * share
         guess = angles[at] + (angles[at + 1] - angles[at]) * share
         room = 0.05 * np.abs(angles[at + 1] - angles[at]) + 1e-5
@@ -302,7 +299,7 @@ def _facet_disc(support: _Support, facet: FloatArray, boundary: FloatArray | Non
                 along = np.array((-across[1], across[0]))
                 part = shapely.intersection(part, shapely.Polygon((along, -along, across - along, across + along)))
         return part
-    return hemisphere(boundary, sense, lambda v: support.holds(np.ascontiguousarray(v), facet[None]))
+    return hemisphere(boundary, sense)
 
 
 def _translations(support: _Support) -> tuple[Interval, ...]:

@@ -22,7 +22,9 @@ from stablepush._chart import (
     add_coverage,
     cor_polygons,
     disc_polygons,
+    encloses,
     hemisphere,
+    new_places,
     rings_from_disc,
     square_of_cors,
     twists_from_disc,
@@ -222,12 +224,11 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
         boundary = boundary[:1]
     if cone.rank < 3 or len(boundary) == 1:
         return StableRegion("model", rho, extent, _crossings(boundary), oracle.is_stable, lambda sense: [], boundary)
-    intervals = translation_intervals(boundary, oracle.is_stable)
 
     def rings(sense: int) -> Rings:
-        return rings_from_disc(hemisphere(boundary, sense, lambda v: oracle.is_stable(v / (1.0, 1.0, rho))), sense)
+        return rings_from_disc(hemisphere(boundary, sense), sense)
 
-    return StableRegion("model", rho, extent, intervals, oracle.is_stable, rings)
+    return StableRegion("model", rho, extent, translation_intervals(boundary), oracle.is_stable, rings)
 
 
 def trace_cone(surface: LimitSurface, cone: WrenchCone) -> FloatArray:
@@ -252,13 +253,10 @@ def trace_cone(surface: LimitSurface, cone: WrenchCone) -> FloatArray:
     twists = slip(index, share)
     for _ in range(_MOST_ROUNDS):
         parts = cut_parts(twists, index)
-        gaps = np.flatnonzero(parts > 1)
-        if not len(gaps):
+        if parts.max() == 1:
             break
-        extra = parts[gaps] - 1
-        at = np.repeat(gaps, extra)
-        step = 1 + np.arange(len(at)) - np.repeat(np.cumsum(extra) - extra, extra)
-        new = share[at] + (share[at + 1] - share[at]) * step / parts[at]
+        at, before = new_places(parts)
+        new = share[at] + (share[at + 1] - share[at]) * before
         twists = np.insert(twists, at + 1, slip(index[at], new), axis=0)
         share, index = np.insert(share, at + 1, new), np.insert(index, at + 1, index[at])
     # the end of a facet is the start of the next
@@ -296,8 +294,8 @@ def cut_parts(twists: FloatArray, index: np.ndarray) -> np.ndarray:
     return np.minimum(parts, _MOST_PARTS).astype(int)
 
 
-def translation_intervals(loop: FloatArray, accepts: Callable[[FloatArray], BoolArray]) -> tuple[Interval, ...]:
-    """Stable directions between the places where a closed boundary (n, 3) passes through translation, the widest first."""
+def translation_intervals(loop: FloatArray) -> tuple[Interval, ...]:
+    """Directions that a closed boundary (n, 3) encloses, between the places where it passes through translation; widest first."""
     following = np.roll(loop, -1, axis=0)
     crossing = np.flatnonzero((loop[:, 2] < 0) != (following[:, 2] < 0))
     if not len(crossing):
@@ -307,7 +305,7 @@ def translation_intervals(loop: FloatArray, accepts: Callable[[FloatArray], Bool
     angles = np.sort(np.arctan2(at[:, 1], at[:, 0]))
     ends = np.append(angles[1:], angles[0] + 2 * np.pi)
     middles = (angles + ends) / 2
-    stable = accepts(np.stack((np.cos(middles), np.sin(middles), np.zeros_like(middles)), axis=-1))
+    stable = encloses(loop, np.stack((np.cos(middles), np.sin(middles), np.zeros_like(middles)), axis=-1))
     found = [(float(low), float(high)) for low, high, good in zip(angles, ends, stable, strict=True) if good]
     return tuple(sorted(found, key=lambda interval: interval[0] - interval[1]))
 

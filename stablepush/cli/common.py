@@ -1,0 +1,117 @@
+"""What the commands share: options, the checks of their values, progress, and the file that a complaint is about."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stablepush.errors import InputError, StablepushError, UnsupportedContactError
+
+
+def number(text: str | float) -> float:
+    """Parse a number; the message quotes what was given, in every version of the argument parser."""
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"expected a number, got {text!r}") from None
+
+
+def whole_number(text: str | int) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise typer.BadParameter(f"expected a whole number, got {text!r}") from None
+
+
+Output = Annotated[Path, typer.Option("-o", "--output", help="File to write.")]
+Contact = Annotated[Path, typer.Option("--contact", help="Contact of the pusher (JSON).")]
+
+
+@contextmanager
+def about(path: Path) -> Iterator[None]:
+    """Put the file that a complaint of the library is about before it."""
+    try:
+        yield
+    except UnsupportedContactError:
+        raise
+    except StablepushError as error:
+        if str(error).startswith(str(path)):
+            raise
+        raise InputError(f"{path}: {error}") from None
+
+
+def require_distinct(*paths: Path | None) -> None:
+    given = [path for path in paths if path is not None]
+    for i, path in enumerate(given):
+        if path in given[:i]:
+            raise InputError(f"{path}: expected different files to write, it is named twice")
+
+
+def require_seed(seed: int) -> None:
+    if not 0 <= seed < 2**32:
+        raise InputError(f"--seed: expected a whole number from 0 to 4294967295, got {seed}")
+
+
+def require_file(path: Path) -> None:
+    """Refuse an output that cannot be written before any work is done."""
+    if path.is_dir():
+        raise InputError(f"{path}: cannot write: is a directory")
+    _require_parent(path)
+
+
+def require_folder(path: Path) -> None:
+    if path.exists() and not path.is_dir():
+        raise InputError(f"{path}: cannot write: exists and is not a folder")
+    _require_parent(path)
+
+
+def _require_parent(path: Path) -> None:
+    parent = path.parent
+    while not parent.exists() and parent != parent.parent:
+        parent = parent.parent
+    if not parent.is_dir():
+        raise InputError(f"{path}: cannot write: {parent} is not a folder")
+    if not os.access(parent, os.W_OK):
+        raise InputError(f"{path}: cannot write: no permission in {parent}")
+
+
+class Progress:
+    """A line on standard error while something runs, only where a person can see it."""
+
+    def __init__(self, name: str, total: int | None = None) -> None:
+        self._name, self._total, self._done, self._shown = name, total, 0, 0.0
+        self._live = sys.stderr.isatty()
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._clear()
+
+    def __call__(self) -> None:
+        self._done += 1
+        self.to(self._done, self._total or self._done)
+
+    def to(self, done: int, total: int) -> None:
+        self.describe(f"{done} of {total}")
+
+    def describe(self, text: str) -> None:
+        now = time.perf_counter()
+        if self._live and now - self._shown > 0.1:
+            self._shown = now
+            print(f"\r\x1b[K{self._name}: {text}", end="", file=sys.stderr, flush=True)
+
+    def say(self, line: str, error: bool = True) -> None:
+        self._clear()
+        print(line, file=sys.stderr if error else sys.stdout)
+
+    def _clear(self) -> None:
+        if self._live and self._shown:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)

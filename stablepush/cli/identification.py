@@ -1,0 +1,122 @@
+"""Commands that read logs and fit limit surfaces."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stablepush.cli.common import Output, Progress, about, number, require_file, require_folder, require_seed, whole_number
+from stablepush.errors import InputError
+
+
+def import_logs(
+    source: Annotated[Path, typer.Argument(help="Raw log, a folder of them, or a clone of the lab's repository.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write; several logs give one folder each.")],
+    kind: Annotated[str | None, typer.Option(help="mlab-poke or mlab-stable; both if not given.")] = None,
+    slider: Annotated[Path | None, typer.Option(help="slider/1 file that replaces the lab's triangle.")] = None,
+) -> None:
+    """Read a lab's raw logs into pushlog/1 folders."""
+    from stablepush.formats import load_slider
+    from stablepush.logs import write_pushlog
+    from stablepush.logs.mlab import find_sources, import_source
+
+    require_folder(output)
+    replacement = None if slider is None else load_slider(slider)
+    sources = find_sources(source, kind)
+    several = len(sources) > 1
+    imported = 0
+    with Progress("import", len(sources)) as step:
+        for item in sources:
+            try:
+                log, notes = import_source(item, replacement)
+            except InputError as error:
+                if not several:
+                    raise
+                # a clone holds files of other experiments: one that is no log of ours must not keep the others out
+                step.say(f"note: skipped: {error}")
+                continue
+            target = output / item.name if several else output
+            write_pushlog(log, target)
+            imported += 1
+            for note in notes:
+                step.say(f"note: {note}")
+            pairs = log.pairs()
+            forward = int(((pairs[0] * pairs[1]).sum(axis=1) > 0).sum())
+            summary = f", {len(pairs[0])} pairs, {forward} with F·V > 0" if len(pairs[0]) else ""
+            step.say(f"{target}: {item.kind}, {len(log)} pushes{summary}", error=False)
+            step()
+    if not imported:
+        raise InputError(f"{source}: expected at least one whole log, none of {len(sources)} could be read")
+
+
+def fit(
+    log: Annotated[Path, typer.Argument(help="pushlog/1 folder.")],
+    output: Output,
+    model: Annotated[str, typer.Option(help="poly4-cvx, poly4, poly6-cvx, quadratic or gp.")] = "poly4-cvx",
+    seed: Annotated[
+        int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of the folds, the pressures and the ensemble.")
+    ] = 0,
+    no_slider: Annotated[bool, typer.Option("--no-slider", help="Do not use what the log says of the slider.")] = False,
+    loss: Annotated[
+        str,
+        typer.Option(
+            help="squared, published (the paper's equation) or norm (its authors' code); the latter without the slider."
+        ),
+    ] = "squared",
+    com_tolerance: Annotated[
+        float, typer.Option(parser=number, metavar="METRES", help="How far off the centre of mass may be, each way.")
+    ] = 0.0,
+) -> None:
+    """Identify a limit surface from a log of pokes."""
+    import numpy as np
+
+    from stablepush.identify import LOSSES, MODELS, WITH_PRIOR, fit_limit_surface
+    from stablepush.logs import read_pushlog
+
+    if model not in MODELS:
+        raise InputError(f"--model: expected one of {', '.join(MODELS)}, got {model!r}")
+    if loss not in LOSSES:
+        raise InputError(f"--loss: expected one of {', '.join(LOSSES)}, got {loss!r}")
+    if not (math.isfinite(com_tolerance) and 0 <= com_tolerance <= 1e6):
+        raise InputError(f"--com-tolerance: expected a length in m >= 0, got {com_tolerance:g}")
+    if com_tolerance and (no_slider or loss != "squared" or model not in WITH_PRIOR):
+        raise InputError(
+            f"--com-tolerance: {com_tolerance:g} is of use only where the slider is: {' or '.join(WITH_PRIOR)}, squared loss"
+        )
+    require_seed(seed)
+    require_file(output)
+    pokes = read_pushlog(log)
+    loads, twists, names = pokes.pairs()
+    if not names:
+        raise InputError(f"{log}: expected push rows with forces and motion, found none")
+    with Progress("fit") as step, about(log):
+        result = fit_limit_surface(
+            loads,
+            twists,
+            model,
+            slider=None if no_slider else pokes.rig.slider,
+            seed=seed,
+            loss=loss,
+            com_tolerance=com_tolerance,
+            progress=step.to,
+        )
+    from stablepush.formats import save_model
+
+    save_model(result.surface, output)
+    print(f"{output}: {model} from {len(names)} pokes, {result.status}, {result.total_time:.2f} s")
+    for remark in result.remarks:
+        print(f"note: {remark}")
+    if result.prior_weight:
+        print("prior: pressures under the slider's outline, weighed by the pokes")
+    if result.validation_error is not None:
+        print(f"angle error on held-out folds: {math.degrees(result.validation_error):.2f} deg")
+    print(f"angle error on the pokes used:  {math.degrees(float(np.mean(result.angle_errors))):.2f} deg")
+    if result.certificate is not None:
+        word = "SOS-convex" if result.certificate.sos_convex else "NOT certified convex"
+        print(
+            f"certificate: {word}, smallest eigenvalue {result.certificate.min_eigenvalue:.3g}, "
+            f"residual {result.certificate.residual:.1g}"
+        )

@@ -1,0 +1,96 @@
+"""Commands that make and verify plans."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stablepush.cli.common import Output, Progress, about, number, require_distinct, require_file, require_seed, whole_number
+from stablepush.errors import InputError
+
+if TYPE_CHECKING:
+    from stablepush.path import PlanResult
+
+
+def plan(
+    scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
+    output: Output,
+    planner: Annotated[str, typer.Option(help="Name of the planner.")] = "cor-lattice",
+    time_limit: Annotated[
+        float, typer.Option(parser=number, metavar="SECONDS", help="Wall time in s, from the start of the program.")
+    ] = 30.0,
+    seed: Annotated[
+        int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of planners that draw random numbers.")
+    ] = 0,
+    region: Annotated[str, typer.Option(help="Rotation centres to use: model, all-pressure or conservative.")] = "model",
+    view: Annotated[Path | None, typer.Option(help="Animation of the plan as an HTML page.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Picture of the plan as PNG, if one is found.")] = None,
+) -> None:
+    """Plan a path of stable pushes."""
+    from stablepush.cli import STARTED
+    from stablepush.files import write_atomically
+    from stablepush.path import save_plan
+    from stablepush.planning import REGIONS, planner_names
+    from stablepush.planning import plan as make_plan
+    from stablepush.problem import load_scene
+
+    if not (math.isfinite(time_limit) and 0 <= time_limit <= 1e6):
+        raise InputError(f"--time-limit: expected a time in s from 0 to 1e6, got {time_limit:g}")
+    if planner not in planner_names():
+        raise InputError(f"--planner: expected one of {', '.join(planner_names())}, got {planner!r}")
+    if region not in REGIONS:
+        raise InputError(f"--region: expected {' or '.join(REGIONS)}, got {region!r}")
+    require_seed(seed)
+    for path in (output, view, picture):
+        if path is not None:
+            require_file(path)
+    require_distinct(output, view, picture)
+    problem = load_scene(scene)
+    left = max(0.0, time_limit - (time.perf_counter() - STARTED))
+    with Progress("plan") as step, about(scene):
+        result = make_plan(problem, planner, left, seed, region=region, progress=step.describe)
+    save_plan(result, output)
+    if view is not None:
+        from stablepush.report import plan_html
+
+        write_atomically(view, plan_html(problem, result))
+    if picture is not None and result.solved:
+        from stablepush.plot import plot_plan, save_figure
+
+        save_figure(plot_plan(problem, result), picture)
+    print(f"{output}: {_plan_line(result)}")
+    raise typer.Exit(0 if result.solved else 1)
+
+
+def check(
+    scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
+    plan_file: Annotated[Path, typer.Argument(metavar="PLAN", help="plan/1 file.")],
+) -> None:
+    """Verify a plan independently of the planner that made it."""
+    from stablepush.check import check_plan
+    from stablepush.path import load_plan
+    from stablepush.problem import load_scene
+
+    problem = load_scene(scene)
+    result = load_plan(plan_file)
+    with about(scene):
+        report = check_plan(problem, result)
+    for objection in report.objections:
+        print(objection)
+    print(f"{plan_file}: {'valid' if report.valid else 'NOT valid'}")
+    raise typer.Exit(0 if report.valid else 1)
+
+
+def _plan_line(result: PlanResult) -> str:
+    if not result.solved:
+        return f"{result.status}: {result.message}"
+    bound = "" if result.lower_bound is None else f" (at least {result.lower_bound:.1f} s)"
+    return (
+        f"solved in {result.planning_time:.2f} s: {len(result.pushes)} pushes, {result.length:.3f} m, "
+        f"{result.duration:.1f} s{bound}, {result.switches} changes of contact, "
+        f"least margin {math.degrees(result.min_margin):.2f} deg"
+    )

@@ -1,0 +1,209 @@
+"""Commands that tell which rotation centres are stable, and from which contacts."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stablepush.cli.common import Contact, Output, Progress, about, number, require_distinct, require_file, whole_number
+from stablepush.errors import InputError, UnsupportedContactError
+
+
+def classify(
+    model: Annotated[Path, typer.Argument(help="model/1 file.")],
+    contact: Contact,
+    cors: Annotated[Path, typer.Option("--cors", help="CSV with columns cor_x, cor_y, sense.")],
+    output: Output,
+) -> None:
+    """Tell which rotation centres are stable, and by what margin."""
+    import numpy as np
+
+    from stablepush.files import write_atomically
+    from stablepush.formats import load_contact, load_model
+    from stablepush.logs.table import IS_SENSE, read_table, table_text
+    from stablepush.oracle import BOUNDARY_SLACK, StabilityOracle
+    from stablepush.planar import twist_from_cor
+
+    require_file(output)
+    columns = ("cor_x", "cor_y", "sense")
+    oracle = StabilityOracle(load_model(model), load_contact(contact))
+    table, _ = read_table(cors, required=columns, numbers=columns, filled=columns, rules={"sense": IS_SENSE})
+    centers = np.stack((table["cor_x"], table["cor_y"]), axis=-1).reshape(-1, 2)
+    twists = twist_from_cor(centers, table["sense"])
+    with about(model):
+        margins, shares = oracle.margin(twists), oracle.probability(twists)
+    stable = (margins >= -BOUNDARY_SLACK).astype(float)
+    probability = np.full(len(centers), "", dtype=object) if shares is None else shares
+    write_atomically(output, table_text({**table, "stable": stable, "margin": margins, "probability": probability}))
+    print(f"{output}: {int(stable.sum())} of {len(stable)} rotation centres stable")
+
+
+def draw_map(
+    model: Annotated[Path, typer.Argument(help="model/1 file.")],
+    contact: Contact,
+    output: Output,
+    slider: Annotated[
+        Path | None, typer.Option(help="slider/1 file; needed for the all-pressure and the conservative region.")
+    ] = None,
+    regions_file: Annotated[Path | None, typer.Option("--json", help="Regions as JSON.")] = None,
+    extent: Annotated[float | None, typer.Option(parser=number, metavar="METRES", help="Half side of the map in m.")] = None,
+    probability: Annotated[
+        float | None,
+        typer.Option(parser=number, metavar="P", help="Also the region that is stable with this probability, by the ensemble."),
+    ] = None,
+    com_tolerance: Annotated[
+        float, typer.Option(parser=number, metavar="METRES", help="How far off the centre of mass may be, for all-pressure.")
+    ] = 0.0,
+    least_mu: Annotated[
+        float | None, typer.Option(parser=number, metavar="MU", help="Least friction at the contact, for all-pressure.")
+    ] = None,
+    margins: Annotated[Path | None, typer.Option(help="Chart of margins over turns each way, as PNG.")] = None,
+    sphere: Annotated[Path | None, typer.Option(help="Regions on the sphere of unit twists, as PNG.")] = None,
+) -> None:
+    """Draw the stable regions: of the model, all-pressure and conservative."""
+    from stablepush.all_pressure import all_pressure_region
+    from stablepush.conservative import lynch_mason_region
+    from stablepush.files import write_atomically, write_json
+    from stablepush.formats import load_contact, load_model, load_slider
+    from stablepush.models import PolynomialLimitSurface
+    from stablepush.plot import figure_png, plot_margins, plot_regions, plot_twist_sphere
+    from stablepush.probability import chance_region, probability_map
+    from stablepush.region import regions_to_json, stable_region
+
+    if extent is not None and not (math.isfinite(extent) and 0 < extent <= 1e6):
+        raise InputError(f"--extent: expected a number > 0, got {extent}")
+    if probability is not None and not 0 < probability <= 1:
+        raise InputError(f"--probability: expected a number above 0 and up to 1, got {probability:g}")
+    for name, value in (("--com-tolerance", com_tolerance), ("--least-mu", least_mu)):
+        if value is not None and not (math.isfinite(value) and 0 <= value <= 1e6):
+            raise InputError(f"{name}: expected a number >= 0, got {value:g}")
+    if slider is None and (com_tolerance > 0 or least_mu is not None):
+        raise InputError("--com-tolerance, --least-mu: expected --slider with them, as they are for the all-pressure region")
+    for path in (output, regions_file, margins, sphere):
+        if path is not None:
+            require_file(path)
+    require_distinct(output, regions_file, margins, sphere)
+    surface, fingers = load_model(model), load_contact(contact)
+    body = None if slider is None else load_slider(slider)
+    if least_mu is not None and least_mu > fingers.mu:
+        raise InputError(f"--least-mu: expected at most the mu of {contact}, {fingers.mu:g}, got {least_mu:g}")
+    shading, rho = None, surface.characteristic_length
+    try:
+        with about(model):
+            regions = [stable_region(surface, fingers)]
+            if probability is not None:
+                if not (isinstance(surface, PolynomialLimitSurface) and surface.members()):
+                    raise InputError("--probability: expected a model with an ensemble, as fit leaves it")
+                regions.append(chance_region(surface, fingers, probability))
+            if isinstance(surface, PolynomialLimitSurface) and surface.members() and regions[0].curve is None:
+                size = 5 * max(fingers.radius, 0.0 if body is None else body.radius) if extent is None else extent
+                shading = probability_map(surface, fingers, size)
+    except UnsupportedContactError as error:
+        raise InputError(f"{contact}: {error}") from None
+    if body is not None and slider is not None:
+        with about(slider):
+            limits = None if least_mu is None else (least_mu, fingers.mu)
+            if len(body.support_vertices) < 3:
+                print("no all-pressure region: the slider's support points lie on a line")
+            else:
+                regions.append(
+                    all_pressure_region(body, fingers, mu=limits, com_tolerance=com_tolerance, characteristic_length=rho)
+                )
+        try:
+            regions.append(lynch_mason_region(body, fingers, characteristic_length=rho))
+        except UnsupportedContactError as error:
+            print(f"no conservative region: {error}")
+    # all is made before any of it is written
+    pictures = [(output, figure_png(plot_regions(regions, fingers, body, extent, probability=shading)))]
+    if margins is not None:
+        pictures.append((margins, figure_png(plot_margins(surface, fingers, regions))))
+    if sphere is not None:
+        pictures.append((sphere, figure_png(plot_twist_sphere(regions))))
+    if regions_file is not None:
+        write_json(regions_file, regions_to_json(regions, extent))
+    for path, picture in pictures:
+        write_atomically(path, picture)
+    for region in regions:
+        spans = " and ".join(f"{math.degrees(low):.1f} to {math.degrees(high):.1f}" for low, high in region.translation_intervals)
+        turns = [region.tightest_turn(sense) for sense in (1, -1)]
+        words = [
+            f"{math.hypot(*cor):.3g} m {word}" for cor, word in zip(turns, ("left", "right"), strict=True) if cor is not None
+        ]
+        print(
+            f"{region.name}: {region.solid_angle():.3f} sr, "
+            + (f"translations from {spans} deg" if spans else "no stable translation")
+            + (f", tightest turns {', '.join(words)}" if words else ", no stable turn")
+        )
+    print(f"{output}: written")
+
+
+def contacts(
+    model: Annotated[Path, typer.Argument(help="model/1 file.")],
+    slider: Annotated[Path, typer.Option(help="slider/1 file.")],
+    mu: Annotated[float, typer.Option(parser=number, metavar="MU", help="Friction between finger and slider.")],
+    output: Output,
+    measure: Annotated[str, typer.Option(help="Rank by area, tightest-turn or margin.")] = "area",
+    width: Annotated[
+        list[float] | None, typer.Option(parser=number, metavar="METRES", help="Distance of the fingers; repeatable.")
+    ] = None,
+    edge: Annotated[
+        list[int] | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Edge that can be reached; repeatable.")
+    ] = None,
+    places: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Places along each edge.")] = 9,
+    picture: Annotated[Path | None, typer.Option(help="Picture of the contacts as PNG.")] = None,
+) -> None:
+    """Rank two-finger contacts along the edges of a slider, as a table (CSV), the best first."""
+    import numpy as np
+
+    from stablepush.contact_choice import MEASURES, rank_contacts
+    from stablepush.files import write_atomically
+    from stablepush.formats import load_model, load_slider
+    from stablepush.logs.table import table_text
+    from stablepush.models import GaussianProcessSurface
+    from stablepush.plot import figure_png, plot_contacts
+
+    if measure not in MEASURES:
+        raise InputError(f"--measure: expected one of {', '.join(MEASURES)}, got {measure!r}")
+    if not (math.isfinite(mu) and 0 < mu <= 1e6):
+        raise InputError(f"--mu: expected a number > 0, got {mu:g}")
+    for value in width or ():
+        if not (math.isfinite(value) and 0 < value <= 1e6):
+            raise InputError(f"--width: expected a distance > 0 in m, got {value:g}")
+    if not 1 <= places <= 1000:
+        raise InputError(f"--places: expected a whole number from 1 to 1000, got {places}")
+    for path in (output, picture):
+        if path is not None:
+            require_file(path)
+    require_distinct(output, picture)
+    surface, body = load_model(model), load_slider(slider)
+    if isinstance(surface, GaussianProcessSurface):
+        raise InputError(f"{model}: expected a limit surface; a Gaussian process has no stable region")
+    for index in edge or ():
+        if not 0 <= index < len(body.vertices):
+            raise InputError(f"--edge: expected 0 to {len(body.vertices) - 1}, got {index}")
+    longest = max(float(np.linalg.norm(np.subtract(*body.edge(i)))) for i in edge or range(len(body.vertices)))
+    if width and min(width) > longest:
+        raise InputError(f"--width: expected fingers that fit on an edge, up to {longest:.6g} m, got {min(width):g}")
+    with Progress("contacts") as step, about(model):
+        ranked = rank_contacts(
+            body, surface, mu, measure=measure, widths=width or None, places=places, edges=edge or None, progress=step.to
+        )
+    columns = {
+        name: np.array([getattr(one, name) for one in ranked])
+        for name in ("edge", "center", "width", "area", "tightest_left", "tightest_right", "margin")
+    }
+    # a turn that no COR allows is a blank
+    for name in ("tightest_left", "tightest_right"):
+        columns[name] = np.where(np.isfinite(columns[name]), columns[name], np.nan)
+    drawn = figure_png(plot_contacts(body, ranked, measure)) if picture is not None else b""
+    write_atomically(output, table_text(columns))
+    if picture is not None:
+        write_atomically(picture, drawn)
+    best = ranked[0]
+    print(
+        f"{output}: {len(ranked)} contacts; best by {measure}: edge {best.edge}, middle {best.center:.4g} m along it, "
+        f"fingers {best.width:.4g} m apart"
+    )
