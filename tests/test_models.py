@@ -4,7 +4,7 @@ from conftest import IDEALS, POLYNOMIALS, power_form, random_twists, surface_zoo
 
 import stablepush as sp
 from stablepush.models.monomials import hessian_operator, monomials
-from stablepush.planar import angle_between, cor_from_twist, normalize_twist, normalize_wrench
+from stablepush.planar import angle_between, cor_from_twist, normalize_twist, normalize_wrench, unit
 
 ZOO = surface_zoo()
 
@@ -103,6 +103,42 @@ def test_a_load_on_a_facet_turns_the_slider_about_a_support_point():
     np.testing.assert_allclose(cor, foot, atol=1e-12)
     assert sense == 1
     assert surface.value(load) == pytest.approx(1)
+
+
+def test_motions_that_nearly_rest_a_support_point_are_found_again():
+    rng = np.random.default_rng(0)
+    for count in rng.integers(3, 30, size=20):
+        points = rng.uniform(-1, 1, size=(count, 2))
+        surface = sp.IdealLimitSurface(sp.SupportDistribution(points, rng.dirichlet(np.ones(count))), 1.0, 1.0)
+        at = points[rng.integers(count, size=300)]
+        angle, off = rng.uniform(-np.pi, np.pi, size=300), 10.0 ** rng.uniform(-13, -3, size=300)
+        twists = np.stack((at[:, 1] + off * np.cos(angle), -at[:, 0] + off * np.sin(angle), np.ones(300)), axis=-1)
+        twists = unit(twists) * rng.choice((-1, 1), size=(300, 1))
+        assert np.linalg.norm(surface.twist(surface.wrench(twists)) - twists, axis=-1).max() < 1e-10
+
+
+def test_every_load_has_a_motion_whatever_the_support():
+    # points on a line, nearly one point, loads shared very unevenly, a characteristic length that does not fit
+    rng = np.random.default_rng(5)
+    for i in range(100):
+        count = int(rng.integers(2, 40))
+        points = rng.uniform(-1, 1, size=(count, 2)) * 10 ** rng.uniform(-1.5, 1.5)
+        if i % 3 == 0:
+            points[:, 1] = 0.3 * points[:, 0] + 0.1
+        if i % 4 == 0:
+            points[-1] = points[0] + 1e-9
+        weights = rng.dirichlet(np.ones(count) * 10 ** rng.uniform(-1, 1))
+        if len(np.unique(points[weights > 0], axis=0)) < 2:
+            continue
+        surface = sp.IdealLimitSurface(sp.SupportDistribution(points, weights), 1.0, 1.0)
+        loads = unit(np.concatenate((rng.normal(size=(300, 3)), np.eye(3), rng.normal(size=(100, 3)) * (1, 1, 0))))
+        twists = surface.twist(loads)
+        # maximal work: no motion does more against this load for its friction power, 1/value
+        power = (surface.wrench(twists) * twists).sum(axis=-1)
+        assert np.allclose((loads * twists).sum(axis=-1), power * surface.value(loads), rtol=1e-9)
+        others = unit(rng.normal(size=(200, 3)))
+        works = loads @ others.T / (surface.wrench(others) * others).sum(axis=-1)
+        assert (works <= surface.value(loads)[:, None] * (1 + 1e-9)).all()
 
 
 def test_results_do_not_depend_on_the_unit_of_length():

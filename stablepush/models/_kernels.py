@@ -237,9 +237,11 @@ def sum_loads_of_many(points, loads, twists, wrenches):  # type: ignore[no-untyp
 def minimize_power(points, loads, wrenches, twists, powers, residuals):  # type: ignore[no-untyped-def]
     """Fill ``twists`` with the minimisers of ``h(V) = Σ m_k |v_k|`` on the plane ``F·V = 1``, and ``powers`` with ``h``.
 
-    ``v_k = (V_x - y_k V_z, V_y + x_k V_z)``. The objective is convex, with a kink at every twist that leaves a support point at
-    rest. Such a twist is optimal where ``F`` points into the facet of that support point, which is tested first. Else
-    the best kink has a direction of descent, and below its value the objective is smooth: damped Newton in the plane.
+    ``v_k = (V_x - y_k V_z, V_y + x_k V_z)``; the loads ``F`` (n, 3) are unit vectors. The objective is convex, with a kink at
+    every twist that leaves a support point at rest. Such a twist is optimal where ``F`` points into the facet of that support
+    point, which is tested first. Else the best kink has a direction of descent, and below its value the objective is smooth:
+    damped Newton in the plane. Twists and ``h`` count from that kink, ``V = K + p A + q C`` in a basis of the plane, so
+    that the friction of a support point which is nearly at rest keeps its digits.
     ``residuals`` holds the sine of the angle between ``F`` and the load of the twist.
     """
     count = points.shape[0]
@@ -247,132 +249,142 @@ def minimize_power(points, loads, wrenches, twists, powers, residuals):  # type:
     kinks = np.zeros(count)
     for k in range(count):
         for i in range(count):
-            px, py = points[k, 1] - points[i, 1], points[i, 0] - points[k, 0]
-            kinks[k] += loads[i] * math.sqrt(px * px + py * py)
-    for q in range(wrenches.shape[0]):
-        fx, fy, fz = wrenches[q, 0], wrenches[q, 1], wrenches[q, 2]
+            vx, vy = points[k, 1] - points[i, 1], points[i, 0] - points[k, 0]
+            kinks[k] += loads[i] * math.sqrt(vx * vx + vy * vy)
+    # velocities of the support points by the kink, and by either basis vector of the plane
+    still, by_a, by_c, speeds = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2)), np.empty(count)
+    for n in range(wrenches.shape[0]):
+        fx, fy, fz = wrenches[n, 0], wrenches[n, 1], wrenches[n, 2]
         best = math.inf
         best_k = -1
-        ux, uy, uz = fx, fy, fz
+        kx, ky, kz = fx, fy, fz
         for k in range(count):
-            kx, ky, kz = points[k, 1], -points[k, 0], 1.0
-            along = fx * kx + fy * ky + fz * kz
-            if abs(along) < 1e-14 * math.sqrt(kx * kx + ky * ky + 1.0):
-                continue
-            if kinks[k] < best * abs(along):
+            x, y = points[k, 0], points[k, 1]
+            along = fx * y - fy * x + fz
+            if abs(along) > 1e-14 * math.sqrt(x * x + y * y + 1.0) and kinks[k] < best * abs(along):
                 best, best_k = kinks[k] / abs(along), k
-                ux, uy, uz = kx / along, ky / along, kz / along
-        done = False
-        if best_k >= 0:
-            sx = sy = rest = 0.0
-            for i in range(count):
-                if points[i, 0] == points[best_k, 0] and points[i, 1] == points[best_k, 1]:
-                    rest += loads[i]
-                    continue
-                px, py = ux - points[i, 1] * uz, uy + points[i, 0] * uz
-                speed = math.sqrt(px * px + py * py)
-                sx += loads[i] * px / speed
-                sy += loads[i] * py / speed
-            gx, gy = best * fx - sx, best * fy - sy
-            pull = math.sqrt(gx * gx + gy * gy)
-            if pull <= rest:
-                done = True
-                residuals[q] = 0.0
-            else:
-                # leave the kink along its steepest descent; halve until the objective falls
-                step = 1.0 / max(abs(fx), abs(fy), abs(fz))
-                for _ in range(200):
-                    wx, wy, wz = ux + step * gx / pull, uy + step * gy / pull, uz
-                    along = fx * wx + fy * wy + fz * wz
-                    if along > 0.0:
-                        wx, wy, wz = wx / along, wy / along, wz / along
-                        total = 0.0
-                        for i in range(count):
-                            px, py = wx - points[i, 1] * wz, wy + points[i, 0] * wz
-                            total += loads[i] * math.sqrt(px * px + py * py)
-                        if total < best:
-                            ux, uy, uz = wx, wy, wz
-                            break
-                    step *= 0.5
-        else:
-            norm2 = fx * fx + fy * fy + fz * fz
-            ux, uy, uz = fx / norm2, fy / norm2, fz / norm2
-        # basis of the plane F·V = const
-        if abs(fz) < 0.9 * math.sqrt(fx * fx + fy * fy + fz * fz):
+                kx, ky, kz = y / along, -x / along, 1.0 / along
+        # basis of the plane F·V = 0
+        if abs(fz) < 0.9:
             ax, ay, az = fy, -fx, 0.0
         else:
             ax, ay, az = 0.0, fz, -fy
         norm = math.sqrt(ax * ax + ay * ay + az * az)
         ax, ay, az = ax / norm, ay / norm, az / norm
         cx, cy, cz = fy * az - fz * ay, fz * ax - fx * az, fx * ay - fy * ax
-        norm = math.sqrt(cx * cx + cy * cy + cz * cz)
-        cx, cy, cz = cx / norm, cy / norm, cz / norm
-        wx, wy, wz = ox, oy, oz = ux, uy, uz
-        merit = size = math.inf
-        slope = step = d1 = d2 = 0.0
-        smallest = math.inf
+        power = 0.0
+        for i in range(count):
+            x, y = points[i, 0], points[i, 1]
+            if best_k >= 0:
+                still[i, 0], still[i, 1] = kz * (points[best_k, 1] - y), kz * (x - points[best_k, 0])
+            else:
+                still[i, 0], still[i, 1] = kx - y * kz, ky + x * kz
+            by_a[i, 0], by_a[i, 1] = ax - y * az, ay + x * az
+            by_c[i, 0], by_c[i, 1] = cx - y * cz, cy + x * cz
+            speeds[i] = math.sqrt(still[i, 0] ** 2 + still[i, 1] ** 2)
+            power += loads[i] * speeds[i]
+        p = q = 0.0
+        if best_k >= 0:
+            sx = sy = rest = 0.0
+            for i in range(count):
+                if speeds[i] == 0.0:
+                    rest += loads[i]
+                else:
+                    sx += loads[i] * still[i, 0] / speeds[i]
+                    sy += loads[i] * still[i, 1] / speeds[i]
+            gx, gy = power * fx - sx, power * fy - sy
+            pull = math.sqrt(gx * gx + gy * gy)
+            if pull <= rest:
+                twists[n, 0], twists[n, 1], twists[n, 2] = kx, ky, kz
+                powers[n], residuals[n] = power, 0.0
+                continue
+            # from now on A moves the kink's support point along the pull, the steepest descent, and C moves it across: one of the
+            # second derivatives may be huge, and must not drown the other
+            a0, a1, c0, c1 = by_a[best_k, 0], by_a[best_k, 1], by_c[best_k, 0], by_c[best_k, 1]
+            determinant = (a0 * c1 - a1 * c0) * pull
+            pa, pc = (c1 * gx - c0 * gy) / determinant, (a0 * gy - a1 * gx) / determinant
+            qa, qc = -(c1 * gy + c0 * gx) / determinant, (a0 * gx + a1 * gy) / determinant
+            ax, ay, az, cx, cy, cz = (
+                pa * ax + pc * cx, pa * ay + pc * cy, pa * az + pc * cz, qa * ax + qc * cx, qa * ay + qc * cy, qa * az + qc * cz
+            )
+            for i in range(count):
+                by_a[i, 0], by_c[i, 0] = pa * by_a[i, 0] + pc * by_c[i, 0], qa * by_a[i, 0] + qc * by_c[i, 0]
+                by_a[i, 1], by_c[i, 1] = pa * by_a[i, 1] + pc * by_c[i, 1], qa * by_a[i, 1] + qc * by_c[i, 1]
+            p = 1.0 / max(abs(fx), abs(fy), abs(fz))
+            for _ in range(200):
+                more = 0.0
+                for i in range(count):
+                    dx, dy = p * by_a[i, 0], p * by_a[i, 1]
+                    vx, vy = still[i, 0] + dx, still[i, 1] + dy
+                    speed = math.sqrt(vx * vx + vy * vy)
+                    more += loads[i] * ((still[i, 0] + vx) * dx + (still[i, 1] + vy) * dy) / (speeds[i] + speed)
+                if more < 0.0:
+                    break
+                p *= 0.5
+        old_p, old_q = p, q
+        best_p, best_q = p, q
+        merit = size = smallest = math.inf
+        slope = step = dp = dq = 0.0
         stalled = 0
         for _ in range(MOST_STEPS):
-            if done:
-                break
-            total = gx = gy = gz = 0.0
-            haa = hac = hcc = 0.0
+            more = gp = gq = gx = gy = gz = 0.0
+            hpp = hpq = hqq = 0.0
             for i in range(count):
-                x, y, m = points[i, 0], points[i, 1], loads[i]
-                px, py = wx - y * wz, wy + x * wz
-                speed = math.sqrt(px * px + py * py)
+                m = loads[i]
+                dx, dy = p * by_a[i, 0] + q * by_c[i, 0], p * by_a[i, 1] + q * by_c[i, 1]
+                vx, vy = still[i, 0] + dx, still[i, 1] + dy
+                speed = math.sqrt(vx * vx + vy * vy)
+                if speeds[i] + speed > 0.0:
+                    # |v| - |s| without the loss of digits
+                    more += m * ((still[i, 0] + vx) * dx + (still[i, 1] + vy) * dy) / (speeds[i] + speed)
                 if speed == 0.0:
                     continue
-                px, py = px / speed, py / speed
-                total += m * speed
-                gx += m * px
-                gy += m * py
-                gz += m * (x * py - y * px)
+                vx, vy = vx / speed, vy / speed
+                gx += m * vx
+                gy += m * vy
+                gz += m * (points[i, 0] * vy - points[i, 1] * vx)
+                gp += m * (vx * by_a[i, 0] + vy * by_a[i, 1])
+                gq += m * (vx * by_c[i, 0] + vy * by_c[i, 1])
                 # velocity of the support point across its own direction, per unit along either basis vector
-                na = -py * (ax - y * az) + px * (ay + x * az)
-                nc = -py * (cx - y * cz) + px * (cy + x * cz)
-                haa += m * na * na / speed
-                hac += m * na * nc / speed
-                hcc += m * nc * nc / speed
-            ga = gx * ax + gy * ay + gz * az
-            gc = gx * cx + gy * cy + gz * cz
-            new_size = math.sqrt(ga * ga + gc * gc)
+                across_p = vx * by_a[i, 1] - vy * by_a[i, 0]
+                across_q = vx * by_c[i, 1] - vy * by_c[i, 0]
+                hpp += m * across_p * across_p / speed
+                hpq += m * across_p * across_q / speed
+                hqq += m * across_q * across_q / speed
+            rx, ry, rz = gy * fz - gz * fy, gz * fx - gx * fz, gx * fy - gy * fx
+            new_size = math.sqrt(rx * rx + ry * ry + rz * rz)
             residual = new_size / math.sqrt(gx * gx + gy * gy + gz * gz)
             if residual < smallest:
                 if residual > 0.5 * smallest:
                     stalled += 1
                 else:
                     stalled = 0
-                smallest = residual
-                best = total
-                ux, uy, uz = wx, wy, wz
+                smallest, best = residual, more
+                best_p, best_q = p, q
             else:
                 stalled += 1
             if smallest <= CONVERGED or (stalled > 8 and smallest <= 1e-11):
                 break
-            if not (total <= merit + 1e-4 * step * slope or new_size <= 0.5 * size):
+            # Armijo; close to the minimum the differences of h drown in rounding and the gradient decides
+            if not (more <= merit + 1e-4 * step * slope or (new_size <= 0.5 * size and more <= merit + 1e-13 * power)):
                 step *= 0.5
                 if step < 1e-18:
                     break
-                wx, wy, wz = (
-                    ox + step * (d1 * ax + d2 * cx),
-                    oy + step * (d1 * ay + d2 * cy),
-                    oz + step * (d1 * az + d2 * cz),
-                )
+                p, q = old_p + step * dp, old_q + step * dq
                 continue
-            merit, size = total, new_size
-            shift = 1e-14 * (haa + hcc) + 1e-300
-            determinant = (haa + shift) * (hcc + shift) - hac * hac
-            d1 = -((hcc + shift) * ga - hac * gc) / determinant
-            d2 = -((haa + shift) * gc - hac * ga) / determinant
-            slope = d1 * ga + d2 * gc
-            ox, oy, oz = wx, wy, wz
+            merit, size = more, new_size
+            hpp, hqq = 1.00000000000001 * hpp + 1e-300, 1.00000000000001 * hqq + 1e-300
+            determinant = hpp * hqq - hpq * hpq
+            dp = -(hqq * gp - hpq * gq) / determinant
+            dq = -(hpp * gq - hpq * gp) / determinant
+            slope = dp * gp + dq * gq
+            old_p, old_q = p, q
             step = 1.0
-            wx, wy, wz = ox + d1 * ax + d2 * cx, oy + d1 * ay + d2 * cy, oz + d1 * az + d2 * cz
-        if not done:
-            residuals[q] = smallest
-        twists[q, 0], twists[q, 1], twists[q, 2] = ux, uy, uz
-        powers[q] = best
+            p, q = old_p + dp, old_q + dq
+        twists[n, 0] = kx + best_p * ax + best_q * cx
+        twists[n, 1] = ky + best_p * ay + best_q * cy
+        twists[n, 2] = kz + best_p * az + best_q * cz
+        powers[n], residuals[n] = power + best, smallest
 
 
 @compiled
