@@ -251,19 +251,33 @@ def minimize_power(points, loads, wrenches, twists, powers, residuals):  # type:
         for i in range(count):
             vx, vy = points[k, 1] - points[i, 1], points[i, 0] - points[k, 0]
             kinks[k] += loads[i] * math.sqrt(vx * vx + vy * vy)
-    # velocities of the support points by the kink, and by either basis vector of the plane
-    still, by_a, by_c, speeds = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2)), np.empty(count)
+    # speeds of the support points by the kink
+    speeds = np.empty(count)
     for n in range(wrenches.shape[0]):
         fx, fy, fz = wrenches[n, 0], wrenches[n, 1], wrenches[n, 2]
         best = math.inf
         best_k = -1
-        kx, ky, kz = fx, fy, fz
         for k in range(count):
-            x, y = points[k, 0], points[k, 1]
-            along = fx * y - fy * x + fz
-            if abs(along) > 1e-14 * math.sqrt(x * x + y * y + 1.0) and kinks[k] < best * abs(along):
+            along = fx * points[k, 1] - fy * points[k, 0] + fz
+            limit = 1e-14 * math.sqrt(points[k, 0] ** 2 + points[k, 1] ** 2 + 1.0)
+            if abs(along) > limit and kinks[k] < best * abs(along):
                 best, best_k = kinks[k] / abs(along), k
-                kx, ky, kz = y / along, -x / along, 1.0 / along
+        # K turns by kz about (x0, y0) and moves by (tx, ty)
+        if best_k >= 0:
+            x0, y0, tx, ty = points[best_k, 0], points[best_k, 1], 0.0, 0.0
+            kz = 1.0 / (fx * y0 - fy * x0 + fz)
+        else:
+            x0, y0, tx, ty, kz = 0.0, 0.0, fx, fy, fz
+        power = sx = sy = rest = 0.0
+        for i in range(count):
+            kx, ky = tx + kz * (y0 - points[i, 1]), ty + kz * (points[i, 0] - x0)
+            speeds[i] = math.sqrt(kx * kx + ky * ky)
+            power += loads[i] * speeds[i]
+            if speeds[i] > 0.0:
+                sx += loads[i] * kx / speeds[i]
+                sy += loads[i] * ky / speeds[i]
+            else:
+                rest += loads[i]
         # basis of the plane F·V = 0
         if abs(fz) < 0.9:
             ax, ay, az = fy, -fx, 0.0
@@ -272,52 +286,38 @@ def minimize_power(points, loads, wrenches, twists, powers, residuals):  # type:
         norm = math.sqrt(ax * ax + ay * ay + az * az)
         ax, ay, az = ax / norm, ay / norm, az / norm
         cx, cy, cz = fy * az - fz * ay, fz * ax - fx * az, fx * ay - fy * ax
-        power = 0.0
-        for i in range(count):
-            x, y = points[i, 0], points[i, 1]
-            if best_k >= 0:
-                still[i, 0], still[i, 1] = kz * (points[best_k, 1] - y), kz * (x - points[best_k, 0])
-            else:
-                still[i, 0], still[i, 1] = kx - y * kz, ky + x * kz
-            by_a[i, 0], by_a[i, 1] = ax - y * az, ay + x * az
-            by_c[i, 0], by_c[i, 1] = cx - y * cz, cy + x * cz
-            speeds[i] = math.sqrt(still[i, 0] ** 2 + still[i, 1] ** 2)
-            power += loads[i] * speeds[i]
         p = q = 0.0
         if best_k >= 0:
-            sx = sy = rest = 0.0
-            for i in range(count):
-                if speeds[i] == 0.0:
-                    rest += loads[i]
-                else:
-                    sx += loads[i] * still[i, 0] / speeds[i]
-                    sy += loads[i] * still[i, 1] / speeds[i]
             gx, gy = power * fx - sx, power * fy - sy
             pull = math.sqrt(gx * gx + gy * gy)
             if pull <= rest:
-                twists[n, 0], twists[n, 1], twists[n, 2] = kx, ky, kz
+                twists[n, 0], twists[n, 1], twists[n, 2] = kz * y0, -kz * x0, kz
                 powers[n], residuals[n] = power, 0.0
                 continue
-            # from now on A moves the kink's support point along the pull, the steepest descent, and C moves it across: one of the
-            # second derivatives may be huge, and must not drown the other
-            a0, a1, c0, c1 = by_a[best_k, 0], by_a[best_k, 1], by_c[best_k, 0], by_c[best_k, 1]
+            # from now on A moves the kink's support point along the pull, the steepest descent, and C moves it across: then only
+            # one of the second derivatives may be huge
+            a0, a1, c0, c1 = ax - y0 * az, ay + x0 * az, cx - y0 * cz, cy + x0 * cz
             determinant = (a0 * c1 - a1 * c0) * pull
             pa, pc = (c1 * gx - c0 * gy) / determinant, (a0 * gy - a1 * gx) / determinant
             qa, qc = -(c1 * gy + c0 * gx) / determinant, (a0 * gx + a1 * gy) / determinant
-            ax, ay, az, cx, cy, cz = (
-                pa * ax + pc * cx, pa * ay + pc * cy, pa * az + pc * cz, qa * ax + qc * cx, qa * ay + qc * cy, qa * az + qc * cz
-            )
+            az, cz = pa * az + pc * cz, qa * az + qc * cz
+            ax, ay = gx / pull + y0 * az, gy / pull - x0 * az
+            cx, cy = -gy / pull + y0 * cz, gx / pull - x0 * cz
+            # leave the kink along A as far as the other support points' curvature there tells; halve until h falls
+            bend = 0.0
             for i in range(count):
-                by_a[i, 0], by_c[i, 0] = pa * by_a[i, 0] + pc * by_c[i, 0], qa * by_a[i, 0] + qc * by_c[i, 0]
-                by_a[i, 1], by_c[i, 1] = pa * by_a[i, 1] + pc * by_c[i, 1], qa * by_a[i, 1] + qc * by_c[i, 1]
-            p = 1.0 / max(abs(fx), abs(fy), abs(fz))
+                if speeds[i] > 0.0:
+                    kx, ky = kz * (y0 - points[i, 1]), kz * (points[i, 0] - x0)
+                    across_p = kx * (ay + points[i, 0] * az) - ky * (ax - points[i, 1] * az)
+                    bend += loads[i] * across_p * across_p / (speeds[i] * speeds[i] * speeds[i])
+            p = min((pull - rest) / bend, 1.0 / max(abs(fx), abs(fy), abs(fz))) if bend > 0.0 else 1.0
             for _ in range(200):
                 more = 0.0
                 for i in range(count):
-                    dx, dy = p * by_a[i, 0], p * by_a[i, 1]
-                    vx, vy = still[i, 0] + dx, still[i, 1] + dy
-                    speed = math.sqrt(vx * vx + vy * vy)
-                    more += loads[i] * ((still[i, 0] + vx) * dx + (still[i, 1] + vy) * dy) / (speeds[i] + speed)
+                    x, y = points[i, 0], points[i, 1]
+                    kx, ky, dx, dy = kz * (y0 - y), kz * (x - x0), p * (ax - y * az), p * (ay + x * az)
+                    vx, vy = kx + dx, ky + dy
+                    more += loads[i] * ((kx + vx) * dx + (ky + vy) * dy) / (speeds[i] + math.sqrt(vx * vx + vy * vy) + 1e-300)
                 if more < 0.0:
                     break
                 p *= 0.5
@@ -330,27 +330,28 @@ def minimize_power(points, loads, wrenches, twists, powers, residuals):  # type:
             more = gp = gq = gx = gy = gz = 0.0
             hpp = hpq = hqq = 0.0
             for i in range(count):
-                m = loads[i]
-                dx, dy = p * by_a[i, 0] + q * by_c[i, 0], p * by_a[i, 1] + q * by_c[i, 1]
-                vx, vy = still[i, 0] + dx, still[i, 1] + dy
-                speed = math.sqrt(vx * vx + vy * vy)
-                if speeds[i] + speed > 0.0:
-                    # |v| - |s| without the loss of digits
-                    more += m * ((still[i, 0] + vx) * dx + (still[i, 1] + vy) * dy) / (speeds[i] + speed)
-                if speed == 0.0:
-                    continue
-                vx, vy = vx / speed, vy / speed
-                gx += m * vx
-                gy += m * vy
-                gz += m * (points[i, 0] * vy - points[i, 1] * vx)
-                gp += m * (vx * by_a[i, 0] + vy * by_a[i, 1])
-                gq += m * (vx * by_c[i, 0] + vy * by_c[i, 1])
+                x, y = points[i, 0], points[i, 1]
+                kx, ky = tx + kz * (y0 - y), ty + kz * (x - x0)
+                ax_i, ay_i, cx_i, cy_i = ax - y * az, ay + x * az, cx - y * cz, cy + x * cz
+                dx, dy = p * ax_i + q * cx_i, p * ay_i + q * cy_i
+                vx, vy = kx + dx, ky + dy
+                speed = math.sqrt(vx * vx + vy * vy) + 1e-300
+                # |v| - |s| without the loss of digits
+                more += loads[i] * ((kx + vx) * dx + (ky + vy) * dy) / (speeds[i] + speed)
+                inverse = 1.0 / speed
+                push = loads[i] * inverse
+                vx, vy = vx * inverse, vy * inverse
+                wx, wy = loads[i] * vx, loads[i] * vy
+                gx += wx
+                gy += wy
+                gz += x * wy - y * wx
+                gp += wx * ax_i + wy * ay_i
+                gq += wx * cx_i + wy * cy_i
                 # velocity of the support point across its own direction, per unit along either basis vector
-                across_p = vx * by_a[i, 1] - vy * by_a[i, 0]
-                across_q = vx * by_c[i, 1] - vy * by_c[i, 0]
-                hpp += m * across_p * across_p / speed
-                hpq += m * across_p * across_q / speed
-                hqq += m * across_q * across_q / speed
+                across_p, across_q = vx * ay_i - vy * ax_i, vx * cy_i - vy * cx_i
+                hpp += push * across_p * across_p
+                hpq += push * across_p * across_q
+                hqq += push * across_q * across_q
             rx, ry, rz = gy * fz - gz * fy, gz * fx - gx * fz, gx * fy - gy * fx
             new_size = math.sqrt(rx * rx + ry * ry + rz * rz)
             residual = new_size / math.sqrt(gx * gx + gy * gy + gz * gz)
@@ -373,6 +374,7 @@ def minimize_power(points, loads, wrenches, twists, powers, residuals):  # type:
                 p, q = old_p + step * dp, old_q + step * dq
                 continue
             merit, size = more, new_size
+            # each by itself: one may be huge, and must not drown the other
             hpp, hqq = 1.00000000000001 * hpp + 1e-300, 1.00000000000001 * hqq + 1e-300
             determinant = hpp * hqq - hpq * hpq
             dp = -(hqq * gp - hpq * gq) / determinant
@@ -381,8 +383,8 @@ def minimize_power(points, loads, wrenches, twists, powers, residuals):  # type:
             old_p, old_q = p, q
             step = 1.0
             p, q = old_p + dp, old_q + dq
-        twists[n, 0] = kx + best_p * ax + best_q * cx
-        twists[n, 1] = ky + best_p * ay + best_q * cy
+        twists[n, 0] = tx + kz * y0 + best_p * ax + best_q * cx
+        twists[n, 1] = ty - kz * x0 + best_p * ay + best_q * cy
         twists[n, 2] = kz + best_p * az + best_q * cz
         powers[n], residuals[n] = power + best, smallest
 
