@@ -128,11 +128,13 @@ def _pairs(source: Source) -> tuple[np.ndarray, np.ndarray, sp.Slider]:
     return loads, twists, log.rig.slider
 
 
-def fit_as_published(loads: np.ndarray, twists: np.ndarray, train: np.ndarray, validation: np.ndarray, model: str) -> sp.Fit:
+def fit_as_published(
+    loads: np.ndarray, twists: np.ndarray, train: np.ndarray, validation: np.ndarray, model: str, rho: float = RHO
+) -> sp.Fit:
     """Fit as the authors' code does: norm loss, weights chosen on the held-out pairs, no refit on them."""
     rows = np.concatenate((train, validation))
     hold_out = np.arange(len(train), len(rows))
-    return sp.fit_limit_surface(loads[rows], twists[rows], model, characteristic_length=RHO, loss="norm", hold_out=hold_out)
+    return sp.fit_limit_surface(loads[rows], twists[rows], model, characteristic_length=rho, loss="norm", hold_out=hold_out)
 
 
 def run_all(function: Callable, jobs: list[tuple], processes: int) -> list:
