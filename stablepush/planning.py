@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,7 +22,8 @@ REGIONS = ("model", "all-pressure", "conservative")
 class Planner(Protocol):
     """What a package registers under the entry point group ``stablepush.planners``.
 
-    ``deadline`` is a value of :func:`time.perf_counter`; ``progress`` takes short words on the state of the search.
+    ``deadline`` is a value of :func:`time.perf_counter`; ``improve`` the steps of search that may follow the first plan;
+    ``progress`` takes short words on the state of the search.
     """
 
     def __call__(
@@ -31,6 +33,7 @@ class Planner(Protocol):
         deadline: float,
         seed: int,
         region: str,
+        improve: float,
         progress: Callable[[str], None] | None,
     ) -> PlanResult: ...
 
@@ -47,6 +50,7 @@ def plan(
     seed: int | None = None,
     *,
     region: str = "model",
+    improve: float = 20_000,
     progress: Callable[[str], None] | None = None,
 ) -> PlanResult:
     """Plan a path of stable pushes.
@@ -63,6 +67,9 @@ def plan(
     region : {"model", "all-pressure", "conservative"}
         Which CORs may be used: those the limit surface calls stable, or only those of these that hold for every pressure
         distribution, all of them or what Lynch and Mason's STABLE finds of them.
+    improve : float
+        Steps of search (poses expanded, states sampled) in which planners that can look for better plans after the first; a count
+        and not a time, so that plans repeat. Infinite: until the time limit.
     progress : callable, optional
         Called now and then with a line on the state of the search.
 
@@ -73,13 +80,21 @@ def plan(
     """
     started = time.perf_counter()
     limit = check_number(time_limit, "time_limit", at_least=0.0)
+    more = math.inf if improve == math.inf else check_number(improve, "improve", at_least=0.0)
     if region not in REGIONS:
         raise InputError(f"region: expected {' or '.join(REGIONS)}, got {region!r}")
     found = {entry.name: entry for entry in entry_points(group="stablepush.planners")}
     if planner not in found:
         raise InputError(f"planner: expected one of {', '.join(sorted(found)) or 'none installed'}, got {planner!r}")
     run: Planner = found[planner].load()
-    result = run(problem, deadline=started + limit, seed=0 if seed is None else int(seed), region=region, progress=progress)
+    result = run(
+        problem,
+        deadline=started + limit,
+        seed=0 if seed is None else int(seed),
+        region=region,
+        improve=more,
+        progress=progress,
+    )
     if result.solved:
         report = check_plan(problem, result)
         objection = report.objections[0] if report.objections else ""

@@ -2,9 +2,10 @@
 
 Accuracy and recall of the stable class over the hand-labelled rotations of every arrangement that is there, with the authors'
 splits: seed 1 once an arrangement, 25 evaluations for each of 10, 20, 30 training pokes in that order, 10 more for
-validation, and the radius of gyration of the arrangement's nominal support as characteristic length (with 50 mm for all, the
-first cell of 30_90_30_30_30_90 comes out 3 points higher). Then this library's default, which knows the outline and the
-centre of mass: on the same pokes, and from 0 to 10 in all.
+validation. The characteristic length is the radius of gyration of the arrangement's nominal support; which one the paper took
+is not said. With 50 mm for all, poly4-cvx comes out 3 points higher in the first cell of 30_90_30_30_30_90, and poly4 3
+points higher in the last (``near_ties.py`` tells how much of a cell hangs on nearly equal weights). Then this library's default,
+which knows the outline and the centre of mass: on the same pokes, and from 0 to 10 in all.
 
     python examples/paper/tables.py DATA -o paper [--jobs 2]
 """

@@ -1,4 +1,4 @@
-"""Join two poses by a few stable pushes of one contact, without search; and shorten a path by such joints."""
+"""Shorten a path of one contact: quickest way over joints between poses of the path."""
 
 from __future__ import annotations
 
@@ -8,109 +8,97 @@ import time
 import numpy as np
 
 from stablepush._arrays import FloatArray
-from stablepush.collision import FootprintChecker
+from stablepush._sweep import World, push_is_free
+from stablepush.collision import SweptBody
 from stablepush.problem import PlanningProblem
 from stablepush.se2 import compose, exp, inverse, log, wrap_angle
-from stablepush_planners.dubins import dubins_paths
-from stablepush_planners.primitives import Steering
+from stablepush_planners._search import Graph, join
+from stablepush_planners.stable_set import StableSet
 
 #: A push: body twist at the speed limit, and its duration in s.
 TimedTwist = tuple[FloatArray, float]
-
-#: Turning radii that joints try, in units of the tightest: slower to turn, but the outline swings out less.
-_RADII = (1.0, 2.0, 4.0, 8.0)
-#: Candidates whose collisions are looked at, quickest first.
-_TRIED = 3
+#: A shortcut must save this much (s) of what it takes.
+_WORTH = 1e-9
 
 
-class Connector:
-    """Joins poses with the pushes of one contact."""
+def shorten(
+    problem: PlanningProblem,
+    graph: Graph,
+    world: World,
+    swept: SweptBody,
+    stable: StableSet,
+    start: FloatArray,
+    pushes: list[TimedTwist],
+    pieces: int,
+    deadline: float,
+) -> list[TimedTwist]:
+    """Return a path between the same poses that takes no longer.
 
-    def __init__(self, problem: PlanningProblem, steer: Steering, body: FootprintChecker) -> None:
-        self._problem, self._steer, self._body = problem, steer, body
-        turns = [steer.twist(sign * 1.0 / (steer.radius * m)) for m in _RADII for sign in (1, -1)]
-        good = np.asarray(steer.accept(np.array(turns)), dtype=bool).reshape(-1, 2)
-        self._radii = [steer.radius * m for m, pair in zip(_RADII, good, strict=True) if pair.all()]
-
-    def timed(self, twist: FloatArray, amount: float) -> TimedTwist:
-        """Return a push that follows ``twist`` for ``amount`` units of its own time, at the speed limit."""
-        pace = self._problem.speed / float(self._problem.push_speed(twist))
-        return twist * pace, amount / pace
-
-    def is_free(self, start: FloatArray, push: TimedTwist) -> bool:
-        """Return whether a push is free of collision."""
-        return self._body.push_is_free(start, *push)
-
-    def join(self, start: FloatArray, goal: FloatArray, most: float = math.inf) -> tuple[float, list[TimedTwist]] | None:
-        """Return the time (s) and pushes of the quickest free joint between two poses, if one takes less than ``most``."""
-        found = [c for c in self._candidates(start, goal) if c[0] < most]
-        for cost, pushes in sorted(found, key=lambda c: c[0])[:_TRIED]:
-            pose = start
-            for push in pushes:
-                if not self.is_free(pose, push):
-                    break
-                pose = compose(pose, exp(push[0] * push[1]))
-            else:
-                return cost, pushes
-        return None
-
-    def _candidates(self, start: FloatArray, goal: FloatArray) -> list[tuple[float, list[TimedTwist]]]:
-        """One push, if it is stable, and the Dubins words of the reference point."""
-        candidates = []
-        offset = compose(inverse(start), goal)
-        offset[2] = wrap_angle(offset[2])
-        direct = log(offset)
-        if np.abs(direct).max() > 1e-9 and bool(self._steer.accept(direct[None])[0]):
-            push = self.timed(direct, 1.0)
-            candidates.append((push[1], [push]))
-        x0, y0, t0 = (float(v) for v in compose(start, self._steer.frame))
-        x1, y1, t1 = (float(v) for v in compose(goal, self._steer.frame))
-        for radius in self._radii:
-            ahead = {letter: self._steer.twist(k / radius) for letter, k in (("L", 1.0), ("R", -1.0), ("S", 0.0))}
-            for word, lengths in dubins_paths((x0, y0, t0), (x1, y1, t1), radius):
-                pushes = [
-                    self.timed(ahead[letter], length * radius)
-                    for letter, length in zip(word, lengths, strict=True)
-                    if length * radius > 1e-9
-                ]
-                if pushes:
-                    candidates.append((sum(d for _, d in pushes), pushes))
-        return candidates
-
-
-def shorten(connector: Connector, start: FloatArray, pushes: list[TimedTwist], pieces: int, deadline: float) -> list[TimedTwist]:
-    """Return a path between the same poses that takes no longer: the quickest way over joints between poses of the path.
-
-    Dynamic programming over ``pieces`` poses spread along the path and the ends of its pushes; the path itself always stays
-    one of the ways, also when the deadline cuts the work short.
+    Dynamic programming over about ``pieces`` poses spread along the path and the ends of its pushes. Two of them are joined by
+    one push of constant twist where that is stable, or by a Dubins word of the contact's reference point. The path itself
+    always stays one of the ways, also when the deadline cuts the work short.
     """
-    total = sum(d for _, d in pushes)
-    poses, times, legs = [start], [0.0], [None]
-    pose, now = start, 0.0
-    for twist, duration in pushes:
-        count = max(1, round(pieces * duration / total))
-        for i in range(count):
-            share = duration / count
-            poses.append(compose(pose, exp(twist * (share * (i + 1)))))
-            times.append(now + share * (i + 1))
-            legs.append((twist, share))  # type: ignore[arg-type]
-        pose, now = poses[-1], now + duration
-    best = [0.0] + [math.inf] * (len(poses) - 1)
-    ways: list[tuple[int, list[TimedTwist]]] = [(0, [])] * len(poses)
-    for j in range(1, len(poses)):
-        leg = legs[j]
-        assert leg is not None
-        best[j], ways[j] = best[j - 1] + leg[1], (j - 1, [leg])
-        for i in range(j - 1):
-            if time.perf_counter() > deadline:
-                break
-            joint = connector.join(poses[i], poses[j], best[j] - best[i] - 1e-9)
-            if joint is not None:
-                best[j], ways[j] = best[i] + joint[0], (i, joint[1])
+    poses, legs = _divided(start, pushes, pieces)
+    count = len(poses)
+    i, j = np.triu_indices(count, 2)
+    offsets = compose(inverse(poses[i]), poses[j])
+    offsets[:, 2] = wrap_angle(offsets[:, 2])
+    direct = log(offsets)
+    times = problem.push_speed(direct) / problem.speed
+    moving = np.abs(direct).max(axis=1) > 1e-9
+    good = np.zeros(len(direct), dtype=bool)
+    if time.perf_counter() < deadline:
+        good[moving] = stable.accepts(direct[moving])
+    table = np.full((count, count), np.inf)
+    table[i[good], j[good]] = times[good]
+    twists = dict(zip(zip(i[good].tolist(), j[good].tolist(), strict=True), direct[good], strict=True))
+    joins = bool(graph.radii[stable.contact, 0] > 0.0)
+    lengths, room = np.empty((6, 3)), np.empty((3, 4))
+    cosines = np.column_stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])))
+    best = [0.0] + [math.inf] * (count - 1)
+    ways: list[tuple[int, list[TimedTwist]]] = [(0, [])] * count
+    for b in range(1, count):
+        best[b], ways[b] = best[b - 1] + legs[b - 1][1], (b - 1, [legs[b - 1]])
+        if time.perf_counter() > deadline:
+            continue
+        for a in range(b - 1):
+            most = best[b] - best[a] - _WORTH
+            if table[a, b] < most:
+                twist = twists[a, b] / table[a, b]
+                if push_is_free(world, swept.body, *poses[a, :2], *cosines[a], *twist, table[a, b]):
+                    best[b], ways[b] = best[a] + float(table[a, b]), (a, [(twist, float(table[a, b]))])
+                    most = best[b] - best[a] - _WORTH
+            if joins and most > 0:
+                found = join(graph, world, swept.body, stable.contact, *poses[a], *poses[b], most, lengths, room)
+                if found < most:
+                    parts = [(room[k, :3].copy(), float(room[k, 3])) for k in range(3) if room[k, 3] > 1e-9]
+                    best[b], ways[b] = best[a] + sum(d for _, d in parts), (a, parts)
     result: list[TimedTwist] = []
-    j = len(poses) - 1
-    while j > 0:
-        i, part = ways[j]
+    b = count - 1
+    while b > 0:
+        b, part = ways[b]
         result = part + result
-        j = i
+    return result
+
+
+def _divided(start: FloatArray, pushes: list[TimedTwist], pieces: int) -> tuple[FloatArray, list[TimedTwist]]:
+    """Poses (n, 3) along a path and the parts of pushes between them."""
+    total = sum(d for _, d in pushes)
+    poses, legs = [start], []
+    for twist, duration in pushes:
+        parts = max(1, round(pieces * duration / total))
+        first = poses[-1]
+        poses += [compose(first, exp(twist * (duration * (k + 1) / parts))) for k in range(parts)]
+        legs += [(twist, duration / parts)] * parts
+    return np.array(poses), legs
+
+
+def merged(pushes: list[TimedTwist], speed: float) -> list[TimedTwist]:
+    """Return a path with equal twists in a row made one push."""
+    result: list[TimedTwist] = []
+    for twist, duration in pushes:
+        if result and np.abs(result[-1][0] - twist).max() <= 1e-9 * speed:
+            result[-1] = (result[-1][0], result[-1][1] + duration)
+        else:
+            result.append((twist, duration))
     return result

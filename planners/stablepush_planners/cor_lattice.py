@@ -1,80 +1,54 @@
-"""Weighted A* on a lattice of poses, with stable pushes as motions.
+"""Anytime A* on a lattice of poses whose edges are single stable pushes (:mod:`stablepush_planners.lattice`).
 
-Headings are multiples of a full turn over the number of headings, counted from the start: every arc turns by such a
-multiple, so headings never drift. Positions are pruned to one node a cell, heading and contact. A finer lattice follows
-when one is exhausted; only when the finest is, the answer is ``no-path``. At regular intervals a node is joined to the
-goal exactly by a Dubins path of the contact's reference point.
+A ladder of lattices, from coarse to fine, is searched until one holds a path; every expanded pose is also joined to the goal by a
+Dubins path of the contact's reference point. Then the path is shortened, and searches with smaller weights, on this lattice
+and on finer ones, look for better ones. Only when the finest lattice is exhausted the answer is ``no-path``.
 """
 
 from __future__ import annotations
 
-import heapq
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from stablepush._arrays import FloatArray
-from stablepush.collision import FootprintChecker
+from stablepush._sweep import World
+from stablepush.collision import SweptBody, body_of, world_of
 from stablepush.errors import OutOfTimeError
 from stablepush.path import PlanResult, Push, Transfer
 from stablepush.problem import PlanningProblem
-from stablepush.se2 import compose, exp, transform_points, wrap_angle
-from stablepush_planners.connect import Connector, TimedTwist, shorten
+from stablepush.se2 import compose, exp
+from stablepush_planners import _search
+from stablepush_planners._search import Graph, Tree
+from stablepush_planners.connect import TimedTwist, merged, shorten
 from stablepush_planners.distance_field import DistanceField
-from stablepush_planners.primitives import Steering, steering
+from stablepush_planners.lattice import Edges, lattice_edges
+from stablepush_planners.stable_set import StableSet
+from stablepush_planners.steering import Steering, steering
+from stablepush_planners.transfers import Routes, routes_of, transfer_path
 
 NAME = "cor-lattice"
 
-#: Weight of the heuristic: the search follows it more greedily, and a solution costs at most this times the lattice's best.
-WEIGHT = 2.0
-#: The ladder of resolutions: number of headings, and length of a push in radii of the slider.
-LADDER = ((24, 0.8), (32, 0.4), (48, 0.2))
-#: A cell is this share of a push wide.
-CELL_SHARE = 0.5
-#: Radii of the turns, in units of the tightest one and at least of the push length, and the largest angle (rad) of one arc.
-TURN_RADII = ((1.0, 0.0), (2.0, 1.5))
-LARGEST_ARC = math.pi / 3
-#: Straight pushes, in push lengths.
-STRAIGHTS = (1.0, 3.0)
-#: Poses that stand for a push of the lattice in the first test lie at most this share of the slider's radius apart.
-STEP_SHARE = 0.04
-#: Poses within the goal's tolerance to this (m, rad) count as inside: less than the check allows.
-GOAL_SLACK = 1e-7
-#: Poses spread along a path between which the way is shortened in the end.
-PIECES = 24
-#: With less time (s) than this left no search begins: the first load of a fresh install compiles for a second or two, which
-#: cannot be cut short.
-LEAST_TIME = 0.3
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Primitive:
-    """A push of one contact: body twist at the speed limit, duration, and the poses that sample its sweep."""
-
-    contact: int
-    twist: FloatArray
-    duration: float
-    turn: int
-    move: FloatArray
-    samples: FloatArray
-    reach: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Node:
-    cost: float
-    pose: FloatArray
-    turn: int
-    contact: int
-    parent: int
-    pushes: tuple[TimedTwist, ...] = field(default=())
-
-
-#: Contact, cell in x and y, heading.
-_Key = tuple[int, int, int, int]
+#: The ladder of resolutions: number of headings, and width of a cell in radii of the slider.
+LADDER = ((16, 0.25), (24, 0.125), (32, 0.0625))
+#: Weights of the guess: the first search is greedy, the others look for better paths.
+WEIGHTS = (3.0, 1.5, 1.0)
+#: A lattice path is of use if it takes less than this, in times of the best plan: shortening may make it the better one.
+WORTH = 1.05
+#: Turning radii that joints try, in units of the tightest: slower to turn, but the outline swings out less.
+RADII = (1.0, 2.0, 4.0, 8.0)
+#: Cells each way about the goal for which the time without obstacles is known.
+TABLE_REACH = 20
+#: Nodes expanded between looks at the clock.
+QUOTA = 500
+#: Poses spread along a path between which the way is shortened, in the rounds of shortening.
+PIECES = (24, 40, 60)
+#: Largest heading and contact number that a search can tell apart, and the size of its first tree.
+_MOST_CONTACTS, _FIRST_SIZE = 200, 1 << 14
 
 
 def plan_cor_lattice(
@@ -83,288 +57,337 @@ def plan_cor_lattice(
     deadline: float,
     seed: int = 0,
     region: str = "model",
+    improve: float = 20_000,
     progress: Callable[[str], None] | None = None,
 ) -> PlanResult:
     """Plan with the COR lattice; see :func:`stablepush.plan`."""
-    bound = _lower_bound(problem, problem.start[None])[0]
-
-    def answer(status: str, message: str) -> PlanResult:
-        return PlanResult(status, NAME, lower_bound=float(bound), seed=seed, message=message)
-
-    if time.perf_counter() > deadline - LEAST_TIME:
-        return answer("timeout", "the time limit left no time to search")
-    bodies = [FootprintChecker(problem, contact, deadline) for contact in problem.contacts]
+    said = progress or (lambda _: None)
+    planner: _Planner | None = None
     try:
-        if not bodies[0].free(problem.start).all():
-            return answer("no-path", "the start pose is in collision or out of bounds")
-        # without a pusher outline a change of contact needs no way round the slider
-        usable = range(len(problem.contacts)) if problem.pusher is None else range(1)
-        steerings = {i: s for i in usable if (s := steering(problem, i, region, deadline)) is not None}
-        if not steerings:
-            return answer("no-path", "no contact has a stable straight push with stable turns to both sides")
-        for rung, (headings, share) in enumerate(LADDER):
-            if progress is not None:
-                progress(f"lattice {rung + 1} of {len(LADDER)}: {headings} headings")
-            search = _Search(problem, steerings, bodies, headings, share, deadline, progress)
-            segments = search.run()
-            if segments is None:
-                continue
-            result = PlanResult.from_segments(segments, planner=NAME, seed=seed, lower_bound=float(bound))
-            return _gentler(problem, result, search, region, bodies, headings, share, deadline) or result
+        planner = _Planner(problem, region, deadline, said)
+        if planner.hopeless:
+            return planner.answer("no-path", planner.hopeless, seed)
+        planner.run(improve)
     except OutOfTimeError:
-        return answer("timeout", "the time limit passed before a path was found")
-    return answer("no-path", f"the lattice is exhausted at all {len(LADDER)} resolutions")
+        if planner is None:
+            return PlanResult("timeout", NAME, seed=seed, message="the time limit left no time to search")
+    if planner.best is not None:
+        return planner.solved(seed)
+    if time.perf_counter() > deadline:
+        return planner.answer("timeout", "the time limit passed before a path was found", seed)
+    return planner.answer("no-path", planner.hopeless or f"the lattice is exhausted at all {len(LADDER)} resolutions", seed)
 
 
-def _gentler(
-    problem: PlanningProblem,
-    result: PlanResult,
-    search: _Search,
-    region: str,
-    bodies: list[FootprintChecker],
-    headings: int,
-    share: float,
-    deadline: float,
-) -> PlanResult | None:
-    """Search once more with gentle turns, over no more nodes than it took before; a plan if it is quicker.
-
-    The tightest turns open the narrowest ways, but a search that is not exhaustive overuses them.
-    """
-    try:
-        gentle = {i: s for i in search.contacts if (s := steering(problem, i, region, deadline, gentle=True)) is not None}
-        if 0 not in gentle:
-            return None
-        second = _Search(problem, gentle, bodies, headings, share, deadline, None)
-        segments = second.run(most_nodes=2 * search.expanded)
-    except OutOfTimeError:
-        return None
-    if segments is None:
-        return None
-    found = PlanResult.from_segments(segments, planner=NAME, seed=result.seed, lower_bound=result.lower_bound)
-    return found if found.duration < result.duration else None
-
-
-def _lower_bound(problem: PlanningProblem, poses: FloatArray) -> FloatArray:
-    """Least time (n,) from poses (n, 3) to the goal: no point of the outline is faster than the speed limit."""
-    outline = problem.slider.vertices
-    away = np.linalg.norm(transform_points(poses, outline) - transform_points(problem.goal, outline), axis=-1)
-    slack = problem.tolerance[0] + problem.tolerance[1] * np.linalg.norm(outline, axis=1)
-    return np.asarray(np.maximum(0.0, (away - slack).max(axis=-1)) / problem.speed)
-
-
+@dataclass(frozen=True, slots=True, eq=False)
 class _Search:
-    """One resolution of the lattice."""
+    """Cost and path (contacts and their pushes) that a search found, if any, and how many poses it expanded."""
 
-    def __init__(
-        self,
-        problem: PlanningProblem,
-        steerings: dict[int, Steering],
-        bodies: list[FootprintChecker],
-        headings: int,
-        share: float,
-        deadline: float,
-        progress: Callable[[str], None] | None,
-    ) -> None:
-        self._problem, self._steerings, self._bodies = problem, steerings, bodies
-        self._headings, self._deadline, self._progress = headings, deadline, progress
-        self.expanded = 0
-        self._length = share * problem.slider.radius
-        self._connectors = {i: Connector(problem, s, bodies[i]) for i, s in steerings.items()}
-        self._cell = CELL_SHARE * self._length
-        self._primitives = {i: self._make_primitives(s) for i, s in steerings.items()}
-        self._field = DistanceField(problem, self._cell)
+    cost: float
+    stretches: list[tuple[int, list[TimedTwist]]] | None
+    expanded: int
 
-    def _make_primitives(self, steer: Steering) -> list[_Primitive]:
-        """Turns by whole headings, as long as a push or as the largest arc, and straight pushes."""
-        unit_turn = 2 * math.pi / self._headings
-        radii = sorted({max(steer.radius * multiple, self._length * least) for multiple, least in TURN_RADII})
-        primitives = []
-        for radius in radii:
-            turn = max(1, round(min(self._length / radius, LARGEST_ARC) / unit_turn))
-            for sign in (1, -1):
-                primitives.append(self._primitive(steer, steer.twist(sign / radius), radius * turn * unit_turn, sign * turn))
-        primitives += [self._primitive(steer, steer.twist(0.0), self._length * multiple, 0) for multiple in STRAIGHTS]
-        for angle in steer.directions:
-            primitives.append(self._primitive(steer, np.array((math.cos(angle), math.sin(angle), 0.0)), self._length, 0))
-        accepted = steer.accept(np.array([p.twist for p in primitives]))
-        return [p for p, good in zip(primitives, accepted, strict=True) if good]
 
-    def _primitive(self, steer: Steering, twist: FloatArray, length: float, turn: int) -> _Primitive:
-        """A push along a body twist that moves the reference point at unit speed."""
-        pace = self._problem.speed / float(self._problem.push_speed(twist))
-        twist, duration = twist * pace, length / pace
-        samples, reach = self._bodies[steer.contact].samples(twist, duration, STEP_SHARE * self._problem.slider.radius)
-        return _Primitive(steer.contact, twist, duration, turn, exp(twist * duration), samples, reach)
+@dataclass(slots=True, eq=False)
+class _Planner:
+    """What all searches of a problem share, and the best plan so far."""
 
-    @property
-    def contacts(self) -> list[int]:
-        """Contacts that are used."""
-        return list(self._steerings)
+    problem: PlanningProblem
+    world: World
+    bodies: list[SweptBody]
+    stable: dict[int, StableSet]
+    steerings: dict[int, Steering]
+    field: DistanceField
+    routes: Routes | None
+    deadline: float
+    said: Callable[[str], None]
+    hopeless: str
+    bound: float
+    best: list[Push | Transfer] | None
+    duration: float
+    #: of the search that found the best plan: its words
+    found_by: str
 
-    def run(self, most_nodes: float = math.inf) -> list[Push | Transfer] | None:
-        """Return the segments of a path, or None when the lattice, or the number of nodes, is exhausted."""
-        problem = self._problem
-        if self._at_goal(problem.start):
-            nudge = self._nudge()
-            if nudge is not None:
-                return nudge
-        nodes: list[_Node] = []
-        best: dict[_Key, float] = {}
-        closed: set[_Key] = set()
-        queue: list[tuple[float, int]] = []
+    def __init__(self, problem: PlanningProblem, region: str, deadline: float, said: Callable[[str], None]) -> None:
+        self.problem, self.deadline, self.said = problem, deadline, said
+        self.best, self.duration, self.found_by, self.hopeless, self.bound = None, math.inf, "", "", 0.0
+        if time.perf_counter() > deadline:
+            raise OutOfTimeError("the deadline has passed")
+        self.world = world_of(problem)
+        self.bodies = [SweptBody(problem, contact, self.world) for contact in problem.contacts]
+        self.field = DistanceField(problem)
+        self.routes = None if problem.pusher is None or len(problem.contacts) == 1 else routes_of(problem)
+        self.stable = {i: StableSet(problem, i, region, deadline) for i in range(min(len(problem.contacts), _MOST_CONTACTS))}
+        self.steerings = {}
+        if not self.bodies[0].free(problem.start)[0]:
+            self.hopeless = "the start pose is in collision or out of bounds"
+            return
+        if not any(body.free(problem.goal)[0] for body in self.bodies) and max(problem.tolerance) == 0:
+            self.hopeless = "the goal pose is in collision or out of bounds"
+            return
+        for i, stable in self.stable.items():
+            found = steering(problem, stable)
+            if found is not None:
+                self.steerings[i] = found
+        x, y, theta = problem.start
+        graph = self.graph(4, 1.0, {})
+        self.bound = float(_search.least_time(graph, x, y, math.cos(theta), math.sin(theta)))
+        if math.isinf(self.bound):
+            self.hopeless, self.bound = "obstacles close off the goal", 0.0
 
-        def push(node: _Node, estimate: float) -> None:
-            nodes.append(node)
-            heapq.heappush(queue, (node.cost + WEIGHT * estimate, len(nodes) - 1))
+    def answer(self, status: str, message: str, seed: int) -> PlanResult:
+        return PlanResult(status, NAME, lower_bound=self.bound, seed=seed, message=message)
 
-        first = float(self._estimate(problem.start[None])[0])
-        if not math.isfinite(first):
-            return None
-        for contact in self._steerings:
-            cost = 0.0 if contact == 0 else problem.switch_cost
-            if contact == 0 or problem.pusher is None:
-                push(_Node(cost, problem.start, 0, contact, -1), first)
-        while queue and self.expanded < most_nodes:
-            _, index = heapq.heappop(queue)
-            node = nodes[index]
-            if node.pushes and self._at_goal(node.pose):
-                return self._path(nodes, index)
-            key = self._key(node)
-            if key in closed:
-                continue
-            closed.add(key)
-            self.expanded += 1
-            if time.perf_counter() > self._deadline:
-                raise OutOfTimeError("search: the deadline has passed")
-            if self._progress is not None and self.expanded % 200 == 0:
-                self._progress(f"{self._headings} headings: {self.expanded} nodes expanded, {len(queue)} open")
-            estimate = float(self._estimate(node.pose[None])[0])
-            # near the goal at every node, far from it now and then
-            interval = 1 + int(16 * estimate / max(first, 1e-9))
-            if self.expanded % interval == 0 or self.expanded == 1:
-                finish = self._connectors[node.contact].join(node.pose, problem.goal)
-                if finish is not None:
-                    cost, pushes = finish
-                    push(_Node(node.cost + cost, problem.goal, 0, node.contact, index, tuple(pushes)), 0.0)
-            for child, guess in self._successors(node, index, best):
-                push(child, guess)
-        return None
+    def solved(self, seed: int) -> PlanResult:
+        assert self.best is not None
+        # the best way may be shorter than the bound by rounding
+        bound = min(self.bound, self.duration)
+        return PlanResult.from_segments(self.best, planner=NAME, seed=seed, lower_bound=bound, message=self.found_by)
 
-    def _key(self, node: _Node) -> _Key:
-        return self._cell_key(node.contact, self._reference(node.contact, node.pose), node.turn)
+    def run(self, improve: float) -> None:
+        """Climb the ladder; once there is a plan, look for better ones while no more than ``improve`` poses are expanded."""
+        if self._nudged():
+            return
+        useful = False
+        for rung, (headings, share) in enumerate(LADDER):
+            self.said(f"lattice {rung + 1} of {len(LADDER)}: {headings} headings")
+            cell = share * self.problem.slider.radius
+            edges = {i: lattice_edges(self.problem, stable, headings, cell) for i, stable in self.stable.items()}
+            useful = useful or any(len(e.durations) for e in edges.values())
+            graph = self.graph(headings, cell, edges, table=True)
+            limit = math.inf
+            for weight in WEIGHTS:
+                words = f"{headings} headings, cells of {1000 * cell:.3g} mm, weight {weight:g}"
+                found = self.best is not None
+                left = improve if found else math.inf
+                search = self._search(graph, weight, min(limit, WORTH * self.duration), left, words)
+                if search.stretches is not None:
+                    limit = search.cost
+                    self._take(graph, search.stretches, words)
+                improve -= search.expanded if found else 0
+                if improve <= 0 and self.best is not None:
+                    return
+                if self.best is None:
+                    break
+        if not useful:
+            self.hopeless = "no contact has a stable push"
 
-    def _reference(self, contact: int, pose: FloatArray) -> FloatArray:
-        return compose(pose, self._steerings[contact].frame)
-
-    def _cell_key(self, contact: int, reference: FloatArray, turn: int) -> _Key:
-        return (
-            contact,
-            math.floor(float(reference[0]) / self._cell),
-            math.floor(float(reference[1]) / self._cell),
-            turn % self._headings,
+    def graph(self, headings: int, cell: float, edges: dict[int, Edges], table: bool = False) -> Graph:
+        """Return what the compiled search needs to know."""
+        problem, contacts = self.problem, len(self.problem.contacts)
+        first, steps, twists, durations, count = [0], [], [], [], 0
+        for i in range(contacts):
+            if i in edges:
+                first += (count + edges[i].first[1:]).tolist()
+                steps.append(edges[i].steps)
+                twists.append(edges[i].twists)
+                durations.append(edges[i].durations)
+                count += len(edges[i].durations)
+            else:
+                first += [count] * headings
+        frames, radii, paces = np.zeros((contacts, 3)), np.zeros((contacts, len(RADII))), np.zeros((contacts, len(RADII), 3))
+        for i, steer in self.steerings.items():
+            frames[i] = steer.frame
+            turns = np.array([[steer.twist(k / (m * steer.radius)) for k in (1.0, 0.0, -1.0)] for m in RADII])
+            good = self.stable[i].accepts(turns.reshape(-1, 3)).reshape(-1, 3).all(axis=1)
+            radii[i, : good.sum()] = steer.radius * np.array(RADII)[good]
+            paces[i, : good.sum()] = problem.push_speed(turns[good]) / problem.speed
+        bodies = [body.body for body in self.bodies]
+        theta = float(problem.start[2])
+        angles = theta + 2 * np.pi / headings * np.arange(headings)
+        turn = np.array(((math.cos(theta), math.sin(theta)), (-math.sin(theta), math.cos(theta))))
+        there = np.rint(turn @ (problem.goal[:2] - problem.start[:2]) / cell).astype(np.int64)
+        heading = round((float(problem.goal[2]) - theta) / (2 * math.pi) * headings) % headings
+        edge_first = np.array(first, dtype=np.int64)
+        all_steps = np.concatenate(steps) if steps else np.zeros((0, 3), dtype=np.int64)
+        all_durations = np.concatenate(durations) if durations else np.zeros(0)
+        size = 2 * TABLE_REACH + 1 if table else 1
+        known = np.zeros((contacts, headings, size, size))
+        if table:
+            _search.unobstructed(
+                edge_first, all_steps, all_durations, headings, contacts, problem.switch_cost, heading, size, known
+            )
+        pusher = body_of([problem.pusher]) if problem.pusher is not None else None
+        routes = self.routes
+        return Graph(
+            origin=np.array(problem.start),
+            cell=cell,
+            headings=headings,
+            cos=np.cos(angles),
+            sin=np.sin(angles),
+            edge_first=edge_first,
+            steps=all_steps,
+            twists=np.concatenate(twists) if twists else np.zeros((0, 3)),
+            durations=all_durations,
+            body_first=np.cumsum([0] + [len(b.edges) for b in bodies]),
+            body_edges=np.concatenate([b.edges for b in bodies]),
+            corner_first=np.cumsum([0] + [len(b.corners) for b in bodies]),
+            corners=np.concatenate([b.corners for b in bodies]),
+            body_radius=np.array([b.radius for b in bodies]),
+            switch_cost=problem.switch_cost,
+            changes=_search.NO_PUSHER if problem.pusher is None else _search.KNOWN_WAYS,
+            pusher_edges=np.zeros((0, 4)) if pusher is None else pusher.edges,
+            pusher_corners=np.zeros((0, 2)) if pusher is None else pusher.corners,
+            pusher_radius=0.0 if pusher is None else pusher.radius,
+            docks=np.zeros((contacts, 3)) if routes is None else routes.docks,
+            retreats=np.full(contacts, -1.0) if routes is None else routes.retreats,
+            route_first=np.zeros(2 * contacts**2 + 1, dtype=np.int64) if routes is None else routes.first,
+            routes=np.zeros((0, 2)) if routes is None else routes.points,
+            goal=np.array(problem.goal),
+            tolerance=np.array(problem.tolerance),
+            outline=np.array(problem.slider.vertices),
+            speed=problem.speed,
+            field=self.field.times,
+            field_low=np.array(self.field.low),
+            field_cell=self.field.cell,
+            table=known,
+            goal_at=there,
+            frames=frames,
+            radii=radii,
+            paces=paces,
         )
 
-    def _estimate(self, poses: FloatArray) -> FloatArray:
-        """Admissible time to go (n,) in s."""
-        return np.maximum(_lower_bound(self._problem, poses), self._field.time_to_go(poses))
+    def _search(self, graph: Graph, weight: float, limit: float, most: float, words: str) -> _Search:
+        """Search once for a path that costs less than ``limit``, over at most ``most`` poses."""
+        tree = _empty_tree(_FIRST_SIZE)
+        for contact in self.stable:
+            # without a pusher outline a change of contact needs no way round the slider
+            if contact == 0 or self.problem.pusher is None:
+                cost = 0.0 if contact == 0 else self.problem.switch_cost
+                _search.reach(graph, tree, _search.key_of(contact, 0, 0, 0), cost, -1, _search.START, weight, limit)
+        denied = np.zeros(0, dtype=np.int64)
+        while True:
+            expanded = int(tree.counts[2])
+            why = _search.expand(graph, self.world, tree, weight, limit, int(min(QUOTA, most - expanded)), denied)
+            if why == _search.FULL:
+                tree = _larger(tree)
+            elif why == _search.DONE:
+                node = int(tree.counts[3])
+                return _Search(float(tree.cost[node]), self._path(graph, tree, node), int(tree.counts[2]))
+            elif why == _search.EXHAUSTED or tree.counts[2] >= most:
+                return _Search(math.inf, None, int(tree.counts[2]))
+            self.said(f"{words}: {tree.counts[2]} poses expanded, {tree.counts[1]} queued")
+            if time.perf_counter() > self.deadline:
+                raise OutOfTimeError("search: the deadline has passed")
 
-    def _at_goal(self, pose: FloatArray) -> bool:
-        goal, (distance, angle) = self._problem.goal, self._problem.tolerance
-        return bool(np.hypot(*(pose[:2] - goal[:2])) <= distance and abs(float(wrap_angle(pose[2] - goal[2]))) <= angle)
-
-    def _successors(self, node: _Node, index: int, best: dict[_Key, float]) -> list[tuple[_Node, float]]:
-        """Free pushes, and changes of contact, that lead to a cell for the first time or more cheaply; with their estimates."""
-        children: list[_Node] = []
-        candidates: list[_Primitive] = []
-        for p in self._primitives[node.contact]:
-            end = compose(node.pose, p.move)
-            child = _Node(node.cost + p.duration, end, node.turn + p.turn, node.contact, index, ((p.twist, p.duration),))
-            if child.cost < best.get(self._key(child), math.inf):
-                children.append(child)
-                candidates.append(p)
-        free = self._free(node.contact, node.pose, candidates) if candidates else []
-        children = [child for child, good in zip(children, free, strict=True) if good]
-        # a change of contact right after another one is never needed
-        if node.pushes:
-            for contact in self._steerings:
-                child = _Node(node.cost + self._problem.switch_cost, node.pose, node.turn, contact, index)
-                if contact != node.contact and child.cost < best.get(self._key(child), math.inf):
-                    children.append(child)
-        if not children:
-            return []
-        guesses = self._estimate(np.array([child.pose for child in children]))
-        found = [(c, float(g)) for c, g in zip(children, guesses, strict=True) if math.isfinite(g)]
-        for child, _ in found:
-            best[self._key(child)] = child.cost
-        return found
-
-    def _free(self, contact: int, pose: FloatArray, primitives: list[_Primitive]) -> list[bool]:
-        """All sweeps in one batch; what neither collides at a sample nor is surely free is looked at again, finer."""
-        body = self._bodies[contact]
-        poses = compose(pose, np.concatenate([p.samples for p in primitives]))
-        counts = [len(p.samples) for p in primitives]
-        owner = np.repeat(np.arange(len(primitives)), counts)
-        near = ~body.free(poses, np.array([p.reach for p in primitives])[owner])
-        free = np.ones(len(primitives), dtype=bool)
-        if near.any():
-            free[owner[near][~body.free(poses[near])]] = False
-            for i in np.unique(owner[near]):
-                if free[i]:
-                    p = primitives[i]
-                    free[i] = body.push_is_free(pose, p.twist, p.duration)
-        return [bool(f) for f in free]
-
-    def _nudge(self) -> list[Push | Transfer] | None:
-        """The start is within tolerance already, but a plan has a push: a short one that stays within."""
-        problem = self._problem
-        for contact, steer in self._steerings.items():
-            if contact != 0:
-                continue
-            room = problem.tolerance[0] - float(np.hypot(*(problem.start[:2] - problem.goal[:2])))
-            for length in (1e-3 * problem.slider.radius, room / 2, room / 16):
-                push = self._connectors[contact].timed(steer.twist(0.0), length)
-                end = compose(problem.start, exp(push[0] * push[1]))
-                if length > 0 and self._at_goal(end) and self._connectors[contact].is_free(problem.start, push):
-                    return self._segments([(contact, [push])])
-        return None
-
-    def _path(self, nodes: list[_Node], index: int) -> list[Push | Transfer]:
-        """Turn the chain of nodes into segments, each stretch at one contact shortened."""
+    def _path(self, graph: Graph, tree: Tree, node: int) -> list[tuple[int, list[TimedTwist]]]:
+        """Turn a chain of nodes into stretches of one contact each."""
         chain = []
-        while index >= 0:
-            chain.append(nodes[index])
-            index = nodes[index].parent
-        stretches: list[tuple[int, list[TimedTwist]]] = []
-        for node in reversed(chain):
-            if not stretches or stretches[-1][0] != node.contact:
-                stretches.append((node.contact, []))
-            stretches[-1][1].extend(node.pushes)
-        pose = self._problem.start
-        shortened = []
-        for contact, pushes in stretches:
-            if pushes:
-                shortened.append((contact, shorten(self._connectors[contact], pose, pushes, PIECES, self._deadline)))
+        while node >= 0:
+            chain.append(node)
+            node = int(tree.parent[node])
+        chain.reverse()
+        first = _search.parts_of(tree.key[chain[0]])[0]
+        stretches: list[tuple[int, list[TimedTwist]]] = [(int(first), [])]
+        pose = np.array(self.problem.start)
+        for parent, child in pairwise(chain):
+            via = int(tree.via[child])
+            contact = int(_search.parts_of(tree.key[child])[0])
+            if via == _search.TRANSFER:
+                stretches.append((contact, []))
+                continue
+            pushes = (
+                [(graph.twists[via].copy(), float(graph.durations[via]))]
+                if via >= 0
+                else self._joint(graph, contact, pose, tree, parent, child)
+            )
+            stretches[-1][1].extend(pushes)
             for twist, duration in pushes:
                 pose = compose(pose, exp(twist * duration))
-        return self._segments(shortened)
+        return [s for s in stretches if s[1]]
 
-    def _segments(self, stretches: list[tuple[int, list[TimedTwist]]]) -> list[Push | Transfer]:
-        """Return the pushes of stretches of one contact each, with the changes between them; equal twists in a row merge."""
+    def _joint(self, graph: Graph, contact: int, pose: FloatArray, tree: Tree, parent: int, child: int) -> list[TimedTwist]:
+        """Pushes of the joint between a pose and the goal, which the search has found to be free."""
+        lengths, pieces = np.empty((6, 3)), np.empty((3, 4))
+        most = 1e-6 + float(tree.cost[child] - tree.cost[parent]) * (1 + 1e-6)
+        _search.join(graph, self.world, self.bodies[contact].body, contact, *pose, *self.problem.goal, most, lengths, pieces)
+        return [(pieces[k, :3].copy(), float(pieces[k, 3])) for k in range(3) if pieces[k, 3] > 1e-9]
+
+    def _take(self, graph: Graph, stretches: list[tuple[int, list[TimedTwist]]], words: str) -> None:
+        """Shorten a path, and keep it if it is the best so far."""
+        pose = np.array(self.problem.start)
+        result: list[tuple[int, list[TimedTwist]]] = []
+        for contact, pushes in stretches:
+            end = pose
+            for twist, duration in pushes:
+                end = compose(end, exp(twist * duration))
+            best = pushes
+            for pieces in PIECES:
+                body, stable = self.bodies[contact], self.stable[contact]
+                best = shorten(self.problem, graph, self.world, body, stable, pose, best, pieces, self.deadline)
+                best = merged(best, self.problem.speed)
+            result.append((contact, best))
+            pose = end
+        segments = self._segments(graph, result)
+        duration = sum(s.duration for s in segments)
+        if duration < self.duration:
+            self.best, self.duration = segments, duration
+            ratio = f", {duration / self.bound:.3g} times the lower bound" if self.bound > 0 else ""
+            self.found_by = f"{words}{ratio}"
+
+    def _segments(self, graph: Graph, stretches: list[tuple[int, list[TimedTwist]]]) -> list[Push | Transfer]:
+        """Return the pushes of stretches of one contact each, with the changes between them."""
         segments: list[Push | Transfer] = []
-        pose, contact = self._problem.start, 0
+        pose, contact = self.problem.start, 0
         for at, pushes in stretches:
             if at != contact:
-                segments.append(Transfer(contact, at, np.empty((0, 3)), self._problem.switch_cost))
+                segments.append(Transfer(contact, at, self._pusher_path(graph, contact, at, pose), self.problem.switch_cost))
                 contact = at
-            merged: list[TimedTwist] = []
-            for twist, duration in pushes:
-                if merged and np.abs(merged[-1][0] - twist).max() <= 1e-12 * self._problem.speed:
-                    merged[-1] = (merged[-1][0], merged[-1][1] + duration)
-                else:
-                    merged.append((twist, duration))
-            for twist, duration in merged:
-                margin = float(self._steerings[contact].oracle.margin(twist))
-                push = Push.from_start(contact, twist, duration, pose, margin)
+            margins = self.stable[contact].oracle.margin(np.array([twist for twist, _ in pushes]))
+            for (twist, duration), margin in zip(pushes, margins, strict=True):
+                push = Push.from_start(contact, twist, duration, pose, float(margin))
                 segments.append(push)
                 pose = push.end
         return segments
+
+    def _pusher_path(self, graph: Graph, source: int, target: int, pose: FloatArray) -> FloatArray:
+        if self.routes is None:
+            return np.empty((0, 3))
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        route = int(_search.route_between(graph, self.world, source, target, pose[0], pose[1], cos, sin))
+        return transfer_path(self.problem, self.routes, route, pose)
+
+    def _nudged(self) -> bool:
+        """The start is within tolerance already, but a plan has a push: a short one that stays within."""
+        problem = self.problem
+        graph = self.graph(4, 1.0, {})
+        if 0 not in self.steerings or not _search.at_goal(graph, *problem.start):
+            return False
+        twist = self.steerings[0].twist(0.0)
+        twist = twist * (problem.speed / float(problem.push_speed(twist)))
+        room = problem.tolerance[0] - float(np.hypot(*(problem.start[:2] - problem.goal[:2])))
+        for length in (1e-3 * problem.slider.radius, room / 2, room / 16):
+            duration = length / problem.speed
+            end = compose(problem.start, exp(twist * duration))
+            if length > 0 and _search.at_goal(graph, *end) and self.bodies[0].push_is_free(problem.start, twist, duration):
+                self.best = self._segments(graph, [(0, [(twist, duration)])])
+                self.duration, self.found_by = duration, "the start is within tolerance"
+                return True
+        return False
+
+
+def _empty_tree(size: int) -> Tree:
+    table = np.full(4 * size, -1, dtype=np.int32)
+    return Tree(
+        np.zeros(size, dtype=np.int64),
+        np.zeros(size),
+        np.zeros(size),
+        np.zeros(size),
+        np.zeros(size, dtype=np.int32),
+        np.zeros(size, dtype=np.int32),
+        np.zeros(size, dtype=np.bool_),
+        table,
+        np.zeros(4 * size),
+        np.zeros(4 * size, dtype=np.int32),
+        np.array((0, 0, 0, -1), dtype=np.int64),
+    )
+
+
+def _larger(tree: Tree) -> Tree:
+    """Twice the room, with everything in it."""
+    size = 2 * len(tree.key)
+    grown = _empty_tree(size)
+    for name in ("key", "cost", "least", "guess", "parent", "via", "closed", "queue", "queued", "counts"):
+        old, new = getattr(tree, name), getattr(grown, name)
+        new[: len(old)] = old
+    _search.refill(grown)
+    return grown

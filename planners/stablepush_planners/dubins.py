@@ -4,62 +4,65 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from stablepush._compiled import compiled
+
 #: Words of the six families: left and right turns at the least radius, and straight.
 WORDS = ("LSL", "RSR", "LSR", "RSL", "RLR", "LRL")
+#: The same as signs of curvature, a row a word.
+CURVATURES = np.array([[{"L": 1.0, "S": 0.0, "R": -1.0}[letter] for letter in word] for word in WORDS])
 
 _TURN = 2 * math.pi
 #: Turns (rad) this close to a full one are rounding of none.
 _ROUNDING = 1e-9
 
 
-def dubins_paths(
-    start: tuple[float, float, float], goal: tuple[float, float, float], radius: float
-) -> list[tuple[str, tuple[float, float, float]]]:
-    """Return all feasible words with their three lengths: angles (rad) for turns, length over radius for the straight.
+@compiled
+def dubins_lengths(x0, y0, t0, x1, y1, t1, radius, lengths):  # type: ignore[no-untyped-def]
+    """Fill ``lengths`` (6, 3) for the words in :data:`WORDS`: angles (rad) for turns, length over radius for the straight.
 
-    Closed forms in the frame of Shkel and Lumelsky (2001): distances in units of the radius, the goal on the x axis.
+    Words that do not lead there have infinite lengths. Closed forms in the frame of Shkel and Lumelsky (2001): distances in units
+    of the radius, the goal on the x axis.
     """
-    dx, dy = (goal[0] - start[0]) / radius, (goal[1] - start[1]) / radius
-    d = math.hypot(dx, dy)
-    bearing = math.atan2(dy, dx) if d > 0 else 0.0
-    a, b = _mod(start[2] - bearing), _mod(goal[2] - bearing)
+    lengths[:] = math.inf
+    dx, dy = (x1 - x0) / radius, (y1 - y0) / radius
+    d = math.sqrt(dx * dx + dy * dy)
+    bearing = math.atan2(dy, dx) if d > 0.0 else 0.0
+    a, b = _mod(t0 - bearing), _mod(t1 - bearing)
     sa, ca, sb, cb = math.sin(a), math.cos(a), math.sin(b), math.cos(b)
     cab = math.cos(a - b)
-    found: list[tuple[str, tuple[float, float, float]]] = []
-
     square = 2 + d * d - 2 * cab + 2 * d * (sa - sb)
     if square >= 0:
         t = math.atan2(cb - ca, d + sa - sb)
-        found.append(("LSL", (_mod(t - a), math.sqrt(square), _mod(b - t))))
+        lengths[0, 0], lengths[0, 1], lengths[0, 2] = _mod(t - a), math.sqrt(square), _mod(b - t)
     square = 2 + d * d - 2 * cab + 2 * d * (sb - sa)
     if square >= 0:
         t = math.atan2(ca - cb, d - sa + sb)
-        found.append(("RSR", (_mod(a - t), math.sqrt(square), _mod(t - b))))
+        lengths[1, 0], lengths[1, 1], lengths[1, 2] = _mod(a - t), math.sqrt(square), _mod(t - b)
     square = d * d - 2 + 2 * cab + 2 * d * (sa + sb)
     if square >= 0:
         p = math.sqrt(square)
         t = math.atan2(-ca - cb, d + sa + sb) - math.atan2(-2.0, p)
-        found.append(("LSR", (_mod(t - a), p, _mod(t - b))))
+        lengths[2, 0], lengths[2, 1], lengths[2, 2] = _mod(t - a), p, _mod(t - b)
     square = d * d - 2 + 2 * cab - 2 * d * (sa + sb)
     if square >= 0:
         p = math.sqrt(square)
         t = math.atan2(ca + cb, d - sa - sb) - math.atan2(2.0, p)
-        found.append(("RSL", (_mod(a - t), p, _mod(b - t))))
+        lengths[3, 0], lengths[3, 1], lengths[3, 2] = _mod(a - t), p, _mod(b - t)
     cosine = (6 - d * d + 2 * cab + 2 * d * (sa - sb)) / 8
     if abs(cosine) <= 1:
         p = _TURN - math.acos(cosine)
         t = _mod(a - math.atan2(ca - cb, d - sa + sb) + p / 2)
-        found.append(("RLR", (t, p, _mod(a - b - t + p))))
+        lengths[4, 0], lengths[4, 1], lengths[4, 2] = t, p, _mod(a - b - t + p)
     cosine = (6 - d * d + 2 * cab + 2 * d * (sb - sa)) / 8
     if abs(cosine) <= 1:
         p = _TURN - math.acos(cosine)
         t = _mod(-a - math.atan2(ca - cb, d + sa - sb) + p / 2)
-        found.append(("LRL", (t, p, _mod(b - a - t + p))))
-    return found
+        lengths[5, 0], lengths[5, 1], lengths[5, 2] = t, p, _mod(b - a - t + p)
 
 
-def _mod(angle: float) -> float:
-    angle = math.fmod(angle, _TURN)
-    if angle < 0:
-        angle += _TURN
+@compiled
+def _mod(angle):  # type: ignore[no-untyped-def]
+    angle %= _TURN
     return 0.0 if _TURN - angle < _ROUNDING else angle

@@ -27,6 +27,9 @@ def plan(
         int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of planners that draw random numbers.")
     ] = 0,
     region: Annotated[str, typer.Option(help="Rotation centres to use: model, all-pressure or conservative.")] = "model",
+    improve: Annotated[
+        float, typer.Option(parser=number, metavar="STEPS", help="Steps of search for better plans after the first; inf: no end.")
+    ] = 20_000,
     view: Annotated[Path | None, typer.Option(help="Animation of the plan as an HTML page.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture of the plan as PNG, if one is found.")] = None,
 ) -> None:
@@ -44,6 +47,8 @@ def plan(
         raise InputError(f"--planner: expected one of {', '.join(planner_names())}, got {planner!r}")
     if region not in REGIONS:
         raise InputError(f"--region: expected {' or '.join(REGIONS)}, got {region!r}")
+    if not 0 <= improve:
+        raise InputError(f"--improve: expected a number >= 0, or inf, got {improve:g}")
     require_seed(seed)
     for path in (output, view, picture):
         if path is not None:
@@ -52,7 +57,7 @@ def plan(
     problem = load_scene(scene)
     left = max(0.0, time_limit - (time.perf_counter() - STARTED))
     with Progress("plan") as step, about(scene):
-        result = make_plan(problem, planner, left, seed, region=region, progress=step.describe)
+        result = make_plan(problem, planner, left, seed, region=region, improve=improve, progress=step.describe)
     save_plan(result, output)
     if view is not None:
         from stablepush.report import plan_html

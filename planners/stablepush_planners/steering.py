@@ -1,4 +1,4 @@
-"""Motion primitives from the stable region: a straight push, and turns as tight as the contact allows.
+"""A contact as a Dubins vehicle: turns as tight as it allows either way, and a straight push.
 
 For one contact, choose a direction ``d`` of stable translation and a line across it (at right angles). Let ``c_L, c_R`` be the
 tightest stable CORs on that line, counter-clockwise and clockwise. Their midpoint then moves along ``d`` on arcs of equal
@@ -8,8 +8,6 @@ measured from the body origin differ.
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -17,24 +15,14 @@ import numpy as np
 
 from stablepush import planar
 from stablepush._arrays import BoolArray, FloatArray
-from stablepush.all_pressure import all_pressure_region
-from stablepush.conservative import lynch_mason_region
-from stablepush.errors import OutOfTimeError
-from stablepush.oracle import StabilityOracle
 from stablepush.problem import PlanningProblem
-from stablepush.region import StableRegion
+from stablepush_planners.stable_set import StableSet
 
-#: Primitives stay this far (rad) inside the stable set, so that the check, which allows 1e-6, never disagrees.
-_INSIDE = 1e-7
 #: Grid of candidate lines: directions across the stable interval, and offsets of the line along the direction, in rho.
-_DIRECTIONS = 7
-_OFFSETS = np.linspace(-2.0, 2.0, 13)
-#: Twists asked at a time, between looks at the clock.
-_BLOCK = 4096
-#: Regions that hold for every pressure, in addition to the surface's own.
-_PROMISED = {"all-pressure": all_pressure_region, "conservative": lynch_mason_region}
+_DIRECTIONS = 5
+_OFFSETS = np.linspace(-2.0, 2.0, 9)
 #: Places along a line, in rho, denser near the slider: the widest turn looked at is 50 rho.
-_PLACES = np.sinh(np.linspace(-np.arcsinh(500.0), np.arcsinh(500.0), 161)) / 10.0
+_PLACES = np.sinh(np.linspace(-np.arcsinh(500.0), np.arcsinh(500.0), 121)) / 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,59 +31,39 @@ class Steering:
 
     Attributes
     ----------
-    contact : int
     frame : array, shape (3,)
         Pose of the reference frame in B.
     radius : float
         Least turning radius (m) of its origin.
-    directions : array, shape (n,)
-        Further directions (rad, in B) of straight pushes: the ends of the stable interval, and the mean normal.
-    accept : callable
-        Tells which body twists (n, 3) may be used.
-    oracle : StabilityOracle
     """
 
-    contact: int
     frame: FloatArray
     radius: float
-    directions: FloatArray
-    accept: Callable[[FloatArray], BoolArray]
-    oracle: StabilityOracle
 
     def twist(self, curvature: float) -> FloatArray:
         """Body twist (3,) for unit speed of the reference point along its x axis, turning with a curvature (1/m)."""
         return planar.transport_twist((1.0, 0.0, curvature), self.frame)
 
 
-def steering(
-    problem: PlanningProblem, contact: int, region: str, deadline: float = math.inf, gentle: bool = False
-) -> Steering | None:
+def steering(problem: PlanningProblem, stable: StableSet) -> Steering | None:
     """Return the tightest steering of a contact, or None if it has no stable translation with turns to both sides.
 
-    A gentle one keeps at least half of the margin of the safest straight push: its turns are wider, and nearer to square on.
-    Raises :class:`OutOfTimeError` once ``deadline`` (a value of :func:`time.perf_counter`) has passed.
+    Raises :class:`OutOfTimeError` as ``stable`` does.
     """
-    oracle = StabilityOracle(problem.surface, problem.contacts[contact])
-    accept = _acceptance(problem, contact, oracle, region, deadline)
-    if gentle:
-        wanted = _acceptance(problem, contact, oracle, region, deadline, _half_of_the_best(problem, contact, oracle))
-    else:
-        wanted = accept
     rho = problem.surface.characteristic_length
-    heading = float(problem.contacts[contact].frame[2])
+    heading = float(problem.contacts[stable.contact].frame[2])
 
     # directions of stable translation, by sampling half a turn about the mean normal
     angles = heading + np.linspace(-np.pi / 2, np.pi / 2, 361)
-    straight = wanted(np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1))
+    straight = stable.accepts(np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1))
     if not straight.any():
         return None
     good = angles[straight]
-    sideways = np.unique((good[0], good[np.argmin(np.abs(good - heading))], good[-1]))
     best: Steering | None = None
     directions = np.unique(good[np.linspace(0, len(good) - 1, _DIRECTIONS).round().astype(int)])
     offsets = _OFFSETS * rho
     for _ in range(2):
-        found = _tightest(wanted, directions, offsets, rho)
+        found = _tightest(stable.accepts, directions, offsets, rho)
         if found is None:
             break
         direction, offset, left, right = found
@@ -103,41 +71,12 @@ def steering(
         if best is None or radius < best.radius:
             along = np.array((np.cos(direction), np.sin(direction)))
             middle = offset * along + (left + right) / 2 * np.array((-along[1], along[0]))
-            best = Steering(contact, np.array((*middle, direction)), radius, sideways, accept, oracle)
+            best = Steering(np.array((*middle, direction)), radius)
         # once more, finer, about the best line; directions stay within the stable interval
         step = (good[-1] - good[0]) / (_DIRECTIONS - 1)
         directions = np.clip(direction + np.linspace(-step, step, _DIRECTIONS), good[0], good[-1])
         offsets = offset + np.linspace(-1, 1, len(_OFFSETS)) * (_OFFSETS[1] - _OFFSETS[0]) * rho
     return best
-
-
-def _acceptance(
-    problem: PlanningProblem, contact: int, oracle: StabilityOracle, region: str, deadline: float, margin: float = 0.0
-) -> Callable[[FloatArray], BoolArray]:
-    """Which body twists (n, 3) may be used at a contact."""
-    least = max(0.0, problem.min_margin, margin) + _INSIDE
-    promised: StableRegion | None = None
-    if region in _PROMISED:
-        promised = _PROMISED[region](problem.slider, problem.contacts[contact])
-
-    def accept(twists: FloatArray) -> BoolArray:
-        good = np.zeros(len(twists), dtype=bool)
-        for start in range(0, len(twists), _BLOCK):
-            if time.perf_counter() > deadline:
-                raise OutOfTimeError("primitives: the deadline has passed")
-            block = slice(start, start + _BLOCK)
-            good[block] = oracle.margin(twists[block]) >= least
-        if promised is not None:
-            good &= promised.contains_twists(twists)
-        return np.asarray(good)
-
-    return accept
-
-
-def _half_of_the_best(problem: PlanningProblem, contact: int, oracle: StabilityOracle) -> float:
-    """Half of the largest margin (rad) of a straight push."""
-    angles = float(problem.contacts[contact].frame[2]) + np.linspace(-np.pi / 2, np.pi / 2, 361)
-    return float(oracle.margin(np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1)).max()) / 2
 
 
 def _tightest(

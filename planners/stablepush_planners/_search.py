@@ -1,0 +1,590 @@
+"""Compiled search: A* on the lattice, joints to the goal, distance fields."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from stablepush._arrays import BoolArray, FloatArray
+from stablepush._compiled import compiled
+from stablepush._sweep import Body, line_is_free, pose_is_free, push_is_free, room_at
+from stablepush_planners.dubins import CURVATURES, dubins_lengths
+
+#: What :func:`expand` returns: it found the goal, everything is expanded, its quota is used up, the tree is full.
+DONE, EXHAUSTED, PAUSED, FULL = 0, 1, 2, 3
+#: How a node was reached, if not along an edge: it is the start, by a change of contact, by a joint to the goal.
+START, TRANSFER, JOINT = -1, -2, -3
+
+#: How a change of contact is tested: the pusher takes no room; it goes one of the ways known; as if it could go any way.
+NO_PUSHER, KNOWN_WAYS, ANY_WAY = 0, 1, 2
+
+#: Bits of a key: position along either axis, heading, contact.
+_POSITION, _HEADING, _CONTACT = 21, 10, 8
+_HALF = 1 << (_POSITION - 1)
+
+
+class Graph(NamedTuple):
+    """What a search runs on; arrays by contact stand one after the other, ``*_first`` tells where each begins."""
+
+    #: pose in W of the lattice's origin, width of a cell (m), number of headings, cosines and sines (headings,) of body angles
+    origin: FloatArray
+    cell: float
+    headings: int
+    cos: FloatArray
+    sin: FloatArray
+    #: edges by contact and heading: steps (n, 3), body twists (n, 3), durations (n,)
+    edge_first: np.ndarray
+    steps: np.ndarray
+    twists: FloatArray
+    durations: FloatArray
+    #: bodies by contact
+    body_first: np.ndarray
+    body_edges: FloatArray
+    corner_first: np.ndarray
+    corners: FloatArray
+    body_radius: FloatArray
+    #: time (s) of a change of contact, how it is tested (:data:`NO_PUSHER` and so on), the pusher in its frame, its docked poses
+    #: (contacts, 3) in B, how far it backs off (m), and two ways round the slider in B for every pair of contacts
+    switch_cost: float
+    changes: int
+    pusher_edges: FloatArray
+    pusher_corners: FloatArray
+    pusher_radius: float
+    docks: FloatArray
+    retreats: FloatArray
+    route_first: np.ndarray
+    routes: FloatArray
+    #: goal (3,), tolerance (2,), outline (k, 2), speed limit (m/s)
+    goal: FloatArray
+    tolerance: FloatArray
+    outline: FloatArray
+    speed: float
+    #: least time (s) to the goal by place (:class:`DistanceField`), and without obstacles by contact, heading and cell
+    field: FloatArray
+    field_low: FloatArray
+    field_cell: float
+    table: FloatArray
+    goal_at: np.ndarray
+    #: joints by contact: frame of the reference point in B (3,), radii (m, zero for none), times (s/m) of left, straight, right
+    frames: FloatArray
+    radii: FloatArray
+    paces: FloatArray
+
+
+class Tree(NamedTuple):
+    """Nodes of a search, a table that finds them by key, and the queue. ``counts``: nodes, queue, expanded, goal's node."""
+
+    key: np.ndarray
+    cost: FloatArray
+    least: FloatArray
+    guess: FloatArray
+    parent: np.ndarray
+    via: np.ndarray
+    closed: BoolArray
+    table: np.ndarray
+    queue: FloatArray
+    queued: np.ndarray
+    counts: np.ndarray
+
+
+@compiled
+def key_of(contact, heading, i, j):  # type: ignore[no-untyped-def]
+    """One number for a lattice pose at a contact."""
+    return (((contact << _HEADING) | heading) << (2 * _POSITION)) | ((i + _HALF) << _POSITION) | (j + _HALF)
+
+
+@compiled
+def parts_of(key):  # type: ignore[no-untyped-def]
+    """Contact, heading and cells of a key."""
+    mask = (1 << _POSITION) - 1
+    rest = key >> (2 * _POSITION)
+    return rest >> _HEADING, rest & ((1 << _HEADING) - 1), ((key >> _POSITION) & mask) - _HALF, (key & mask) - _HALF
+
+
+@compiled
+def body_at(graph, contact):  # type: ignore[no-untyped-def]
+    """Slider and pusher docked at a contact."""
+    a, b = graph.body_first[contact], graph.body_first[contact + 1]
+    c, d = graph.corner_first[contact], graph.corner_first[contact + 1]
+    return Body(graph.body_edges[a:b], graph.corners[c:d], graph.body_radius[contact])
+
+
+@compiled
+def place_of(graph, i, j):  # type: ignore[no-untyped-def]
+    """Place in W of a lattice pose."""
+    x, y = i * graph.cell, j * graph.cell
+    cos, sin = math.cos(graph.origin[2]), math.sin(graph.origin[2])
+    return graph.origin[0] + cos * x - sin * y, graph.origin[1] + sin * x + cos * y
+
+
+@compiled
+def least_time(graph, x, y, cos, sin):  # type: ignore[no-untyped-def]
+    """Time (s) that every way to the goal takes: no point of the outline is faster than the limit, nor goes through walls."""
+    gc, gs = math.cos(graph.goal[2]), math.sin(graph.goal[2])
+    most = 0.0
+    for v in range(graph.outline.shape[0]):
+        px, py = graph.outline[v, 0], graph.outline[v, 1]
+        dx = x + cos * px - sin * py - graph.goal[0] - gc * px + gs * py
+        dy = y + sin * px + cos * py - graph.goal[1] - gs * px - gc * py
+        slack = graph.tolerance[0] + graph.tolerance[1] * math.sqrt(px * px + py * py)
+        most = max(most, math.sqrt(dx * dx + dy * dy) - slack)
+    i, j = (
+        math.floor((x - graph.field_low[0]) / graph.field_cell),
+        math.floor((y - graph.field_low[1]) / graph.field_cell),
+    )
+    if 0 <= i < graph.field.shape[0] and 0 <= j < graph.field.shape[1]:
+        return max(most / graph.speed, graph.field[i, j])
+    return most / graph.speed
+
+
+@compiled
+def guessed_time(graph, contact, heading, i, j, least):  # type: ignore[no-untyped-def]
+    """Time (s) to the goal that the edges take without obstacles, near the goal, and at least ``least``."""
+    di, dj = i - graph.goal_at[0], j - graph.goal_at[1]
+    reach = (graph.table.shape[2] - 1) // 2
+    if -reach <= di <= reach and -reach <= dj <= reach:
+        known = graph.table[contact, heading, di + reach, dj + reach]
+        if known < math.inf:
+            return max(least, known)
+    return least
+
+
+@compiled
+def at_goal(graph, x, y, theta):  # type: ignore[no-untyped-def]
+    """Whether a pose is within the tolerance."""
+    dx, dy = x - graph.goal[0], y - graph.goal[1]
+    turn = (theta - graph.goal[2] + math.pi) % (2 * math.pi) - math.pi
+    slack = 1e-7
+    return math.sqrt(dx * dx + dy * dy) <= graph.tolerance[0] - slack and abs(turn) <= graph.tolerance[1] - slack
+
+
+@compiled
+def turn_twist(frame, curvature):  # type: ignore[no-untyped-def]
+    """Body twist of unit speed of the reference point, turning with a curvature (1/m)."""
+    return math.cos(frame[2]) + curvature * frame[1], math.sin(frame[2]) - curvature * frame[0], curvature
+
+
+@compiled
+def join(graph, world, body, contact, x, y, theta, gx, gy, gt, most, lengths, pieces):  # type: ignore[no-untyped-def]
+    """Quickest free Dubins word of the reference point between two poses that takes less than ``most``; its time (s).
+
+    ``pieces`` (3, 4) receives body twists and durations; ``lengths`` (6, 3) is room to work in.
+    """
+    frame = graph.frames[contact]
+    c0, s0, c1, s1 = math.cos(theta), math.sin(theta), math.cos(gt), math.sin(gt)
+    x0, y0 = x + c0 * frame[0] - s0 * frame[1], y + s0 * frame[0] + c0 * frame[1]
+    x1, y1 = gx + c1 * frame[0] - s1 * frame[1], gy + s1 * frame[0] + c1 * frame[1]
+    best = math.inf
+    tried = 1e-9
+    # words in the order of their time; each is looked at once
+    for _ in range(4):
+        found, word, which = math.inf, -1, -1
+        for r in range(graph.radii.shape[1]):
+            radius = graph.radii[contact, r]
+            if radius <= 0.0:
+                continue
+            dubins_lengths(x0, y0, theta + frame[2], x1, y1, gt + frame[2], radius, lengths)
+            for w in range(6):
+                time = 0.0
+                for p in range(3):
+                    time += lengths[w, p] * radius * graph.paces[contact, r, int(1 - CURVATURES[w, p])]
+                if tried < time < min(found, most):
+                    found, word, which = time, w, r
+        if word < 0:
+            break
+        tried = found
+        radius = graph.radii[contact, which]
+        dubins_lengths(x0, y0, theta + frame[2], x1, y1, gt + frame[2], radius, lengths)
+        px, py, pt = x, y, theta
+        good = True
+        for p in range(3):
+            curvature = CURVATURES[word, p] / radius
+            pace = graph.paces[contact, which, int(1 - CURVATURES[word, p])]
+            vx, vy, omega = turn_twist(frame, curvature)
+            duration = lengths[word, p] * radius * pace
+            pieces[p, 0], pieces[p, 1], pieces[p, 2], pieces[p, 3] = vx / pace, vy / pace, omega / pace, duration
+            if duration > 0.0:
+                c, s = math.cos(pt), math.sin(pt)
+                if not push_is_free(world, body, px, py, c, s, vx / pace, vy / pace, omega / pace, duration):
+                    good = False
+                    break
+                px, py, pt = moved(px, py, pt, vx / pace, vy / pace, omega / pace, duration)
+        if good:
+            best = found
+            break
+    return best
+
+
+@compiled
+def moved(x, y, theta, vx, vy, omega, duration):  # type: ignore[no-untyped-def]
+    """Pose after a body twist is followed for a time."""
+    angle = omega * duration
+    half = angle / 2
+    # sin(angle)/angle and (1 - cos(angle))/angle without cancellation
+    shrink = math.sin(half) / half if abs(half) > 1e-12 else 1.0
+    a, b = shrink * math.cos(half), shrink * math.sin(half)
+    dx, dy = duration * (a * vx - b * vy), duration * (b * vx + a * vy)
+    c, s = math.cos(theta), math.sin(theta)
+    return x + c * dx - s * dy, y + s * dx + c * dy, theta + angle
+
+
+@compiled
+def disc_is_free(world, x0, y0, x1, y1, radius):  # type: ignore[no-untyped-def]
+    """Whether a disc that moves straight stays clear of obstacles and within the bounds."""
+    b = world.bounds
+    if min(x0, x1) - radius < b[0] or min(y0, y1) - radius < b[1] or max(x0, x1) + radius > b[2] or max(y0, y1) + radius > b[3]:
+        return False
+    nx, ny = world.room.shape
+    i0 = max(0, math.floor((min(x0, x1) - radius - world.low[0]) / world.cell))
+    j0 = max(0, math.floor((min(y0, y1) - radius - world.low[1]) / world.cell))
+    i1 = min(nx - 1, math.floor((max(x0, x1) + radius - world.low[0]) / world.cell))
+    j1 = min(ny - 1, math.floor((max(y0, y1) + radius - world.low[1]) / world.cell))
+    dx, dy = x1 - x0, y1 - y0
+    way = dx * dx + dy * dy
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            for k in range(world.first[i * ny + j], world.first[i * ny + j + 1]):
+                e = world.listed[k]
+                ax, ay, bx, by = world.edges[e, 0], world.edges[e, 1], world.edges[e, 2], world.edges[e, 3]
+                ex, ey = bx - ax, by - ay
+                across = dx * ey - dy * ex
+                if across != 0.0:
+                    s = ((ax - x0) * ey - (ay - y0) * ex) / across
+                    t = ((ax - x0) * dy - (ay - y0) * dx) / across
+                    if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
+                        return False
+                # else the least distance is at an end of either
+                length = ex * ex + ey * ey
+                for px, py in ((x0, y0), (x1, y1)):
+                    t = min(1.0, max(0.0, ((px - ax) * ex + (py - ay) * ey) / length))
+                    if (px - ax - t * ex) ** 2 + (py - ay - t * ey) ** 2 < radius * radius:
+                        return False
+                if way > 0.0:
+                    t = min(1.0, max(0.0, ((ax - x0) * dx + (ay - y0) * dy) / way))
+                    if (ax - x0 - t * dx) ** 2 + (ay - y0 - t * dy) ** 2 < radius * radius:
+                        return False
+    return True
+
+
+@compiled
+def route_is_free(graph, world, route, x, y, cos, sin):  # type: ignore[no-untyped-def]
+    """Whether the pusher, as a disc, can take a way round the slider."""
+    a, b = graph.route_first[route], graph.route_first[route + 1]
+    if b == a:
+        return False
+    for k in range(a, b - 1):
+        px, py = graph.routes[k, 0], graph.routes[k, 1]
+        qx, qy = graph.routes[k + 1, 0], graph.routes[k + 1, 1]
+        if not disc_is_free(
+            world,
+            x + cos * px - sin * py,
+            y + sin * px + cos * py,
+            x + cos * qx - sin * qy,
+            y + sin * qx + cos * qy,
+            graph.pusher_radius,
+        ):
+            return False
+    return True
+
+
+@compiled
+def can_back_off(graph, world, contact, x, y, cos, sin):  # type: ignore[no-untyped-def]
+    """Whether the docked pusher can back off straight, as far as obstacles and bounds go."""
+    pusher = Body(graph.pusher_edges, graph.pusher_corners, graph.pusher_radius)
+    dock = graph.docks[contact]
+    c, s = math.cos(dock[2]), math.sin(dock[2])
+    c, s = cos * c - sin * s, sin * c + cos * s
+    px, py = x + cos * dock[0] - sin * dock[1], y + sin * dock[0] + cos * dock[1]
+    way = graph.retreats[contact]
+    return line_is_free(world, pusher, px, py, c, s, -way * c, -way * s)
+
+
+@compiled
+def route_between(graph, world, source, target, x, y, cos, sin):  # type: ignore[no-untyped-def]
+    """A free way round the slider from one contact to another: its number, or -1."""
+    contacts = graph.frames.shape[0]
+    if graph.retreats[source] < 0.0 or graph.retreats[target] < 0.0:
+        return -1
+    if room_at(world, x, y) <= graph.body_radius[target] and not pose_is_free(world, body_at(graph, target), x, y, cos, sin):
+        return -1
+    if not can_back_off(graph, world, source, x, y, cos, sin) or not can_back_off(graph, world, target, x, y, cos, sin):
+        return -1
+    if graph.changes == ANY_WAY:
+        return 0
+    for side in range(2):
+        route = 2 * (source * contacts + target) + side
+        if route_is_free(graph, world, route, x, y, cos, sin):
+            return route
+    return -1
+
+
+@compiled
+def _find(tree, key):  # type: ignore[no-untyped-def]
+    """Where in the table a key is, or belongs."""
+    size = tree.table.shape[0]
+    at = ((key * 0x9E3779B97F4A7C1) >> 20) & (size - 1)
+    while tree.table[at] >= 0 and tree.key[tree.table[at]] != key:
+        at = (at + 1) & (size - 1)
+    return at
+
+
+@compiled
+def heap_push(values, items, count, value, item):  # type: ignore[no-untyped-def]
+    """Put an item into a heap of ``count`` items, the least value first."""
+    n = count
+    while n > 0:
+        up = (n - 1) >> 1
+        if values[up] <= value:
+            break
+        values[n], items[n] = values[up], items[up]
+        n = up
+    values[n], items[n] = value, item
+
+
+@compiled
+def heap_pop(values, items, count):  # type: ignore[no-untyped-def]
+    """Take the first item out of a heap of ``count`` items."""
+    item, n = items[0], count - 1
+    value, last = values[n], items[n]
+    at = 0
+    while True:
+        child = 2 * at + 1
+        if child >= n:
+            break
+        if child + 1 < n and values[child + 1] < values[child]:
+            child += 1
+        if values[child] >= value:
+            break
+        values[at], items[at] = values[child], items[child]
+        at = child
+    values[at], items[at] = value, last
+    return item
+
+
+@compiled
+def _enqueue(tree, value, node):  # type: ignore[no-untyped-def]
+    heap_push(tree.queue, tree.queued, tree.counts[1], value, node)
+    tree.counts[1] += 1
+
+
+@compiled
+def _dequeue(tree):  # type: ignore[no-untyped-def]
+    node = heap_pop(tree.queue, tree.queued, tree.counts[1])
+    tree.counts[1] -= 1
+    return node
+
+
+@compiled
+def reach(graph, tree, key, cost, parent, via, weight, limit):  # type: ignore[no-untyped-def]
+    """Note that a lattice pose can be reached at a cost; queue it if that is cheaper than before."""
+    at = _find(tree, key)
+    node = tree.table[at]
+    if node < 0:
+        contact, heading, i, j = parts_of(key)
+        x, y = place_of(graph, i, j)
+        least = least_time(graph, x, y, graph.cos[heading], graph.sin[heading])
+        if least == math.inf or cost + least >= limit:
+            return
+        node = tree.counts[0]
+        tree.counts[0] += 1
+        tree.table[at] = node
+        tree.key[node] = key
+        tree.least[node] = least
+        tree.guess[node] = guessed_time(graph, contact, heading, i, j, least)
+    elif cost >= tree.cost[node] or cost + tree.least[node] >= limit:
+        return
+    tree.cost[node], tree.parent[node], tree.via[node], tree.closed[node] = cost, parent, via, False
+    _enqueue(tree, cost + weight * tree.guess[node], node)
+
+
+@compiled
+def least_open(tree):  # type: ignore[no-untyped-def]
+    """Least cost and admissible estimate of what is queued: no path of the lattice that is not found yet costs less."""
+    found = math.inf
+    for n in range(tree.counts[1]):
+        node = tree.queued[n]
+        if not tree.closed[node]:
+            found = min(found, tree.cost[node] + tree.least[node])
+    return found
+
+
+@compiled
+def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no-untyped-def]
+    """Expand up to ``quota`` nodes in the order of cost plus ``weight`` times the guess; paths that cost ``limit`` are of no use.
+
+    ``denied`` holds the keys, sorted, to which a change of contact was found impossible. Returns why it stopped.
+    """
+    lengths, pieces = np.empty((6, 3)), np.empty((3, 4))
+    room = graph.edge_first.shape[0] + 64
+    contacts = graph.frames.shape[0]
+    for _ in range(quota):
+        # room for all that one expansion may add
+        if tree.counts[0] + room > tree.key.shape[0] or tree.counts[1] + room > tree.queue.shape[0]:
+            return FULL
+        if 2 * (tree.counts[0] + room) > tree.table.shape[0]:
+            return FULL
+        while True:
+            if tree.counts[1] == 0:
+                return EXHAUSTED
+            value = tree.queue[0]
+            node = _dequeue(tree)
+            if not tree.closed[node] and value <= tree.cost[node] + weight * tree.guess[node] + 1e-12:
+                break
+        if tree.cost[node] + tree.least[node] >= limit:
+            tree.closed[node] = True
+            continue
+        if tree.via[node] == JOINT:
+            tree.counts[3] = node
+            return DONE
+        tree.closed[node] = True
+        tree.counts[2] += 1
+        contact, heading, i, j = parts_of(tree.key[node])
+        x, y = place_of(graph, i, j)
+        cos, sin = graph.cos[heading], graph.sin[heading]
+        theta = math.atan2(sin, cos)
+        if tree.via[node] >= 0 and at_goal(graph, x, y, theta):
+            tree.counts[3] = node
+            return DONE
+        body = body_at(graph, contact)
+        cost = tree.cost[node]
+        if graph.radii[contact, 0] > 0.0:
+            most = limit - cost
+            goal = tree.counts[3]
+            if goal >= 0:
+                most = min(most, tree.cost[goal] - cost)
+            g = graph.goal
+            time = join(graph, world, body, contact, x, y, theta, g[0], g[1], g[2], most, lengths, pieces)
+            if time < most:
+                # joints are nodes of their own, one at most is of use
+                if goal < 0:
+                    goal = tree.counts[0]
+                    tree.counts[0] += 1
+                    tree.counts[3] = goal
+                tree.key[goal] = tree.key[node]
+                tree.cost[goal], tree.parent[goal], tree.via[goal] = cost + time, node, JOINT
+                tree.least[goal] = tree.guess[goal] = 0.0
+                tree.closed[goal] = False
+                _enqueue(tree, cost + time, goal)
+        for e in range(
+            graph.edge_first[contact * graph.headings + heading], graph.edge_first[contact * graph.headings + heading + 1]
+        ):
+            k = (heading + graph.steps[e, 2]) % graph.headings
+            key = key_of(contact, k, i + graph.steps[e, 0], j + graph.steps[e, 1])
+            there = tree.table[_find(tree, key)]
+            total = cost + graph.durations[e]
+            if there >= 0 and total >= tree.cost[there] - 1e-12:
+                continue
+            t = graph.twists[e]
+            if push_is_free(world, body, x, y, cos, sin, t[0], t[1], t[2], graph.durations[e]):
+                reach(graph, tree, key, total, node, e, weight, limit)
+        # a change of contact right after another one is never needed
+        if tree.via[node] != TRANSFER:
+            for other in range(contacts):
+                if other == contact or graph.edge_first[other * graph.headings] == graph.edge_first[(other + 1) * graph.headings]:
+                    continue
+                key = key_of(other, heading, i, j)
+                total = cost + graph.switch_cost
+                there = tree.table[_find(tree, key)]
+                if there >= 0 and total >= tree.cost[there] - 1e-12:
+                    continue
+                if graph.changes != NO_PUSHER and route_between(graph, world, contact, other, x, y, cos, sin) < 0:
+                    continue
+                if denied.shape[0]:
+                    at = np.searchsorted(denied, key)
+                    if at < denied.shape[0] and denied[at] == key:
+                        continue
+                reach(graph, tree, key, total, node, TRANSFER, weight, limit)
+    return PAUSED
+
+
+@compiled
+def unobstructed(edge_first, steps, durations, headings, contacts, switch_cost, goal_heading, size, table):  # type: ignore[no-untyped-def]
+    """Fill ``table`` (contacts, headings, size, size) with least times (s) to its middle without obstacles.
+
+    Dijkstra from the goal along edges turned round.
+    """
+    table[:] = math.inf
+    middle = (size - 1) // 2
+    # edges by contact and the heading in which they end
+    count = np.zeros(contacts * headings + 1, dtype=np.int64)
+    for a in range(contacts):
+        for k in range(headings):
+            for e in range(edge_first[a * headings + k], edge_first[a * headings + k + 1]):
+                count[a * headings + (k + steps[e, 2]) % headings + 1] += 1
+    first = np.cumsum(count)
+    listed, origin = np.empty(len(durations), dtype=np.int64), np.empty(len(durations), dtype=np.int64)
+    fill = first.copy()
+    for a in range(contacts):
+        for k in range(headings):
+            for e in range(edge_first[a * headings + k], edge_first[a * headings + k + 1]):
+                to = a * headings + (k + steps[e, 2]) % headings
+                listed[fill[to]], origin[fill[to]] = e, k
+                fill[to] += 1
+    capacity = 4 * contacts * headings * size * size + 64
+    value, code = np.empty(capacity), np.empty(capacity, dtype=np.int64)
+    n = 0
+    for a in range(contacts):
+        table[a, goal_heading, middle, middle] = 0.0
+        value[n], code[n] = 0.0, ((a * headings + goal_heading) * size + middle) * size + middle
+        n += 1
+    while n > 0:
+        cost, at = value[0], heap_pop(value, code, n)
+        n -= 1
+        j, i = at % size, (at // size) % size
+        k, a = (at // (size * size)) % headings, at // (size * size * headings)
+        if cost > table[a, k, i, j]:
+            continue
+        number = first[a * headings + k + 1] - first[a * headings + k]
+        for q in range(number + contacts):
+            if q < number:
+                e = listed[first[a * headings + k] + q]
+                b, h, u, v = a, origin[first[a * headings + k] + q], i - steps[e, 0], j - steps[e, 1]
+                total = cost + durations[e]
+            else:
+                b, h, u, v = q - number, k, i, j
+                total = cost + switch_cost
+            if 0 <= u < size and 0 <= v < size and total < table[b, h, u, v] - 1e-12 and n < capacity:
+                table[b, h, u, v] = total
+                heap_push(value, code, n, total, ((b * headings + h) * size + u) * size + v)
+                n += 1
+
+
+@compiled
+def flood(blocked, distance):  # type: ignore[no-untyped-def]
+    """Spread octile distances (cells) over the free cells, from those that are zero in ``distance`` (Dijkstra)."""
+    nx, ny = distance.shape
+    capacity = 8 * nx * ny + 16
+    value, code = np.empty(capacity), np.empty(capacity, dtype=np.int64)
+    n = 0
+    for i in range(nx):
+        for j in range(ny):
+            if distance[i, j] == 0.0:
+                value[n], code[n] = 0.0, i * ny + j
+                n += 1
+    while n > 0:
+        cost, at = value[0], heap_pop(value, code, n)
+        n -= 1
+        i, j = at // ny, at % ny
+        if cost > distance[i, j]:
+            continue
+        for di in range(-1, 2):
+            for dj in range(-1, 2):
+                u, v = i + di, j + dj
+                if (di == 0 and dj == 0) or not (0 <= u < nx and 0 <= v < ny) or blocked[u, v]:
+                    continue
+                total = cost + (1.0 if di == 0 or dj == 0 else math.sqrt(2.0))
+                if total < distance[u, v]:
+                    distance[u, v] = total
+                    heap_push(value, code, n, total, u * ny + v)
+                    n += 1
+
+
+@compiled
+def refill(tree):  # type: ignore[no-untyped-def]
+    """Put all nodes into an empty table."""
+    for node in range(tree.counts[0]):
+        # the joint to the goal is under no key of its own
+        if tree.via[node] != JOINT:
+            tree.table[_find(tree, tree.key[node])] = node

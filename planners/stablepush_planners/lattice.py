@@ -1,0 +1,116 @@
+"""A lattice of poses that closes: every edge is one stable push that leads from a lattice pose exactly to another.
+
+Lattice poses have positions on a square grid and headings that are multiples of a full turn over their number, a multiple of
+four: a quarter turn maps the lattice onto itself, so the edges of a quarter of the headings give the rest. Between two
+lattice poses there is one push of constant body twist, ``log(a⁻¹ b)``; it is an edge if it is stable. So tightest turns,
+gentler ones about any centre within the region, and translations in all stable directions come from one rule; of these, edges
+that others make up at nearly the same cost are left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from stablepush._arrays import FloatArray
+from stablepush._compiled import compiled
+from stablepush.problem import PlanningProblem
+from stablepush.se2 import log, rotate_vectors
+from stablepush_planners.stable_set import StableSet
+
+#: Edges reach at most this many cells each way, and turn by at most this angle (rad).
+_REACH, _LARGEST_TURN = 9, math.pi / 2
+#: An edge is left out if others lead to its end for at most this much more.
+_SPARE = 0.03
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edges:
+    """Edges of one contact from the lattice pose at the origin, for every heading: rows ``first[k]`` to ``first[k+1]``.
+
+    Attributes
+    ----------
+    first : array, shape (headings + 1,)
+    steps : array of int, shape (n, 3)
+        Cells along the lattice's x and y axes, and headings.
+    twists : array, shape (n, 3)
+        Body twists (m/s, rad/s) at the speed limit.
+    durations : array, shape (n,)
+        In s.
+    """
+
+    first: np.ndarray
+    steps: np.ndarray
+    twists: FloatArray
+    durations: FloatArray
+
+
+def lattice_edges(problem: PlanningProblem, stable: StableSet, headings: int, cell: float) -> Edges:
+    """Return the edges of a contact on a lattice of ``headings`` and ``cell`` (m)."""
+    most = max(1, int(_LARGEST_TURN / (2 * math.pi / headings)))
+    i, j, m = (a.ravel() for a in np.meshgrid(*(np.arange(-_REACH, _REACH + 1),) * 2, np.arange(-most, most + 1), indexing="ij"))
+    steps = np.stack((i, j, m), axis=-1)
+    steps = steps[(i != 0) | (j != 0)]
+    classes = headings // 4
+    turn = 2 * math.pi / headings
+    twists = []
+    for k in range(classes):
+        ends = np.column_stack((rotate_vectors(-k * turn, steps[:, :2] * cell), steps[:, 2] * turn))
+        twists.append(log(ends))
+    flat = np.concatenate(twists)
+    # the time at the speed limit: what the fastest point of the outline does in a unit of time, over the limit
+    durations = problem.push_speed(flat) / problem.speed
+    candidates = np.flatnonzero(stable.accepts(flat))
+    order = candidates[np.argsort(durations[candidates], kind="stable")]
+    from_heading = order // len(steps)
+    kept = _spanning(steps[order % len(steps)], from_heading, durations[order], headings, _REACH, most, 1 + _SPARE)
+    chosen, at = order[kept], from_heading[kept]
+    rows, first = [], [0]
+    quarter = np.array((((1, 0), (0, 1)), ((0, -1), (1, 0)), ((-1, 0), (0, -1)), ((0, 1), (-1, 0))))
+    for k in range(headings):
+        mine = chosen[at == k % classes]
+        turned = steps[mine % len(steps)].copy()
+        turned[:, :2] = turned[:, :2] @ quarter[k // classes].T
+        rows.append((turned, flat[mine] / durations[mine, None], durations[mine]))
+        first.append(first[-1] + len(mine))
+    return Edges(
+        np.array(first),
+        np.ascontiguousarray(np.concatenate([r[0] for r in rows]), dtype=np.int64),
+        np.ascontiguousarray(np.concatenate([r[1] for r in rows])),
+        np.ascontiguousarray(np.concatenate([r[2] for r in rows])),
+    )
+
+
+@compiled
+def _spanning(steps, headings_of, costs, headings, reach, most, spare):  # type: ignore[no-untyped-def]
+    """Tell which edges, given in the order of their cost, are not made up by two cheaper parts that lead to the same place.
+
+    Parts are edges kept before, or what these make up: ``best`` holds the least cost from a class of heading by a step.
+    """
+    classes = headings // 4
+    size = 2 * reach + 1
+    best = np.full((classes, size, size, 2 * most + 1), np.inf)
+    kept = np.zeros(len(costs), dtype=np.bool_)
+    listed = np.empty((classes, len(costs)), dtype=np.int64)
+    count = np.zeros(classes, dtype=np.int64)
+    for n in range(len(costs)):
+        k, i, j, m = headings_of[n], steps[n, 0], steps[n, 1], steps[n, 2]
+        least = best[k, i + reach, j + reach, m + most]
+        for a in range(count[k]):
+            e = listed[k, a]
+            # the rest of the way, seen from the quarter in which the first part ends
+            ri, rj, rm = i - steps[e, 0], j - steps[e, 1], m - steps[e, 2]
+            at = (k + steps[e, 2]) % headings
+            for _ in range(at // classes):
+                ri, rj = rj, -ri
+            if abs(ri) <= reach and abs(rj) <= reach and abs(rm) <= most:
+                least = min(least, costs[e] + best[at % classes, ri + reach, rj + reach, rm + most])
+        if least > spare * costs[n]:
+            kept[n] = True
+            listed[k, count[k]] = n
+            count[k] += 1
+            least = min(least, costs[n])
+        best[k, i + reach, j + reach, m + most] = least
+    return kept

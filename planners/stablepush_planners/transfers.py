@@ -1,0 +1,162 @@
+"""How the pusher goes from one contact to another: it backs off, goes round the slider, and docks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from stablepush._arrays import FloatArray
+from stablepush._sweep import line_is_free
+from stablepush.collision import body_of, world_of
+from stablepush.problem import PlanningProblem
+from stablepush.se2 import compose, transform_points, wrap_angle
+
+#: The pusher keeps this far (m) from what it goes round.
+CLEARANCE = 2e-6
+#: Sides of a quarter circle when outlines are widened.
+_QUARTER = 4
+#: The pusher backs off in steps of this share of its radius, at most so many.
+_STEP, _MOST_STEPS = 0.05, 400
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Routes:
+    """Ways round the slider, for the centre of a disc that holds the pusher, in B.
+
+    Attributes
+    ----------
+    radius : float
+        Of the disc about the origin of the pusher's frame, in m.
+    docks : array, shape (contacts, 3)
+        Docked poses of the pusher's frame in B.
+    retreats : array, shape (contacts,)
+        How far (m) the pusher backs off against its x axis before it may turn; -1 where it cannot.
+    first : array, shape (2 * contacts**2 + 1,)
+        Where the ways from contact i to j begin in ``points``: rows ``2 (i contacts + j)``, with the slider on the left, and the
+        next, with it on the right.
+    points : array, shape (n, 2)
+    """
+
+    radius: float
+    docks: FloatArray
+    retreats: FloatArray
+    first: np.ndarray
+    points: FloatArray
+
+
+def routes_of(problem: PlanningProblem) -> Routes:
+    """Return the ways round the slider between all contacts of a problem whose pusher takes room."""
+    assert problem.pusher is not None
+    docks = np.array([contact.frame for contact in problem.contacts])
+    radius = float(np.linalg.norm(problem.pusher, axis=1).max())
+    around = _widened(problem.slider.polygon, radius).convex_hull
+    alone = PlanningProblem(
+        problem.slider, problem.surface, problem.contacts, problem.start, problem.goal, obstacles=[problem.slider.vertices]
+    )
+    world, pusher = world_of(alone), body_of([problem.pusher])
+    retreats = np.full(len(docks), -1.0)
+    for i, dock in enumerate(docks):
+        ahead = np.array((math.cos(dock[2]), math.sin(dock[2])))
+        ways = _STEP * radius * np.arange(1, _MOST_STEPS)
+        clear = ~shapely.contains_xy(around, *(dock[:2] - ways[:, None] * ahead).T)
+        if clear.any():
+            way = float(ways[np.argmax(clear)])
+            if line_is_free(world, pusher, dock[0], dock[1], ahead[0], ahead[1], -way * ahead[0], -way * ahead[1]):
+                retreats[i] = way
+    first, points = [0], [np.zeros((0, 2))]
+    for i in range(len(docks)):
+        for j in range(len(docks)):
+            found = (np.zeros((0, 2)),) * 2
+            if i != j and min(retreats[i], retreats[j]) >= 0:
+                found = _both_ways(around, backed_off(docks[i], retreats[i])[:2], backed_off(docks[j], retreats[j])[:2])
+            for line in found:
+                points.append(line)
+                first.append(first[-1] + len(line))
+    return Routes(radius, docks, retreats, np.array(first), np.ascontiguousarray(np.concatenate(points)))
+
+
+def backed_off(dock: FloatArray, way: float) -> FloatArray:
+    """Return a pose of the pusher's frame, moved back along its x axis."""
+    return np.array((dock[0] - way * math.cos(dock[2]), dock[1] - way * math.sin(dock[2]), dock[2]))
+
+
+def pusher_path(docks: tuple[FloatArray, FloatArray], retreats: tuple[float, float], way: FloatArray) -> FloatArray:
+    """Return poses (n, 3) of the pusher's frame: back off, along ``way`` (k, 2) while it turns evenly, and dock."""
+    start, end = docks
+    turn = float(wrap_angle(end[2] - start[2]))
+    steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
+    share = np.concatenate(((0.0,), np.cumsum(steps))) / max(float(steps.sum()), 1e-12)
+    along = np.column_stack((way, start[2] + share * turn))
+    return np.concatenate((start[None], along, (end[0], end[1], start[2] + turn) * np.ones((1, 3))))
+
+
+def way_among_obstacles(
+    problem: PlanningProblem, pose: FloatArray, start: FloatArray, end: FloatArray, radius: float
+) -> FloatArray | None:
+    """Return the shortest way (n, 2) in W of a disc between two places, round the slider and all obstacles, or None.
+
+    Shortest paths on the visibility graph of the outlines, widened by the disc.
+    """
+    # not needed by most plans, and slow to import
+    import networkx as nx
+
+    slider = shapely.Polygon(transform_points(pose, problem.slider.vertices))
+    blocked = _widened(shapely.union_all([slider, *(shapely.Polygon(o) for o in problem.obstacles)]), radius)
+    inner = shapely.buffer(blocked, -CLEARANCE / 4)
+    nodes = [tuple(start), tuple(end)]
+    if problem.bounds is not None:
+        low, high = problem.bounds[:2] + radius, problem.bounds[2:] - radius
+        if not all((np.array(p) >= low).all() and (np.array(p) <= high).all() for p in nodes):
+            return None
+    corners = shapely.get_coordinates(blocked)
+    if problem.bounds is not None:
+        corners = corners[((corners >= low) & (corners <= high)).all(axis=1)]
+    nodes += [tuple(p) for p in np.unique(corners, axis=0)]
+    places = np.array(nodes)
+    i, j = np.triu_indices(len(places), 1)
+    lines = shapely.linestrings(np.stack((places[i], places[j]), axis=1))
+    shapely.prepare(inner)
+    seen = ~shapely.intersects(inner, lines)
+    graph = nx.Graph()
+    graph.add_nodes_from(range(len(places)))
+    lengths = np.linalg.norm(places[i] - places[j], axis=1)
+    graph.add_weighted_edges_from(zip(i[seen].tolist(), j[seen].tolist(), lengths[seen].tolist(), strict=True))
+    try:
+        return places[nx.shortest_path(graph, 0, 1, weight="weight")]
+    except nx.NetworkXNoPath:
+        return None
+
+
+def transfer_path(problem: PlanningProblem, routes: Routes, route: int, pose: FloatArray) -> FloatArray:
+    """Return the pusher's poses (n, 3) in W along one of the known ways, for a slider at ``pose``."""
+    contacts = len(routes.docks)
+    i, j = divmod(route // 2, contacts)
+    way = routes.points[routes.first[route] : routes.first[route + 1]]
+    path = pusher_path((routes.docks[i], routes.docks[j]), (routes.retreats[i], routes.retreats[j]), way)
+    return compose(pose, path)
+
+
+def _widened(shape: shapely.Geometry, radius: float) -> shapely.Geometry:
+    """All places nearer than ``radius`` and a little: arcs are replaced by lines outside of them."""
+    return shapely.buffer(shape, (radius + CLEARANCE) / math.cos(math.pi / (4 * _QUARTER)), quad_segs=_QUARTER)
+
+
+def _both_ways(around: shapely.Polygon, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Ways (n, 2) from one place to another along the taut string round a convex outline, which they are outside of."""
+    string = shapely.union_all([around, shapely.Point(start), shapely.Point(end)]).convex_hull
+    ring = shapely.get_coordinates(shapely.normalize(string).exterior)[:-1]
+    if shapely.LinearRing(ring).is_ccw:
+        ring = ring[::-1]
+    a, b = (int(np.argmin(np.linalg.norm(ring - p, axis=1))) for p in (start, end))
+    clockwise = np.roll(ring, -a, axis=0)
+    cut = (b - a) % len(ring)
+    other = np.roll(ring[::-1], a + 1, axis=0)
+    ways = (
+        np.concatenate((start[None], other[1 : len(ring) - cut], end[None])),
+        np.concatenate((start[None], clockwise[1:cut], end[None])),
+    )
+    core = shapely.buffer(around, -CLEARANCE / 4)
+    return tuple(way if not shapely.intersects(core, shapely.LineString(way)) else way[:0] for way in ways)  # type: ignore[return-value]
