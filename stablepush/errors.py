@@ -25,3 +25,7 @@ class OutOfTimeError(StablepushError, TimeoutError):
 
 class UnsupportedContactError(StablepushError, ValueError):
     """A method does not cover this arrangement of contacts."""
+
+
+class UnavailableError(StablepushError, ImportError):
+    """A package that this needs is not installed, or not made for this platform."""

@@ -20,6 +20,9 @@ START, TRANSFER, JOINT = -1, -2, -3
 #: How a change of contact is tested: the pusher takes no room; it goes one of the ways known; as if it could go any way.
 NO_PUSHER, KNOWN_WAYS, ANY_WAY = 0, 1, 2
 
+#: As far from the goal as the start is, one pose in so many is joined to it.
+_JOINTS = 16
+
 #: Bits of a key: position along either axis, heading, contact.
 _POSITION, _HEADING, _CONTACT = 21, 10, 8
 _HALF = 1 << (_POSITION - 1)
@@ -377,6 +380,13 @@ def _dequeue(tree):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _settled(tree, node, cost, weight):  # type: ignore[no-untyped-def]
+    """Whether a node is not worth reaching again. Greedy searches expand no pose twice: costs that grow a little weigh less than
+    a search that takes many times as long."""
+    return cost >= tree.cost[node] - 1e-12 or (weight > 1.0 and tree.closed[node])
+
+
+@compiled
 def reach(graph, tree, key, cost, parent, via, weight, limit):  # type: ignore[no-untyped-def]
     """Note that a lattice pose can be reached at a cost; queue it if that is cheaper than before."""
     at = _find(tree, key)
@@ -393,7 +403,7 @@ def reach(graph, tree, key, cost, parent, via, weight, limit):  # type: ignore[n
         tree.key[node] = key
         tree.least[node] = least
         tree.guess[node] = guessed_time(graph, contact, heading, i, j, least)
-    elif cost >= tree.cost[node] or cost + tree.least[node] >= limit:
+    elif _settled(tree, node, cost, weight) or cost + tree.least[node] >= limit:
         return
     tree.cost[node], tree.parent[node], tree.via[node], tree.closed[node] = cost, parent, via, False
     _enqueue(tree, cost + weight * tree.guess[node], node)
@@ -449,7 +459,9 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
             return DONE
         body = body_at(graph, contact)
         cost = tree.cost[node]
-        if graph.radii[contact, 0] > 0.0:
+        # near the goal every pose is joined to it, far away now and then
+        interval = 1 + int(_JOINTS * tree.least[node] / max(tree.least[0], 1e-9))
+        if graph.radii[contact, 0] > 0.0 and (tree.counts[2] == 1 or tree.counts[2] % interval == 0):
             most = limit - cost
             goal = tree.counts[3]
             if goal >= 0:
@@ -474,7 +486,7 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
             key = key_of(contact, k, i + graph.steps[e, 0], j + graph.steps[e, 1])
             there = tree.table[_find(tree, key)]
             total = cost + graph.durations[e]
-            if there >= 0 and total >= tree.cost[there] - 1e-12:
+            if there >= 0 and _settled(tree, there, total, weight):
                 continue
             t = graph.twists[e]
             if push_is_free(world, body, x, y, cos, sin, t[0], t[1], t[2], graph.durations[e]):
@@ -487,7 +499,7 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
                 key = key_of(other, heading, i, j)
                 total = cost + graph.switch_cost
                 there = tree.table[_find(tree, key)]
-                if there >= 0 and total >= tree.cost[there] - 1e-12:
+                if there >= 0 and _settled(tree, there, total, weight):
                     continue
                 if graph.changes != NO_PUSHER and route_between(graph, world, contact, other, x, y, cos, sin) < 0:
                     continue

@@ -1,0 +1,215 @@
+"""What all planners of a problem share: obstacles, bodies, stable pushes, joints, and plans made of them."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from stablepush._arrays import FloatArray
+from stablepush.collision import SweptBody, body_of, world_of
+from stablepush.errors import OutOfTimeError
+from stablepush.path import Push, Transfer
+from stablepush.problem import PlanningProblem
+from stablepush.se2 import compose, exp
+from stablepush_planners import _search
+from stablepush_planners._search import Graph
+from stablepush_planners.connect import TimedTwist, merged, shorten
+from stablepush_planners.distance_field import DistanceField
+from stablepush_planners.lattice import Edges
+from stablepush_planners.stable_set import StableSet
+from stablepush_planners.steering import Steering, steering
+from stablepush_planners.transfers import Routes, routes_of, transfer_path
+
+#: A stretch of a path: its contact, and the pushes there.
+Stretch = tuple[int, list[TimedTwist]]
+
+#: Turning radii that joints try, in units of the tightest: slower to turn, but the outline swings out less.
+RADII = (1.0, 2.0, 4.0, 8.0)
+#: Cells each way about the goal for which the time without obstacles is known.
+TABLE_REACH = 20
+#: Poses spread along a path between which the way is shortened, in the rounds of shortening.
+PIECES = (24, 40, 60)
+#: Contacts that a search can tell apart.
+_MOST_CONTACTS = 200
+
+
+class Arena:
+    """A planning problem made ready for search.
+
+    Raises :class:`OutOfTimeError` once ``deadline`` (a value of :func:`time.perf_counter`) has passed.
+
+    Attributes
+    ----------
+    hopeless : str
+        Why there can be no plan, as far as that is plain before any search; empty if it is not.
+    bound : float
+        Time in s that every plan takes.
+    """
+
+    def __init__(self, problem: PlanningProblem, region: str, deadline: float) -> None:
+        if time.perf_counter() > deadline:
+            raise OutOfTimeError("the deadline has passed")
+        self.problem, self.deadline = problem, deadline
+        self.hopeless, self.bound = "", 0.0
+        self.world = world_of(problem)
+        self.bodies = [SweptBody(problem, contact, self.world) for contact in problem.contacts]
+        self.field = DistanceField(problem)
+        self.routes: Routes | None = None
+        if problem.pusher is not None and len(problem.contacts) > 1:
+            self.routes = routes_of(problem)
+        count = min(len(problem.contacts), _MOST_CONTACTS)
+        self.stable = {i: StableSet(problem, i, region, deadline) for i in range(count)}
+        self.steerings: dict[int, Steering] = {}
+        if not self.bodies[0].free(problem.start)[0]:
+            self.hopeless = "the start pose is in collision or out of bounds"
+            return
+        for i, stable in self.stable.items():
+            found = steering(problem, stable)
+            if found is not None:
+                self.steerings[i] = found
+        #: for joints and tests; a search has a graph of its own
+        self.bare = self.graph(4, 1.0, {})
+        x, y, theta = problem.start
+        self.bound = float(_search.least_time(self.bare, x, y, math.cos(theta), math.sin(theta)))
+        if math.isinf(self.bound):
+            self.hopeless, self.bound = "obstacles close off the goal", 0.0
+
+    def graph(self, headings: int, cell: float, edges: dict[int, Edges], table: bool = False) -> Graph:
+        """Return what compiled code needs to know; with edges, what a search does."""
+        problem, contacts = self.problem, len(self.problem.contacts)
+        first, count = [0], 0
+        for i in range(contacts):
+            if i in edges:
+                first += (count + edges[i].first[1:]).tolist()
+                count += len(edges[i].durations)
+            else:
+                first += [count] * headings
+        used = [edges[i] for i in range(contacts) if i in edges]
+        edge_first = np.array(first, dtype=np.int64)
+        steps = np.concatenate([e.steps for e in used]) if used else np.zeros((0, 3), dtype=np.int64)
+        durations = np.concatenate([e.durations for e in used]) if used else np.zeros(0)
+        frames, radii, paces = np.zeros((contacts, 3)), np.zeros((contacts, len(RADII))), np.zeros((contacts, len(RADII), 3))
+        for i, steer in self.steerings.items():
+            frames[i] = steer.frame
+            turns = np.array([[steer.twist(k / (m * steer.radius)) for k in (1.0, 0.0, -1.0)] for m in RADII])
+            good = self.stable[i].accepts(turns.reshape(-1, 3)).reshape(-1, 3).all(axis=1)
+            radii[i, : good.sum()] = steer.radius * np.array(RADII)[good]
+            paces[i, : good.sum()] = problem.push_speed(turns[good]) / problem.speed
+        theta = float(problem.start[2])
+        angles = theta + 2 * np.pi / headings * np.arange(headings)
+        turn = np.array(((math.cos(theta), math.sin(theta)), (-math.sin(theta), math.cos(theta))))
+        there = np.rint(turn @ (problem.goal[:2] - problem.start[:2]) / cell).astype(np.int64)
+        heading = round((float(problem.goal[2]) - theta) / (2 * math.pi) * headings) % headings
+        size = 2 * TABLE_REACH + 1 if table else 1
+        known = np.zeros((contacts, headings, size, size))
+        if table:
+            _search.unobstructed(edge_first, steps, durations, headings, contacts, problem.switch_cost, heading, size, known)
+        bodies = [body.body for body in self.bodies]
+        pusher = None if problem.pusher is None else body_of([problem.pusher])
+        routes = self.routes
+        return Graph(
+            origin=np.array(problem.start),
+            cell=cell,
+            headings=headings,
+            cos=np.cos(angles),
+            sin=np.sin(angles),
+            edge_first=edge_first,
+            steps=steps,
+            twists=np.concatenate([e.twists for e in used]) if used else np.zeros((0, 3)),
+            durations=durations,
+            body_first=np.cumsum([0] + [len(b.edges) for b in bodies]),
+            body_edges=np.concatenate([b.edges for b in bodies]),
+            corner_first=np.cumsum([0] + [len(b.corners) for b in bodies]),
+            corners=np.concatenate([b.corners for b in bodies]),
+            body_radius=np.array([b.radius for b in bodies]),
+            switch_cost=problem.switch_cost,
+            changes=_search.NO_PUSHER if problem.pusher is None else _search.KNOWN_WAYS,
+            pusher_edges=np.zeros((0, 4)) if pusher is None else pusher.edges,
+            pusher_corners=np.zeros((0, 2)) if pusher is None else pusher.corners,
+            pusher_radius=0.0 if pusher is None else pusher.radius,
+            docks=np.zeros((contacts, 3)) if routes is None else routes.docks,
+            retreats=np.full(contacts, -1.0) if routes is None else routes.retreats,
+            route_first=np.zeros(2 * contacts**2 + 1, dtype=np.int64) if routes is None else routes.first,
+            routes=np.zeros((0, 2)) if routes is None else routes.points,
+            goal=np.array(problem.goal),
+            tolerance=np.array(problem.tolerance),
+            outline=np.array(problem.slider.vertices),
+            speed=problem.speed,
+            field=self.field.times,
+            field_low=np.array(self.field.low),
+            field_cell=self.field.cell,
+            table=known,
+            goal_at=there,
+            frames=frames,
+            radii=radii,
+            paces=paces,
+        )
+
+    def joint(self, contact: int, start: FloatArray, end: FloatArray, most: float = math.inf) -> list[TimedTwist] | None:
+        """Return the pushes of the quickest free Dubins path between two poses that takes less than ``most`` (s), if any."""
+        lengths, pieces = np.empty((6, 3)), np.empty((3, 4))
+        time = _search.join(self.bare, self.world, self.bodies[contact].body, contact, *start, *end, most, lengths, pieces)
+        if time >= most:
+            return None
+        return [(pieces[k, :3].copy(), float(pieces[k, 3])) for k in range(3) if pieces[k, 3] > 1e-9]
+
+    def shortened(self, stretches: Sequence[Stretch]) -> list[Stretch]:
+        """Return a path with the same changes of contact, at the same poses, that takes no longer."""
+        pose = np.array(self.problem.start)
+        result: list[Stretch] = []
+        for contact, pushes in stretches:
+            best = pushes
+            for pieces in PIECES:
+                body, stable = self.bodies[contact], self.stable[contact]
+                best = shorten(self.problem, self.bare, self.world, body, stable, pose, best, pieces, self.deadline)
+                best = merged(best, self.problem.speed)
+            result.append((contact, best))
+            pose = end_of(pose, pushes)
+        return result
+
+    def segments(self, stretches: Sequence[Stretch]) -> list[Push | Transfer]:
+        """Return the pushes of a path, with the changes of contact between its stretches."""
+        segments: list[Push | Transfer] = []
+        pose, contact = self.problem.start, 0
+        for at, pushes in stretches:
+            if at != contact:
+                segments.append(Transfer(contact, at, self._pusher_path(contact, at, pose), self.problem.switch_cost))
+                contact = at
+            margins = self.stable[contact].oracle.margin(np.array([twist for twist, _ in pushes]))
+            for (twist, duration), margin in zip(pushes, margins, strict=True):
+                push = Push.from_start(contact, twist, duration, pose, float(margin))
+                segments.append(push)
+                pose = push.end
+        return segments
+
+    def _pusher_path(self, source: int, target: int, pose: FloatArray) -> FloatArray:
+        if self.routes is None:
+            return np.empty((0, 3))
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        route = int(_search.route_between(self.bare, self.world, source, target, pose[0], pose[1], cos, sin))
+        return transfer_path(self.problem, self.routes, route, pose)
+
+    def nudge(self) -> list[Stretch] | None:
+        """A short push that stays within the tolerance, if the start is within it: a plan has at least one push."""
+        problem = self.problem
+        if 0 not in self.steerings or not _search.at_goal(self.bare, *problem.start):
+            return None
+        twist = self.steerings[0].twist(0.0)
+        twist = twist * (problem.speed / float(problem.push_speed(twist)))
+        room = problem.tolerance[0] - float(np.hypot(*(problem.start[:2] - problem.goal[:2])))
+        for length in (1e-3 * problem.slider.radius, room / 2, room / 16):
+            duration = length / problem.speed
+            end = compose(problem.start, exp(twist * duration))
+            if length > 0 and _search.at_goal(self.bare, *end) and self.bodies[0].push_is_free(problem.start, twist, duration):
+                return [(0, [(twist, duration)])]
+        return None
+
+
+def end_of(pose: FloatArray, pushes: Sequence[TimedTwist]) -> FloatArray:
+    """Return the pose that pushes lead to."""
+    for twist, duration in pushes:
+        pose = compose(pose, exp(twist * duration))
+    return pose

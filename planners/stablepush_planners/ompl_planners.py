@@ -1,0 +1,276 @@
+"""Planners of the Open Motion Planning Library on the same stable pushes, obstacles and checks as the lattice.
+
+Geometric planners work on the Dubins paths of the first contact's reference point (:mod:`stablepush_planners.steering`); their
+motions are tested exactly. Control planners draw stable pushes of the first contact at random; every one is swept exactly as it
+is made. None changes the contact. Paths are shortened like those of the lattice.
+"""
+
+from __future__ import annotations
+
+import gc
+import math
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from stablepush._arrays import FloatArray
+from stablepush._sweep import pose_is_free, push_is_free
+from stablepush.errors import OutOfTimeError, UnavailableError
+from stablepush.path import PlanResult
+from stablepush.planar import twist_from_cor
+from stablepush.problem import PlanningProblem
+from stablepush.se2 import compose, inverse
+from stablepush_planners._search import at_goal, moved
+from stablepush_planners.arena import Arena, end_of
+from stablepush_planners.connect import TimedTwist
+
+#: Names, and the classes of ``ompl.geometric`` and ``ompl.control`` behind them.
+GEOMETRIC = {
+    "ompl-bitstar": "BITstar",
+    "ompl-rrtstar": "RRTstar",
+    "ompl-informed-rrtstar": "InformedRRTstar",
+    "ompl-rrtconnect": "RRTConnect",
+}
+CONTROL = {"ompl-rrt": "RRT", "ompl-kpiece": "KPIECE1"}
+#: Stable pushes that control planners choose from, and how long (in slider radii at the speed limit) one step of them is.
+_CONTROLS, _STEP, _MOST_STEPS = 400, 0.25, 8
+#: What is left of the time for shortening the path: so many seconds, and at most this share.
+_LAST, _SHARE = 1.0, 0.1
+
+
+def plan_ompl(
+    problem: PlanningProblem,
+    *,
+    name: str,
+    deadline: float,
+    seed: int = 0,
+    region: str = "model",
+    improve: float = 20_000,
+    progress: Callable[[str], None] | None = None,
+) -> PlanResult:
+    """Plan with a planner of OMPL; see :func:`stablepush.plan`. The first plan of a process repeats for a seed.
+
+    A sampling planner cannot show that there is no path: when it does not find one, the status is ``"timeout"``.
+    """
+    try:
+        from ompl import util
+    except ImportError:
+        raise UnavailableError(f"planner {name}: the package ompl is not installed (it has no wheels for Windows)") from None
+    said = progress or (lambda _: None)
+    try:
+        arena = Arena(problem, region, deadline)
+    except OutOfTimeError:
+        return PlanResult("timeout", name, seed=seed, message="the time limit left no time to search")
+
+    def without(status: str, message: str) -> PlanResult:
+        return PlanResult(status, name, lower_bound=arena.bound, seed=seed, message=message)
+
+    if arena.hopeless:
+        return without("no-path", arena.hopeless)
+    nudge = arena.nudge()
+    if nudge is not None:
+        return PlanResult.from_segments(arena.segments(nudge), planner=name, seed=seed, lower_bound=0.0)
+    if 0 not in arena.steerings:
+        return without("no-path", "the first contact has no stable straight push with stable turns to both sides")
+    util.setLogLevel(util.LOG_NONE)
+    # zero is taken for "no seed"
+    util.RNG.setSeed(seed + 1)
+    solve = _geometric if name in GEOMETRIC else _control
+    try:
+        pushes, approximate = solve(arena, name, improve, said)
+    finally:
+        # states outlive their space otherwise
+        gc.collect()
+    if pushes is None:
+        return without("timeout", "only an approximate path was found" if approximate else "no path was found in time")
+    segments = arena.segments(arena.shortened([(0, pushes)]))
+    duration = sum(s.duration for s in segments)
+    return PlanResult.from_segments(segments, planner=name, seed=seed, lower_bound=min(arena.bound, duration))
+
+
+class _Clock:
+    """Tells a planner when to stop: at the deadline, or so many looked-at motions after the first exact path."""
+
+    def __init__(self, deadline: float, improve: float, solved: Callable[[], bool], said: Callable[[str], None]) -> None:
+        now = time.perf_counter()
+        # some time is left to shorten the path in
+        self._deadline = deadline - min(_LAST, _SHARE * (deadline - now))
+        self._improve, self._solved, self._said = improve, solved, said
+        self.motions, self._first = 0, math.inf
+
+    def __call__(self) -> bool:
+        if math.isinf(self._first) and self._solved():
+            self._first = self.motions
+        self._said(f"{self.motions} motions looked at{'' if math.isinf(self._first) else ', a path is found'}")
+        return time.perf_counter() > self._deadline or self.motions - self._first >= self._improve
+
+    def forget(self) -> None:
+        """Let go of the planner, which holds the validators, which hold this clock: OMPL's objects must not outlive Python's."""
+        self._solved = bool
+
+
+def _bounds(problem: PlanningProblem, arena: Arena) -> Any:
+    from ompl import base
+
+    low, high = arena.field.low, arena.field.low + arena.field.cell * np.array(arena.field.times.shape)
+    bounds = base.RealVectorBounds(2)
+    for axis in range(2):
+        # the reference point may lie outside of the slider
+        room = float(np.linalg.norm(arena.steerings[0].frame[:2]))
+        bounds.setLow(axis, float(low[axis]) - room)
+        bounds.setHigh(axis, float(high[axis]) + room)
+    return bounds
+
+
+def _geometric(arena: Arena, name: str, improve: float, said: Callable[[str], None]) -> tuple[list[TimedTwist] | None, bool]:
+    """Pushes along a Dubins path that OMPL finds, and whether it found at least an approximate one."""
+    from ompl import base, geometric
+
+    problem, steer, body, world = arena.problem, arena.steerings[0], arena.bodies[0].body, arena.world
+    back = inverse(steer.frame)
+    space = base.DubinsStateSpace(steer.radius)
+    space.setBounds(_bounds(problem, arena))
+    setup = geometric.SimpleSetup(space)
+    information = setup.getSpaceInformation()
+
+    def pose_of(state: Any) -> FloatArray:
+        return compose((state.getX(), state.getY(), state.getYaw()), back)
+
+    def valid(state: Any) -> bool:
+        x, y, theta = pose_of(state)
+        return bool(pose_is_free(world, body, x, y, math.cos(theta), math.sin(theta)))
+
+    class Motion(base.MotionValidator):  # type: ignore[misc]
+        def checkMotion(self, first: Any, second: Any, *_: Any) -> bool:
+            clock.motions += 1
+            start, end = pose_of(first), pose_of(second)
+            c, s = math.cos(end[2]), math.sin(end[2])
+            return bool(pose_is_free(world, body, end[0], end[1], c, s)) and arena.joint(0, start, end) is not None
+
+    setup.setStateValidityChecker(valid)
+    information.setMotionValidator(Motion(information))
+    ends = []
+    for pose in (problem.start, problem.goal):
+        state = space.allocState()
+        x, y, theta = compose(pose, steer.frame)
+        state.setX(float(x))
+        state.setY(float(y))
+        state.setYaw(math.remainder(float(theta), 2 * math.pi))
+        ends.append(state)
+    setup.setStartAndGoalStates(*ends)
+    planner = getattr(geometric, GEOMETRIC[name])(information)
+    setup.setPlanner(planner)
+    clock = _Clock(arena.deadline, improve, setup.haveExactSolutionPath, said)
+    setup.solve(base.PlannerTerminationCondition(clock))
+    clock.forget()
+    found: list[TimedTwist] | None = None
+    if setup.haveExactSolutionPath():
+        poses = [pose_of(state) for state in setup.getSolutionPath().getStates()]
+        poses[0], poses[-1] = problem.start, problem.goal
+        found, pose = [], problem.start
+        for end in poses[1:]:
+            part = arena.joint(0, pose, end)
+            if part is None:
+                return None, True
+            found += part
+            pose = end_of(pose, part)
+    return found, bool(setup.haveSolutionPath())
+
+
+def _control(arena: Arena, name: str, improve: float, said: Callable[[str], None]) -> tuple[list[TimedTwist] | None, bool]:
+    """Stable pushes that OMPL strings together until a joint leads to the goal."""
+    from ompl import base, control
+
+    del improve  # these planners end with their first path
+    problem, body, world = arena.problem, arena.bodies[0].body, arena.world
+    twists = _controls(arena)
+    space = base.SE2StateSpace()
+    space.setBounds(_bounds(problem, arena))
+    controls = control.RealVectorControlSpace(space, 1)
+    limits = base.RealVectorBounds(1)
+    limits.setLow(0.0)
+    limits.setHigh(float(len(twists)))
+    controls.setBounds(limits)
+    setup = control.SimpleSetup(controls)
+    information = setup.getSpaceInformation()
+    outside = float(arena.field.low[0]) - 1e3
+
+    def chosen(u: Any) -> FloatArray:
+        return twists[min(len(twists) - 1, max(0, int(u[0])))]
+
+    def propagate(state: Any, u: Any, duration: float, result: Any) -> None:
+        clock.motions += 1
+        x, y, theta = state.getX(), state.getY(), state.getYaw()
+        v = chosen(u)
+        if x > outside / 2 and push_is_free(world, body, x, y, math.cos(theta), math.sin(theta), *v, duration):
+            x, y, theta = moved(x, y, theta, *v, duration)
+            result.setX(x)
+            result.setY(y)
+            result.setYaw(math.remainder(theta, 2 * math.pi))
+        else:
+            # a place that is never valid
+            result.setX(outside)
+            result.setY(y)
+            result.setYaw(theta)
+
+    class Joined(base.GoalRegion):  # type: ignore[misc]
+        def distanceGoal(self, state: Any) -> float:
+            dx, dy = state.getX() - problem.goal[0], state.getY() - problem.goal[1]
+            pose = np.array((state.getX(), state.getY(), state.getYaw()))
+            if at_goal(arena.bare, *pose) or arena.joint(0, pose, problem.goal) is not None:
+                return 0.0
+            return 1.0 + math.hypot(dx, dy)
+
+    setup.setStateValidityChecker(lambda state: state.getX() > outside / 2)
+    setup.setStatePropagator(propagate)
+    information.setPropagationStepSize(_STEP * problem.slider.radius / problem.speed)
+    information.setMinMaxControlDuration(1, _MOST_STEPS)
+    start = space.allocState()
+    for setter, value in zip((start.setX, start.setY, start.setYaw), problem.start, strict=True):
+        setter(float(value))
+    start.setYaw(math.remainder(float(problem.start[2]), 2 * math.pi))
+    setup.setStartState(start)
+    goal = Joined(information)
+    goal.setThreshold(0.5)
+    setup.setGoal(goal)
+    setup.setPlanner(getattr(control, CONTROL[name])(information))
+    clock = _Clock(arena.deadline, 0, setup.haveExactSolutionPath, said)
+    setup.solve(base.PlannerTerminationCondition(clock))
+    clock.forget()
+    found: list[TimedTwist] | None = None
+    if setup.haveExactSolutionPath():
+        path = setup.getSolutionPath()
+        found = [
+            (chosen(u).copy(), float(d)) for u, d in zip(path.getControls(), path.getControlDurations(), strict=True) if d > 0
+        ]
+        end = end_of(problem.start, found)
+        if not at_goal(arena.bare, *end):
+            found += arena.joint(0, end, problem.goal) or []
+    return found, bool(setup.haveSolutionPath())
+
+
+def _controls(arena: Arena) -> FloatArray:
+    """Stable body twists (n, 3) at the speed limit: CORs over the plane, denser near the slider, and translations."""
+    rng = np.random.default_rng(0)
+    rho = arena.problem.surface.characteristic_length
+    found = [arena.steerings[0].twist(k / arena.steerings[0].radius) for k in (1.0, 0.0, -1.0)]
+    for _ in range(50):
+        places = rng.normal(size=(1000, 2))
+        places *= rho * 10 ** rng.uniform(-0.5, 2, size=(1000, 1)) / np.linalg.norm(places, axis=1, keepdims=True)
+        turns = twist_from_cor(places, rng.choice((1.0, -1.0), size=1000))
+        found += list(turns[arena.stable[0].accepts(turns)])
+        if len(found) >= _CONTROLS:
+            break
+    twists = np.array(found[:_CONTROLS])
+    return np.ascontiguousarray(twists * (arena.problem.speed / arena.problem.push_speed(twists))[:, None])
+
+
+plan_bitstar = partial(plan_ompl, name="ompl-bitstar")
+plan_rrtstar = partial(plan_ompl, name="ompl-rrtstar")
+plan_informed_rrtstar = partial(plan_ompl, name="ompl-informed-rrtstar")
+plan_rrtconnect = partial(plan_ompl, name="ompl-rrtconnect")
+plan_rrt = partial(plan_ompl, name="ompl-rrt")
+plan_kpiece = partial(plan_ompl, name="ompl-kpiece")
