@@ -42,6 +42,7 @@ if TYPE_CHECKING:
         PolynomialLimitSurface,
         monomial_exponents,
     )
+    from stablepush.options import PlanOptions
     from stablepush.oracle import StabilityOracle
     from stablepush.path import PlanResult, Push, Transfer, load_plan, save_plan
     from stablepush.planning import plan, planner_names
@@ -81,6 +82,7 @@ _HOMES = {
     "models": ("GaussianProcessSurface", "IdealLimitSurface", "LimitSurface", "PolynomialLimitSurface", "monomial_exponents"),
     "oracle": ("StabilityOracle",),
     "path": ("PlanResult", "Push", "Transfer", "load_plan", "save_plan"),
+    "options": ("PlanOptions",),
     "planning": ("plan", "planner_names"),
     "problem": ("PlanningProblem", "load_scene", "save_scene"),
     "probability": ("ProbabilityMap", "chance_region", "probability_map"),
@@ -103,6 +105,7 @@ __all__ = [
     "Noise",
     "OnlineEstimate",
     "OnlineIdentifier",
+    "PlanOptions",
     "PlanResult",
     "PlanningProblem",
     "Poke",

@@ -8,7 +8,7 @@ from typing import Any
 from numba import njit
 
 #: Multiply-adds may be fused, which only makes them more accurate; nothing else of fast maths, for NaN must stay NaN.
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -17,3 +17,14 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         return njit(cache=True, **_OPTIONS)(function)  # type: ignore[no-any-return]
     except RuntimeError:  # numba found neither the package nor the user's cache folder writable
         return njit(**_OPTIONS)(function)  # type: ignore[no-any-return]
+
+
+def inner(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function that only compiled code may call: without the door to Python, which takes long to build.
+
+    Calling it from Python crashes the process.
+    """
+    try:
+        return njit(cache=True, no_cpython_wrapper=True, **_OPTIONS)(function)  # type: ignore[no-any-return]
+    except RuntimeError:
+        return njit(no_cpython_wrapper=True, **_OPTIONS)(function)  # type: ignore[no-any-return]

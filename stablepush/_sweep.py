@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stablepush._arrays import FloatArray
-from stablepush._compiled import compiled
+from stablepush._compiled import compiled, inner
 
 #: Turns are tested in parts of at most this angle (rad); below pi, so that signs of cross products tell what an arc passes.
 _LARGEST_PART = 2.0
@@ -49,7 +49,7 @@ class Body(NamedTuple):
     radius: float
 
 
-@compiled
+@inner
 def room_at(world, x, y):  # type: ignore[no-untyped-def]
     """Least distance (m) from a place to obstacles and bounds, as far as the grid knows."""
     i, j = math.floor((x - world.low[0]) / world.cell), math.floor((y - world.low[1]) / world.cell)
@@ -58,7 +58,7 @@ def room_at(world, x, y):  # type: ignore[no-untyped-def]
     return 0.0
 
 
-@compiled
+@inner
 def _meets_arc(px, py, qx, qy, ax, ay, ex, ey, sign):  # type: ignore[no-untyped-def]
     """Whether the arc about the origin from (px, py) to (qx, qy), turning by less than pi, meets a + t e."""
     qa = ex * ex + ey * ey
@@ -77,7 +77,7 @@ def _meets_arc(px, py, qx, qy, ax, ay, ex, ey, sign):  # type: ignore[no-untyped
     return False
 
 
-@compiled
+@inner
 def _meets_line(px, py, dx, dy, ax, ay, ex, ey):  # type: ignore[no-untyped-def]
     """Whether the way from (px, py) by (dx, dy) meets a + t e."""
     across = dx * ey - dy * ex
@@ -89,7 +89,7 @@ def _meets_line(px, py, dx, dy, ax, ay, ex, ey):  # type: ignore[no-untyped-def]
     return 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0
 
 
-@compiled
+@inner
 def _span(ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Squares of the least and the largest distance of a segment from the origin."""
     ex, ey = bx - ax, by - ay
@@ -100,7 +100,7 @@ def _span(ax, ay, bx, by):  # type: ignore[no-untyped-def]
     return least * (1.0 - 1e-12), max(a, b) * (1.0 + 1e-12)
 
 
-@compiled
+@inner
 def arc_is_free(world, body, x, y, cos, sin, cx, cy, angle):  # type: ignore[no-untyped-def]
     """Whether a body that is free at the pose (x, y, cos, sin) stays so while it turns by ``angle`` about (cx, cy)."""
     parts = math.ceil(abs(angle) / _LARGEST_PART)
@@ -117,7 +117,7 @@ def arc_is_free(world, body, x, y, cos, sin, cx, cy, angle):  # type: ignore[no-
     return True
 
 
-@compiled
+@inner
 def _part_is_free(world, body, rx, ry, cos, sin, cx, cy, angle, ca, sa, sign):  # type: ignore[no-untyped-def]
     low_x = low_y = math.inf
     high_x = high_y = -math.inf

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,18 +11,15 @@ from typing import Protocol
 from stablepush._arrays import LARGEST_MAGNITUDE, check_number
 from stablepush.check import check_plan
 from stablepush.errors import InputError
+from stablepush.options import PlanOptions
 from stablepush.path import PlanResult
 from stablepush.problem import PlanningProblem
-
-#: Sets of rotation centres that a plan may draw on.
-REGIONS = ("model", "all-pressure", "conservative")
 
 
 class Planner(Protocol):
     """What a package registers under the entry point group ``stablepush.planners``.
 
-    ``deadline`` is a value of :func:`time.perf_counter`; ``improve`` the steps of search that may follow the first plan;
-    ``progress`` takes short words on the state of the search.
+    ``deadline`` is a value of :func:`time.perf_counter`; ``progress`` takes short words on the state of the search.
     """
 
     def __call__(
@@ -32,8 +28,7 @@ class Planner(Protocol):
         *,
         deadline: float,
         seed: int,
-        region: str,
-        improve: float,
+        options: PlanOptions,
         progress: Callable[[str], None] | None,
     ) -> PlanResult: ...
 
@@ -50,6 +45,8 @@ def plan(
     seed: int | None = None,
     *,
     region: str = "model",
+    probability: float = 0.0,
+    margin_weight: float = 0.0,
     improve: float = 20_000,
     progress: Callable[[str], None] | None = None,
 ) -> PlanResult:
@@ -64,12 +61,8 @@ def plan(
         Wall time in s after which the planner stops with the status ``"timeout"``.
     seed : int, optional
         Seed of planners that draw random numbers; 0 if not given.
-    region : {"model", "all-pressure", "conservative"}
-        Which CORs may be used: those the limit surface calls stable, or only those of these that hold for every pressure
-        distribution, all of them or what Lynch and Mason's STABLE finds of them.
-    improve : float
-        Steps of search (poses expanded, states sampled) in which planners that can look for better plans after the first; a count
-        and not a time, so that plans repeat. Infinite: until the time limit.
+    region, probability, margin_weight, improve
+        How sure and how good the plan is to be: see :class:`PlanOptions`.
     progress : callable, optional
         Called now and then with a line on the state of the search.
 
@@ -80,9 +73,7 @@ def plan(
     """
     started = time.perf_counter()
     limit = check_number(time_limit, "time_limit", at_least=0.0)
-    more = math.inf if improve == math.inf else check_number(improve, "improve", at_least=0.0)
-    if region not in REGIONS:
-        raise InputError(f"region: expected {' or '.join(REGIONS)}, got {region!r}")
+    options = PlanOptions(region, probability, margin_weight, improve)
     found = {entry.name: entry for entry in entry_points(group="stablepush.planners")}
     if planner not in found:
         raise InputError(f"planner: expected one of {', '.join(sorted(found)) or 'none installed'}, got {planner!r}")
@@ -91,8 +82,7 @@ def plan(
         problem,
         deadline=started + limit,
         seed=0 if seed is None else int(seed),
-        region=region,
-        improve=more,
+        options=options,
         progress=progress,
     )
     if result.solved:

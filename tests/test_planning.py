@@ -46,7 +46,7 @@ def test_dubins_words_end_at_the_goal(x0, y0, t0, x1, y1, t1, radius):
 @pytest.mark.parametrize("region", ("model", "all-pressure", "conservative"))
 def test_steering_is_stable_and_tight(region):
     problem = small_scene(min_margin=0.05)
-    stable = StableSet(problem, 0, region)
+    stable = StableSet(problem, 0, sp.PlanOptions(region))
     steer = steering(problem, stable)
     assert steer is not None
     turns = [steer.twist(kappa / steer.radius) for kappa in (0.0, 1.0, -1.0)]
@@ -61,7 +61,7 @@ def test_steering_is_stable_and_tight(region):
         assert build(problem.slider, problem.contacts[0]).contains_twists(turns).all()
         assert steering(problem, StableSet(problem, 0)).radius < steer.radius  # type: ignore[union-attr]
     if region == "all-pressure":
-        assert steer.radius < steering(problem, StableSet(problem, 0, "conservative")).radius  # type: ignore[union-attr]
+        assert steer.radius < steering(problem, StableSet(problem, 0, sp.PlanOptions("conservative"))).radius  # type: ignore[union-attr]
 
 
 def test_a_plan_among_obstacles_passes_the_check(solved):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stablepush._arrays import BoolArray, FloatArray
-from stablepush._compiled import compiled
+from stablepush._compiled import compiled, inner
 from stablepush._sweep import Body, line_is_free, pose_is_free, push_is_free, room_at
 from stablepush_planners.dubins import CURVATURES, dubins_lengths
 
@@ -28,52 +28,80 @@ _POSITION, _HEADING, _CONTACT = 21, 10, 8
 _HALF = 1 << (_POSITION - 1)
 
 
-class Graph(NamedTuple):
-    """What a search runs on; arrays by contact stand one after the other, ``*_first`` tells where each begins."""
+class Cells(NamedTuple):
+    """The lattice: pose of its origin in W, width of a cell (m), number of headings, cosines and sines (headings,) of body
+    angles; edges: where those of a contact and heading begin, steps (n, 3), body twists (n, 3), durations and costs (n,)."""
 
-    #: pose in W of the lattice's origin, width of a cell (m), number of headings, cosines and sines (headings,) of body angles
     origin: FloatArray
     cell: float
     headings: int
     cos: FloatArray
     sin: FloatArray
-    #: edges by contact and heading: steps (n, 3), body twists (n, 3), durations (n,)
-    edge_first: np.ndarray
+    first: np.ndarray
     steps: np.ndarray
     twists: FloatArray
     durations: FloatArray
-    #: bodies by contact
-    body_first: np.ndarray
-    body_edges: FloatArray
+    costs: FloatArray
+
+
+class Bodies(NamedTuple):
+    """Slider and docked pusher, by contact: where edges and corners of each begin, and radii (m)."""
+
+    edge_first: np.ndarray
+    edges: FloatArray
     corner_first: np.ndarray
     corners: FloatArray
-    body_radius: FloatArray
-    #: time (s) of a change of contact, how it is tested (:data:`NO_PUSHER` and so on), the pusher in its frame, its docked poses
-    #: (contacts, 3) in B, how far it backs off (m), and two ways round the slider in B for every pair of contacts
-    switch_cost: float
-    changes: int
-    pusher_edges: FloatArray
-    pusher_corners: FloatArray
-    pusher_radius: float
-    docks: FloatArray
-    retreats: FloatArray
-    route_first: np.ndarray
-    routes: FloatArray
-    #: goal (3,), tolerance (2,), outline (k, 2), speed limit (m/s)
-    goal: FloatArray
+    radii: FloatArray
+
+
+class Goal(NamedTuple):
+    """Goal pose, tolerance (m, rad), outline (k, 2) of the slider, speed limit (m/s); least times (s) by place, and the place's
+    grid (:class:`DistanceField`); times without obstacles by contact, heading and cells from the goal's cell ``at``."""
+
+    pose: FloatArray
     tolerance: FloatArray
     outline: FloatArray
     speed: float
-    #: least time (s) to the goal by place (:class:`DistanceField`), and without obstacles by contact, heading and cell
     field: FloatArray
-    field_low: FloatArray
-    field_cell: float
+    low: FloatArray
+    cell: float
     table: FloatArray
-    goal_at: np.ndarray
-    #: joints by contact: frame of the reference point in B (3,), radii (m, zero for none), times (s/m) of left, straight, right
+    at: np.ndarray
+
+
+class Joints(NamedTuple):
+    """Dubins paths by contact: frame of the reference point in B (3,), radii (m, zero for none), times and costs (s/m) of left,
+    straight and right."""
+
     frames: FloatArray
     radii: FloatArray
     paces: FloatArray
+    prices: FloatArray
+
+
+class Changes(NamedTuple):
+    """Changes of contact: time (s), how they are tested (:data:`NO_PUSHER` and so on), the pusher in its frame, its docked poses
+    (contacts, 3) in B, how far it backs off (m), and two ways round the slider in B for every pair of contacts."""
+
+    cost: float
+    kind: int
+    edges: FloatArray
+    corners: FloatArray
+    radius: float
+    docks: FloatArray
+    retreats: FloatArray
+    first: np.ndarray
+    routes: FloatArray
+
+
+class Graph(NamedTuple):
+    """What a search runs on."""
+
+    cells: Cells
+    bodies: Bodies
+    goal: Goal
+    joints: Joints
+    changes: Changes
 
 
 class Tree(NamedTuple):
@@ -106,105 +134,105 @@ def parts_of(key):  # type: ignore[no-untyped-def]
     return rest >> _HEADING, rest & ((1 << _HEADING) - 1), ((key >> _POSITION) & mask) - _HALF, (key & mask) - _HALF
 
 
-@compiled
-def body_at(graph, contact):  # type: ignore[no-untyped-def]
+@inner
+def body_at(bodies, contact):  # type: ignore[no-untyped-def]
     """Slider and pusher docked at a contact."""
-    a, b = graph.body_first[contact], graph.body_first[contact + 1]
-    c, d = graph.corner_first[contact], graph.corner_first[contact + 1]
-    return Body(graph.body_edges[a:b], graph.corners[c:d], graph.body_radius[contact])
+    a, b = bodies.edge_first[contact], bodies.edge_first[contact + 1]
+    c, d = bodies.corner_first[contact], bodies.corner_first[contact + 1]
+    return Body(bodies.edges[a:b], bodies.corners[c:d], bodies.radii[contact])
 
 
-@compiled
-def place_of(graph, i, j):  # type: ignore[no-untyped-def]
+@inner
+def place_of(cells, i, j):  # type: ignore[no-untyped-def]
     """Place in W of a lattice pose."""
-    x, y = i * graph.cell, j * graph.cell
-    cos, sin = math.cos(graph.origin[2]), math.sin(graph.origin[2])
-    return graph.origin[0] + cos * x - sin * y, graph.origin[1] + sin * x + cos * y
+    x, y = i * cells.cell, j * cells.cell
+    cos, sin = math.cos(cells.origin[2]), math.sin(cells.origin[2])
+    return cells.origin[0] + cos * x - sin * y, cells.origin[1] + sin * x + cos * y
 
 
 @compiled
-def least_time(graph, x, y, cos, sin):  # type: ignore[no-untyped-def]
+def least_time(goal, x, y, cos, sin):  # type: ignore[no-untyped-def]
     """Time (s) that every way to the goal takes: no point of the outline is faster than the limit, nor goes through walls."""
-    gc, gs = math.cos(graph.goal[2]), math.sin(graph.goal[2])
+    gc, gs = math.cos(goal.pose[2]), math.sin(goal.pose[2])
     most = 0.0
-    for v in range(graph.outline.shape[0]):
-        px, py = graph.outline[v, 0], graph.outline[v, 1]
-        dx = x + cos * px - sin * py - graph.goal[0] - gc * px + gs * py
-        dy = y + sin * px + cos * py - graph.goal[1] - gs * px - gc * py
-        slack = graph.tolerance[0] + graph.tolerance[1] * math.sqrt(px * px + py * py)
+    for v in range(goal.outline.shape[0]):
+        px, py = goal.outline[v, 0], goal.outline[v, 1]
+        dx = x + cos * px - sin * py - goal.pose[0] - gc * px + gs * py
+        dy = y + sin * px + cos * py - goal.pose[1] - gs * px - gc * py
+        slack = goal.tolerance[0] + goal.tolerance[1] * math.sqrt(px * px + py * py)
         most = max(most, math.sqrt(dx * dx + dy * dy) - slack)
     i, j = (
-        math.floor((x - graph.field_low[0]) / graph.field_cell),
-        math.floor((y - graph.field_low[1]) / graph.field_cell),
+        math.floor((x - goal.low[0]) / goal.cell),
+        math.floor((y - goal.low[1]) / goal.cell),
     )
-    if 0 <= i < graph.field.shape[0] and 0 <= j < graph.field.shape[1]:
-        return max(most / graph.speed, graph.field[i, j])
-    return most / graph.speed
+    if 0 <= i < goal.field.shape[0] and 0 <= j < goal.field.shape[1]:
+        return max(most / goal.speed, goal.field[i, j])
+    return most / goal.speed
 
 
-@compiled
-def guessed_time(graph, contact, heading, i, j, least):  # type: ignore[no-untyped-def]
+@inner
+def guessed_time(goal, contact, heading, i, j, least):  # type: ignore[no-untyped-def]
     """Time (s) to the goal that the edges take without obstacles, near the goal, and at least ``least``."""
-    di, dj = i - graph.goal_at[0], j - graph.goal_at[1]
-    reach = (graph.table.shape[2] - 1) // 2
+    di, dj = i - goal.at[0], j - goal.at[1]
+    reach = (goal.table.shape[2] - 1) // 2
     if -reach <= di <= reach and -reach <= dj <= reach:
-        known = graph.table[contact, heading, di + reach, dj + reach]
+        known = goal.table[contact, heading, di + reach, dj + reach]
         if known < math.inf:
             return max(least, known)
     return least
 
 
 @compiled
-def at_goal(graph, x, y, theta):  # type: ignore[no-untyped-def]
+def at_goal(goal, x, y, theta):  # type: ignore[no-untyped-def]
     """Whether a pose is within the tolerance."""
-    dx, dy = x - graph.goal[0], y - graph.goal[1]
-    turn = (theta - graph.goal[2] + math.pi) % (2 * math.pi) - math.pi
+    dx, dy = x - goal.pose[0], y - goal.pose[1]
+    turn = (theta - goal.pose[2] + math.pi) % (2 * math.pi) - math.pi
     slack = 1e-7
-    return math.sqrt(dx * dx + dy * dy) <= graph.tolerance[0] - slack and abs(turn) <= graph.tolerance[1] - slack
+    return math.sqrt(dx * dx + dy * dy) <= goal.tolerance[0] - slack and abs(turn) <= goal.tolerance[1] - slack
 
 
-@compiled
+@inner
 def turn_twist(frame, curvature):  # type: ignore[no-untyped-def]
     """Body twist of unit speed of the reference point, turning with a curvature (1/m)."""
     return math.cos(frame[2]) + curvature * frame[1], math.sin(frame[2]) - curvature * frame[0], curvature
 
 
 @compiled
-def join(graph, world, body, contact, x, y, theta, gx, gy, gt, most, lengths, pieces):  # type: ignore[no-untyped-def]
-    """Quickest free Dubins word of the reference point between two poses that takes less than ``most``; its time (s).
+def join(joints, world, body, contact, x, y, theta, gx, gy, gt, most, lengths, pieces):  # type: ignore[no-untyped-def]
+    """Cheapest free Dubins word of the reference point between two poses that costs less than ``most``; its cost (s).
 
     ``pieces`` (3, 4) receives body twists and durations; ``lengths`` (6, 3) is room to work in.
     """
-    frame = graph.frames[contact]
+    frame = joints.frames[contact]
     c0, s0, c1, s1 = math.cos(theta), math.sin(theta), math.cos(gt), math.sin(gt)
     x0, y0 = x + c0 * frame[0] - s0 * frame[1], y + s0 * frame[0] + c0 * frame[1]
     x1, y1 = gx + c1 * frame[0] - s1 * frame[1], gy + s1 * frame[0] + c1 * frame[1]
     best = math.inf
     tried = 1e-9
-    # words in the order of their time; each is looked at once
+    # words in the order of their cost; each is looked at once
     for _ in range(4):
         found, word, which = math.inf, -1, -1
-        for r in range(graph.radii.shape[1]):
-            radius = graph.radii[contact, r]
+        for r in range(joints.radii.shape[1]):
+            radius = joints.radii[contact, r]
             if radius <= 0.0:
                 continue
             dubins_lengths(x0, y0, theta + frame[2], x1, y1, gt + frame[2], radius, lengths)
             for w in range(6):
-                time = 0.0
+                cost = 0.0
                 for p in range(3):
-                    time += lengths[w, p] * radius * graph.paces[contact, r, int(1 - CURVATURES[w, p])]
-                if tried < time < min(found, most):
-                    found, word, which = time, w, r
+                    cost += lengths[w, p] * radius * joints.prices[contact, r, int(1 - CURVATURES[w, p])]
+                if tried < cost < min(found, most):
+                    found, word, which = cost, w, r
         if word < 0:
             break
         tried = found
-        radius = graph.radii[contact, which]
+        radius = joints.radii[contact, which]
         dubins_lengths(x0, y0, theta + frame[2], x1, y1, gt + frame[2], radius, lengths)
         px, py, pt = x, y, theta
         good = True
         for p in range(3):
             curvature = CURVATURES[word, p] / radius
-            pace = graph.paces[contact, which, int(1 - CURVATURES[word, p])]
+            pace = joints.paces[contact, which, int(1 - CURVATURES[word, p])]
             vx, vy, omega = turn_twist(frame, curvature)
             duration = lengths[word, p] * radius * pace
             pieces[p, 0], pieces[p, 1], pieces[p, 2], pieces[p, 3] = vx / pace, vy / pace, omega / pace, duration
@@ -233,7 +261,7 @@ def moved(x, y, theta, vx, vy, omega, duration):  # type: ignore[no-untyped-def]
     return x + c * dx - s * dy, y + s * dx + c * dy, theta + angle
 
 
-@compiled
+@inner
 def disc_is_free(world, x0, y0, x1, y1, radius):  # type: ignore[no-untyped-def]
     """Whether a disc that moves straight stays clear of obstacles and within the bounds."""
     b = world.bounds
@@ -271,59 +299,59 @@ def disc_is_free(world, x0, y0, x1, y1, radius):  # type: ignore[no-untyped-def]
     return True
 
 
-@compiled
-def route_is_free(graph, world, route, x, y, cos, sin):  # type: ignore[no-untyped-def]
+@inner
+def route_is_free(changes, world, route, x, y, cos, sin):  # type: ignore[no-untyped-def]
     """Whether the pusher, as a disc, can take a way round the slider."""
-    a, b = graph.route_first[route], graph.route_first[route + 1]
+    a, b = changes.first[route], changes.first[route + 1]
     if b == a:
         return False
     for k in range(a, b - 1):
-        px, py = graph.routes[k, 0], graph.routes[k, 1]
-        qx, qy = graph.routes[k + 1, 0], graph.routes[k + 1, 1]
+        px, py = changes.routes[k, 0], changes.routes[k, 1]
+        qx, qy = changes.routes[k + 1, 0], changes.routes[k + 1, 1]
         if not disc_is_free(
             world,
             x + cos * px - sin * py,
             y + sin * px + cos * py,
             x + cos * qx - sin * qy,
             y + sin * qx + cos * qy,
-            graph.pusher_radius,
+            changes.radius,
         ):
             return False
     return True
 
 
-@compiled
-def can_back_off(graph, world, contact, x, y, cos, sin):  # type: ignore[no-untyped-def]
+@inner
+def can_back_off(changes, world, contact, x, y, cos, sin):  # type: ignore[no-untyped-def]
     """Whether the docked pusher can back off straight, as far as obstacles and bounds go."""
-    pusher = Body(graph.pusher_edges, graph.pusher_corners, graph.pusher_radius)
-    dock = graph.docks[contact]
+    pusher = Body(changes.edges, changes.corners, changes.radius)
+    dock = changes.docks[contact]
     c, s = math.cos(dock[2]), math.sin(dock[2])
     c, s = cos * c - sin * s, sin * c + cos * s
     px, py = x + cos * dock[0] - sin * dock[1], y + sin * dock[0] + cos * dock[1]
-    way = graph.retreats[contact]
+    way = changes.retreats[contact]
     return line_is_free(world, pusher, px, py, c, s, -way * c, -way * s)
 
 
 @compiled
-def route_between(graph, world, source, target, x, y, cos, sin):  # type: ignore[no-untyped-def]
+def route_between(changes, bodies, world, source, target, x, y, cos, sin):  # type: ignore[no-untyped-def]
     """A free way round the slider from one contact to another: its number, or -1."""
-    contacts = graph.frames.shape[0]
-    if graph.retreats[source] < 0.0 or graph.retreats[target] < 0.0:
+    contacts = changes.docks.shape[0]
+    if changes.retreats[source] < 0.0 or changes.retreats[target] < 0.0:
         return -1
-    if room_at(world, x, y) <= graph.body_radius[target] and not pose_is_free(world, body_at(graph, target), x, y, cos, sin):
+    if room_at(world, x, y) <= bodies.radii[target] and not pose_is_free(world, body_at(bodies, target), x, y, cos, sin):
         return -1
-    if not can_back_off(graph, world, source, x, y, cos, sin) or not can_back_off(graph, world, target, x, y, cos, sin):
+    if not can_back_off(changes, world, source, x, y, cos, sin) or not can_back_off(changes, world, target, x, y, cos, sin):
         return -1
-    if graph.changes == ANY_WAY:
+    if changes.kind == ANY_WAY:
         return 0
     for side in range(2):
         route = 2 * (source * contacts + target) + side
-        if route_is_free(graph, world, route, x, y, cos, sin):
+        if route_is_free(changes, world, route, x, y, cos, sin):
             return route
     return -1
 
 
-@compiled
+@inner
 def _find(tree, key):  # type: ignore[no-untyped-def]
     """Where in the table a key is, or belongs."""
     size = tree.table.shape[0]
@@ -333,7 +361,7 @@ def _find(tree, key):  # type: ignore[no-untyped-def]
     return at
 
 
-@compiled
+@inner
 def heap_push(values, items, count, value, item):  # type: ignore[no-untyped-def]
     """Put an item into a heap of ``count`` items, the least value first."""
     n = count
@@ -346,7 +374,7 @@ def heap_push(values, items, count, value, item):  # type: ignore[no-untyped-def
     values[n], items[n] = value, item
 
 
-@compiled
+@inner
 def heap_pop(values, items, count):  # type: ignore[no-untyped-def]
     """Take the first item out of a heap of ``count`` items."""
     item, n = items[0], count - 1
@@ -366,20 +394,20 @@ def heap_pop(values, items, count):  # type: ignore[no-untyped-def]
     return item
 
 
-@compiled
+@inner
 def _enqueue(tree, value, node):  # type: ignore[no-untyped-def]
     heap_push(tree.queue, tree.queued, tree.counts[1], value, node)
     tree.counts[1] += 1
 
 
-@compiled
+@inner
 def _dequeue(tree):  # type: ignore[no-untyped-def]
     node = heap_pop(tree.queue, tree.queued, tree.counts[1])
     tree.counts[1] -= 1
     return node
 
 
-@compiled
+@inner
 def _settled(tree, node, cost, weight):  # type: ignore[no-untyped-def]
     """Whether a node is not worth reaching again. Greedy searches expand no pose twice: costs that grow a little weigh less than
     a search that takes many times as long."""
@@ -387,14 +415,14 @@ def _settled(tree, node, cost, weight):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def reach(graph, tree, key, cost, parent, via, weight, limit):  # type: ignore[no-untyped-def]
+def reach(cells, goal, tree, key, cost, parent, via, weight, limit):  # type: ignore[no-untyped-def]
     """Note that a lattice pose can be reached at a cost; queue it if that is cheaper than before."""
     at = _find(tree, key)
     node = tree.table[at]
     if node < 0:
         contact, heading, i, j = parts_of(key)
-        x, y = place_of(graph, i, j)
-        least = least_time(graph, x, y, graph.cos[heading], graph.sin[heading])
+        x, y = place_of(cells, i, j)
+        least = least_time(goal, x, y, cells.cos[heading], cells.sin[heading])
         if least == math.inf or cost + least >= limit:
             return
         node = tree.counts[0]
@@ -402,7 +430,7 @@ def reach(graph, tree, key, cost, parent, via, weight, limit):  # type: ignore[n
         tree.table[at] = node
         tree.key[node] = key
         tree.least[node] = least
-        tree.guess[node] = guessed_time(graph, contact, heading, i, j, least)
+        tree.guess[node] = guessed_time(goal, contact, heading, i, j, least)
     elif _settled(tree, node, cost, weight) or cost + tree.least[node] >= limit:
         return
     tree.cost[node], tree.parent[node], tree.via[node], tree.closed[node] = cost, parent, via, False
@@ -426,9 +454,10 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
 
     ``denied`` holds the keys, sorted, to which a change of contact was found impossible. Returns why it stopped.
     """
+    cells, changes = graph.cells, graph.changes
     lengths, pieces = np.empty((6, 3)), np.empty((3, 4))
-    room = graph.edge_first.shape[0] + 64
-    contacts = graph.frames.shape[0]
+    room = cells.first.shape[0] + 64
+    contacts = graph.joints.frames.shape[0]
     for _ in range(quota):
         # room for all that one expansion may add
         if tree.counts[0] + room > tree.key.shape[0] or tree.counts[1] + room > tree.queue.shape[0]:
@@ -451,23 +480,23 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
         tree.closed[node] = True
         tree.counts[2] += 1
         contact, heading, i, j = parts_of(tree.key[node])
-        x, y = place_of(graph, i, j)
-        cos, sin = graph.cos[heading], graph.sin[heading]
+        x, y = place_of(cells, i, j)
+        cos, sin = cells.cos[heading], cells.sin[heading]
         theta = math.atan2(sin, cos)
-        if tree.via[node] >= 0 and at_goal(graph, x, y, theta):
+        if tree.via[node] >= 0 and at_goal(graph.goal, x, y, theta):
             tree.counts[3] = node
             return DONE
-        body = body_at(graph, contact)
+        body = body_at(graph.bodies, contact)
         cost = tree.cost[node]
         # near the goal every pose is joined to it, far away now and then
         interval = 1 + int(_JOINTS * tree.least[node] / max(tree.least[0], 1e-9))
-        if graph.radii[contact, 0] > 0.0 and (tree.counts[2] == 1 or tree.counts[2] % interval == 0):
+        if graph.joints.radii[contact, 0] > 0.0 and (tree.counts[2] == 1 or tree.counts[2] % interval == 0):
             most = limit - cost
             goal = tree.counts[3]
             if goal >= 0:
                 most = min(most, tree.cost[goal] - cost)
-            g = graph.goal
-            time = join(graph, world, body, contact, x, y, theta, g[0], g[1], g[2], most, lengths, pieces)
+            g = graph.goal.pose
+            time = join(graph.joints, world, body, contact, x, y, theta, g[0], g[1], g[2], most, lengths, pieces)
             if time < most:
                 # joints are nodes of their own, one at most is of use
                 if goal < 0:
@@ -479,35 +508,33 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
                 tree.least[goal] = tree.guess[goal] = 0.0
                 tree.closed[goal] = False
                 _enqueue(tree, cost + time, goal)
-        for e in range(
-            graph.edge_first[contact * graph.headings + heading], graph.edge_first[contact * graph.headings + heading + 1]
-        ):
-            k = (heading + graph.steps[e, 2]) % graph.headings
-            key = key_of(contact, k, i + graph.steps[e, 0], j + graph.steps[e, 1])
+        for e in range(cells.first[contact * cells.headings + heading], cells.first[contact * cells.headings + heading + 1]):
+            k = (heading + cells.steps[e, 2]) % cells.headings
+            key = key_of(contact, k, i + cells.steps[e, 0], j + cells.steps[e, 1])
             there = tree.table[_find(tree, key)]
-            total = cost + graph.durations[e]
+            total = cost + cells.costs[e]
             if there >= 0 and _settled(tree, there, total, weight):
                 continue
-            t = graph.twists[e]
-            if push_is_free(world, body, x, y, cos, sin, t[0], t[1], t[2], graph.durations[e]):
-                reach(graph, tree, key, total, node, e, weight, limit)
+            t = cells.twists[e]
+            if push_is_free(world, body, x, y, cos, sin, t[0], t[1], t[2], cells.durations[e]):
+                reach(cells, graph.goal, tree, key, total, node, e, weight, limit)
         # a change of contact right after another one is never needed
         if tree.via[node] != TRANSFER:
             for other in range(contacts):
-                if other == contact or graph.edge_first[other * graph.headings] == graph.edge_first[(other + 1) * graph.headings]:
+                if other == contact or cells.first[other * cells.headings] == cells.first[(other + 1) * cells.headings]:
                     continue
                 key = key_of(other, heading, i, j)
-                total = cost + graph.switch_cost
+                total = cost + changes.cost
                 there = tree.table[_find(tree, key)]
                 if there >= 0 and _settled(tree, there, total, weight):
                     continue
-                if graph.changes != NO_PUSHER and route_between(graph, world, contact, other, x, y, cos, sin) < 0:
+                if changes.kind != NO_PUSHER and route_between(changes, graph.bodies, world, contact, other, x, y, cos, sin) < 0:
                     continue
                 if denied.shape[0]:
                     at = np.searchsorted(denied, key)
                     if at < denied.shape[0] and denied[at] == key:
                         continue
-                reach(graph, tree, key, total, node, TRANSFER, weight, limit)
+                reach(cells, graph.goal, tree, key, total, node, TRANSFER, weight, limit)
     return PAUSED
 
 

@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from stablepush._arrays import FloatArray
 from stablepush.collision import SweptBody, body_of, world_of
 from stablepush.errors import OutOfTimeError
+from stablepush.options import PlanOptions
 from stablepush.path import Push, Transfer
 from stablepush.problem import PlanningProblem
 from stablepush.se2 import compose, exp
 from stablepush_planners import _search
-from stablepush_planners._search import Graph
+from stablepush_planners._search import Bodies, Cells, Changes, Goal, Graph, Joints
 from stablepush_planners.connect import TimedTwist, merged, shorten
 from stablepush_planners.distance_field import DistanceField
 from stablepush_planners.lattice import Edges
@@ -49,7 +51,7 @@ class Arena:
         Time in s that every plan takes.
     """
 
-    def __init__(self, problem: PlanningProblem, region: str, deadline: float) -> None:
+    def __init__(self, problem: PlanningProblem, options: PlanOptions, deadline: float) -> None:
         if time.perf_counter() > deadline:
             raise OutOfTimeError("the deadline has passed")
         self.problem, self.deadline = problem, deadline
@@ -61,7 +63,7 @@ class Arena:
         if problem.pusher is not None and len(problem.contacts) > 1:
             self.routes = routes_of(problem)
         count = min(len(problem.contacts), _MOST_CONTACTS)
-        self.stable = {i: StableSet(problem, i, region, deadline) for i in range(count)}
+        self.stable = {i: StableSet(problem, i, options, deadline) for i in range(count)}
         self.steerings: dict[int, Steering] = {}
         if not self.bodies[0].free(problem.start)[0]:
             self.hopeless = "the start pose is in collision or out of bounds"
@@ -70,15 +72,14 @@ class Arena:
             found = steering(problem, stable)
             if found is not None:
                 self.steerings[i] = found
-        #: for joints and tests; a search has a graph of its own
-        self.bare = self.graph(4, 1.0, {})
+        self.goal, self.joints, self.changes = self._goal(), self._joints(), self._changes()
         x, y, theta = problem.start
-        self.bound = float(_search.least_time(self.bare, x, y, math.cos(theta), math.sin(theta)))
+        self.bound = float(_search.least_time(self.goal, x, y, math.cos(theta), math.sin(theta)))
         if math.isinf(self.bound):
             self.hopeless, self.bound = "obstacles close off the goal", 0.0
 
-    def graph(self, headings: int, cell: float, edges: dict[int, Edges], table: bool = False) -> Graph:
-        """Return what compiled code needs to know; with edges, what a search does."""
+    def lattice(self, headings: int, cell: float, edges: dict[int, Edges]) -> Graph:
+        """Return what a search on a lattice runs on."""
         problem, contacts = self.problem, len(self.problem.contacts)
         first, count = [0], 0
         for i in range(contacts):
@@ -88,83 +89,97 @@ class Arena:
             else:
                 first += [count] * headings
         used = [edges[i] for i in range(contacts) if i in edges]
-        edge_first = np.array(first, dtype=np.int64)
-        steps = np.concatenate([e.steps for e in used]) if used else np.zeros((0, 3), dtype=np.int64)
-        durations = np.concatenate([e.durations for e in used]) if used else np.zeros(0)
-        frames, radii, paces = np.zeros((contacts, 3)), np.zeros((contacts, len(RADII))), np.zeros((contacts, len(RADII), 3))
+        theta = float(problem.start[2])
+        angles = theta + 2 * np.pi / headings * np.arange(headings)
+        cells = Cells(
+            origin=np.array(problem.start),
+            cell=cell,
+            headings=headings,
+            cos=np.cos(angles),
+            sin=np.sin(angles),
+            first=np.array(first, dtype=np.int64),
+            steps=np.concatenate([e.steps for e in used]),
+            twists=np.concatenate([e.twists for e in used]),
+            durations=np.concatenate([e.durations for e in used]),
+            costs=np.concatenate([e.costs for e in used]),
+        )
+        turn = np.array(((math.cos(theta), math.sin(theta)), (-math.sin(theta), math.cos(theta))))
+        there = np.rint(turn @ (problem.goal[:2] - problem.start[:2]) / cell).astype(np.int64)
+        heading = round((float(problem.goal[2]) - theta) / (2 * math.pi) * headings) % headings
+        size = 2 * TABLE_REACH + 1
+        table = np.zeros((contacts, headings, size, size))
+        _search.unobstructed(cells.first, cells.steps, cells.costs, headings, contacts, problem.switch_cost, heading, size, table)
+        return Graph(cells, self._bodies(), self.goal._replace(table=table, at=there), self.joints, self.changes)
+
+    def _goal(self) -> Goal:
+        problem = self.problem
+        return Goal(
+            pose=np.array(problem.goal),
+            tolerance=np.array(problem.tolerance),
+            outline=np.array(problem.slider.vertices),
+            speed=problem.speed,
+            field=self.field.times,
+            low=np.array(self.field.low),
+            cell=self.field.cell,
+            table=np.zeros((len(problem.contacts), 1, 1, 1)),
+            at=np.zeros(2, dtype=np.int64),
+        )
+
+    def _bodies(self) -> Bodies:
+        bodies = [body.body for body in self.bodies]
+        return Bodies(
+            edge_first=np.cumsum([0] + [len(b.edges) for b in bodies]),
+            edges=np.concatenate([b.edges for b in bodies]),
+            corner_first=np.cumsum([0] + [len(b.corners) for b in bodies]),
+            corners=np.concatenate([b.corners for b in bodies]),
+            radii=np.array([b.radius for b in bodies]),
+        )
+
+    def _joints(self) -> Joints:
+        problem, contacts = self.problem, len(self.problem.contacts)
+        frames, radii = np.zeros((contacts, 3)), np.zeros((contacts, len(RADII)))
+        paces, prices = np.zeros((contacts, len(RADII), 3)), np.zeros((contacts, len(RADII), 3))
         for i, steer in self.steerings.items():
             frames[i] = steer.frame
             turns = np.array([[steer.twist(k / (m * steer.radius)) for k in (1.0, 0.0, -1.0)] for m in RADII])
             good = self.stable[i].accepts(turns.reshape(-1, 3)).reshape(-1, 3).all(axis=1)
             radii[i, : good.sum()] = steer.radius * np.array(RADII)[good]
             paces[i, : good.sum()] = problem.push_speed(turns[good]) / problem.speed
-        theta = float(problem.start[2])
-        angles = theta + 2 * np.pi / headings * np.arange(headings)
-        turn = np.array(((math.cos(theta), math.sin(theta)), (-math.sin(theta), math.cos(theta))))
-        there = np.rint(turn @ (problem.goal[:2] - problem.start[:2]) / cell).astype(np.int64)
-        heading = round((float(problem.goal[2]) - theta) / (2 * math.pi) * headings) % headings
-        size = 2 * TABLE_REACH + 1 if table else 1
-        known = np.zeros((contacts, headings, size, size))
-        if table:
-            _search.unobstructed(edge_first, steps, durations, headings, contacts, problem.switch_cost, heading, size, known)
-        bodies = [body.body for body in self.bodies]
+            prices[i, : good.sum()] = self.stable[i].costs(turns[good].reshape(-1, 3)).reshape(-1, 3)
+        return Joints(frames, radii, paces, prices)
+
+    def _changes(self) -> Changes:
+        problem, contacts, routes = self.problem, len(self.problem.contacts), self.routes
         pusher = None if problem.pusher is None else body_of([problem.pusher])
-        routes = self.routes
-        return Graph(
-            origin=np.array(problem.start),
-            cell=cell,
-            headings=headings,
-            cos=np.cos(angles),
-            sin=np.sin(angles),
-            edge_first=edge_first,
-            steps=steps,
-            twists=np.concatenate([e.twists for e in used]) if used else np.zeros((0, 3)),
-            durations=durations,
-            body_first=np.cumsum([0] + [len(b.edges) for b in bodies]),
-            body_edges=np.concatenate([b.edges for b in bodies]),
-            corner_first=np.cumsum([0] + [len(b.corners) for b in bodies]),
-            corners=np.concatenate([b.corners for b in bodies]),
-            body_radius=np.array([b.radius for b in bodies]),
-            switch_cost=problem.switch_cost,
-            changes=_search.NO_PUSHER if problem.pusher is None else _search.KNOWN_WAYS,
-            pusher_edges=np.zeros((0, 4)) if pusher is None else pusher.edges,
-            pusher_corners=np.zeros((0, 2)) if pusher is None else pusher.corners,
-            pusher_radius=0.0 if pusher is None else pusher.radius,
+        return Changes(
+            cost=problem.switch_cost,
+            kind=_search.NO_PUSHER if problem.pusher is None else _search.KNOWN_WAYS,
+            edges=np.zeros((0, 4)) if pusher is None else pusher.edges,
+            corners=np.zeros((0, 2)) if pusher is None else pusher.corners,
+            radius=0.0 if pusher is None else pusher.radius,
             docks=np.zeros((contacts, 3)) if routes is None else routes.docks,
             retreats=np.full(contacts, -1.0) if routes is None else routes.retreats,
-            route_first=np.zeros(2 * contacts**2 + 1, dtype=np.int64) if routes is None else routes.first,
+            first=np.zeros(2 * contacts**2 + 1, dtype=np.int64) if routes is None else routes.first,
             routes=np.zeros((0, 2)) if routes is None else routes.points,
-            goal=np.array(problem.goal),
-            tolerance=np.array(problem.tolerance),
-            outline=np.array(problem.slider.vertices),
-            speed=problem.speed,
-            field=self.field.times,
-            field_low=np.array(self.field.low),
-            field_cell=self.field.cell,
-            table=known,
-            goal_at=there,
-            frames=frames,
-            radii=radii,
-            paces=paces,
         )
 
     def joint(self, contact: int, start: FloatArray, end: FloatArray, most: float = math.inf) -> list[TimedTwist] | None:
-        """Return the pushes of the quickest free Dubins path between two poses that takes less than ``most`` (s), if any."""
+        """Return the pushes of the cheapest free Dubins path between two poses that costs less than ``most`` (s), if any."""
         lengths, pieces = np.empty((6, 3)), np.empty((3, 4))
-        time = _search.join(self.bare, self.world, self.bodies[contact].body, contact, *start, *end, most, lengths, pieces)
-        if time >= most:
+        cost = _search.join(self.joints, self.world, self.bodies[contact].body, contact, *start, *end, most, lengths, pieces)
+        if cost >= most:
             return None
         return [(pieces[k, :3].copy(), float(pieces[k, 3])) for k in range(3) if pieces[k, 3] > 1e-9]
 
     def shortened(self, stretches: Sequence[Stretch]) -> list[Stretch]:
-        """Return a path with the same changes of contact, at the same poses, that takes no longer."""
+        """Return a path with the same changes of contact, at the same poses, that costs no more."""
         pose = np.array(self.problem.start)
         result: list[Stretch] = []
         for contact, pushes in stretches:
             best = pushes
             for pieces in PIECES:
                 body, stable = self.bodies[contact], self.stable[contact]
-                best = shorten(self.problem, self.bare, self.world, body, stable, pose, best, pieces, self.deadline)
+                best = shorten(self.problem, self.joints, self.world, body, stable, pose, best, pieces, self.deadline)
                 best = merged(best, self.problem.speed)
             result.append((contact, best))
             pose = end_of(pose, pushes)
@@ -185,17 +200,25 @@ class Arena:
                 pose = push.end
         return segments
 
+    def cost(self, stretches: Sequence[Stretch]) -> float:
+        """Return what a path costs, in s."""
+        pushes = 0.0
+        for contact, part in stretches:
+            pushes += float(self.stable[contact].costs(np.array([twist * duration for twist, duration in part])).sum())
+        changes = sum(a[0] != b[0] for a, b in pairwise(((0, ()), *stretches)))
+        return pushes + changes * self.problem.switch_cost
+
     def _pusher_path(self, source: int, target: int, pose: FloatArray) -> FloatArray:
         if self.routes is None:
             return np.empty((0, 3))
         cos, sin = math.cos(pose[2]), math.sin(pose[2])
-        route = int(_search.route_between(self.bare, self.world, source, target, pose[0], pose[1], cos, sin))
+        route = int(_search.route_between(self.changes, self._bodies(), self.world, source, target, pose[0], pose[1], cos, sin))
         return transfer_path(self.problem, self.routes, route, pose)
 
     def nudge(self) -> list[Stretch] | None:
         """A short push that stays within the tolerance, if the start is within it: a plan has at least one push."""
         problem = self.problem
-        if 0 not in self.steerings or not _search.at_goal(self.bare, *problem.start):
+        if 0 not in self.steerings or not _search.at_goal(self.goal, *problem.start):
             return None
         twist = self.steerings[0].twist(0.0)
         twist = twist * (problem.speed / float(problem.push_speed(twist)))
@@ -203,7 +226,7 @@ class Arena:
         for length in (1e-3 * problem.slider.radius, room / 2, room / 16):
             duration = length / problem.speed
             end = compose(problem.start, exp(twist * duration))
-            if length > 0 and _search.at_goal(self.bare, *end) and self.bodies[0].push_is_free(problem.start, twist, duration):
+            if length > 0 and _search.at_goal(self.goal, *end) and self.bodies[0].push_is_free(problem.start, twist, duration):
                 return [(0, [(twist, duration)])]
         return None
 

@@ -12,18 +12,18 @@ from stablepush._sweep import World, push_is_free
 from stablepush.collision import SweptBody
 from stablepush.problem import PlanningProblem
 from stablepush.se2 import compose, exp, inverse, log, wrap_angle
-from stablepush_planners._search import Graph, join
+from stablepush_planners._search import Joints, join
 from stablepush_planners.stable_set import StableSet
 
 #: A push: body twist at the speed limit, and its duration in s.
 TimedTwist = tuple[FloatArray, float]
-#: A shortcut must save this much (s) of what it takes.
+#: A shortcut must save this much (s).
 _WORTH = 1e-9
 
 
 def shorten(
     problem: PlanningProblem,
-    graph: Graph,
+    joints: Joints,
     world: World,
     swept: SweptBody,
     stable: StableSet,
@@ -32,7 +32,7 @@ def shorten(
     pieces: int,
     deadline: float,
 ) -> list[TimedTwist]:
-    """Return a path between the same poses that takes no longer.
+    """Return a path between the same poses that costs no more.
 
     Dynamic programming over about ``pieces`` poses spread along the path and the ends of its pushes. Two of them are joined by
     one push of constant twist where that is stable, or by a Dubins word of the contact's reference point. The path itself
@@ -45,34 +45,37 @@ def shorten(
     offsets[:, 2] = wrap_angle(offsets[:, 2])
     direct = log(offsets)
     times = problem.push_speed(direct) / problem.speed
+    prices = stable.costs(direct)
     moving = np.abs(direct).max(axis=1) > 1e-9
     good = np.zeros(len(direct), dtype=bool)
     if time.perf_counter() < deadline:
         good[moving] = stable.accepts(direct[moving])
     table = np.full((count, count), np.inf)
-    table[i[good], j[good]] = times[good]
-    twists = dict(zip(zip(i[good].tolist(), j[good].tolist(), strict=True), direct[good], strict=True))
-    joins = bool(graph.radii[stable.contact, 0] > 0.0)
+    table[i[good], j[good]] = prices[good]
+    pairs = zip(i[good].tolist(), j[good].tolist(), strict=True)
+    twists = {pair: (v / t, float(t)) for pair, v, t in zip(pairs, direct[good], times[good], strict=True)}
+    spent = stable.costs(np.array([twist * duration for twist, duration in legs]))
+    joins = bool(joints.radii[stable.contact, 0] > 0.0)
     lengths, room = np.empty((6, 3)), np.empty((3, 4))
     cosines = np.column_stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])))
     best = [0.0] + [math.inf] * (count - 1)
     ways: list[tuple[int, list[TimedTwist]]] = [(0, [])] * count
     for b in range(1, count):
-        best[b], ways[b] = best[b - 1] + legs[b - 1][1], (b - 1, [legs[b - 1]])
+        best[b], ways[b] = best[b - 1] + float(spent[b - 1]), (b - 1, [legs[b - 1]])
         if time.perf_counter() > deadline:
             continue
         for a in range(b - 1):
             most = best[b] - best[a] - _WORTH
             if table[a, b] < most:
-                twist = twists[a, b] / table[a, b]
-                if push_is_free(world, swept.body, *poses[a, :2], *cosines[a], *twist, table[a, b]):
-                    best[b], ways[b] = best[a] + float(table[a, b]), (a, [(twist, float(table[a, b]))])
+                twist, duration = twists[a, b]
+                if push_is_free(world, swept.body, *poses[a, :2], *cosines[a], *twist, duration):
+                    best[b], ways[b] = best[a] + float(table[a, b]), (a, [(twist, duration)])
                     most = best[b] - best[a] - _WORTH
             if joins and most > 0:
-                found = join(graph, world, swept.body, stable.contact, *poses[a], *poses[b], most, lengths, room)
+                found = join(joints, world, swept.body, stable.contact, *poses[a], *poses[b], most, lengths, room)
                 if found < most:
                     parts = [(room[k, :3].copy(), float(room[k, 3])) for k in range(3) if room[k, 3] > 1e-9]
-                    best[b], ways[b] = best[a] + sum(d for _, d in parts), (a, parts)
+                    best[b], ways[b] = best[a] + found, (a, parts)
     result: list[TimedTwist] = []
     b = count - 1
     while b > 0:

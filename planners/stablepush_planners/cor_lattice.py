@@ -16,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from stablepush.errors import OutOfTimeError
+from stablepush.options import PlanOptions
 from stablepush.path import PlanResult, Push, Transfer
 from stablepush.problem import PlanningProblem
 from stablepush_planners import _search
@@ -29,7 +30,7 @@ NAME = "cor-lattice"
 LADDER = ((16, 0.25), (24, 0.125), (32, 0.0625))
 #: Weights of the guess: the first search is greedy, the others look for better paths.
 WEIGHTS = (3.0, 1.5, 1.0)
-#: A lattice path is of use if it takes less than this, in times of the best plan: shortening may make it the better one.
+#: A lattice path is of use if it costs less than this, in times of the best plan: shortening may make it the better one.
 WORTH = 1.05
 #: Nodes expanded between looks at the clock.
 _QUOTA = 500
@@ -42,26 +43,25 @@ def plan_cor_lattice(
     *,
     deadline: float,
     seed: int = 0,
-    region: str = "model",
-    improve: float = 20_000,
+    options: PlanOptions,
     progress: Callable[[str], None] | None = None,
 ) -> PlanResult:
     """Plan with the COR lattice; see :func:`stablepush.plan`."""
     try:
-        arena = Arena(problem, region, deadline)
+        arena = Arena(problem, options, deadline)
     except OutOfTimeError:
         return PlanResult("timeout", NAME, seed=seed, message="the time limit left no time to search")
     planner = _Planner(arena, progress or (lambda _: None))
     status, message = "no-path", arena.hopeless
     if not message:
         try:
-            message = planner.run(improve)
+            message = planner.run(options.improve)
         except OutOfTimeError:
             status, message = "timeout", "the time limit passed before a path was found"
     if planner.best is None:
         return PlanResult(status, NAME, lower_bound=arena.bound, seed=seed, message=message)
     # the best way may be shorter than the bound by rounding
-    bound = min(arena.bound, planner.duration)
+    bound = min(arena.bound, sum(s.duration for s in planner.best))
     return PlanResult.from_segments(planner.best, planner=NAME, seed=seed, lower_bound=bound, message=planner.found_by)
 
 
@@ -80,7 +80,7 @@ class _Planner:
     def __init__(self, arena: Arena, said: Callable[[str], None]) -> None:
         self._arena, self._said = arena, said
         self.best: list[Push | Transfer] | None = None
-        self.duration, self.found_by = math.inf, ""
+        self.cost, self.found_by = math.inf, ""
 
     def run(self, improve: float) -> str:
         """Climb the ladder; once there is a plan, look for better ones while no more than ``improve`` poses are expanded.
@@ -98,12 +98,12 @@ class _Planner:
             cell = share * arena.problem.slider.radius
             edges = {i: lattice_edges(arena.problem, stable, headings, cell) for i, stable in arena.stable.items()}
             useful = useful or any(len(e.durations) for e in edges.values())
-            graph = arena.graph(headings, cell, edges, table=True)
+            graph = arena.lattice(headings, cell, edges)
             limit = math.inf
             for weight in WEIGHTS:
                 words = f"{headings} headings, cells of {1000 * cell:.3g} mm, weight {weight:g}"
                 improving = self.best is not None
-                found = self._search(graph, weight, min(limit, WORTH * self.duration), improve if improving else math.inf, words)
+                found = self._search(graph, weight, min(limit, WORTH * self.cost), improve if improving else math.inf, words)
                 if found.stretches is not None:
                     limit = found.cost
                     self._take(arena.shortened(found.stretches), words)
@@ -121,7 +121,8 @@ class _Planner:
             # without a pusher outline a change of contact needs no way round the slider
             if contact == 0 or arena.problem.pusher is None:
                 cost = 0.0 if contact == 0 else arena.problem.switch_cost
-                _search.reach(graph, tree, _search.key_of(contact, 0, 0, 0), cost, -1, _search.START, weight, limit)
+                key = _search.key_of(contact, 0, 0, 0)
+                _search.reach(graph.cells, graph.goal, tree, key, cost, -1, _search.START, weight, limit)
         denied = np.zeros(0, dtype=np.int64)
         while True:
             quota = int(min(_QUOTA, most - int(tree.counts[2])))
@@ -154,7 +155,7 @@ class _Planner:
                 stretches.append((contact, []))
                 continue
             if via >= 0:
-                pushes = [(graph.twists[via].copy(), float(graph.durations[via]))]
+                pushes = [(graph.cells.twists[via].copy(), float(graph.cells.durations[via]))]
             else:
                 most = 1e-6 + float(tree.cost[child] - tree.cost[parent]) * (1 + 1e-6)
                 joint = self._arena.joint(contact, pose, self._arena.problem.goal, most)
@@ -166,11 +167,10 @@ class _Planner:
 
     def _take(self, stretches: list[Stretch], words: str) -> None:
         """Keep a path if it is the best so far."""
-        segments = self._arena.segments(stretches)
-        duration = sum(s.duration for s in segments)
-        if duration < self.duration:
-            self.best, self.duration = segments, duration
-            ratio = f", {duration / self._arena.bound:.3g} times the lower bound" if self._arena.bound > 0 else ""
+        cost = self._arena.cost(stretches)
+        if cost < self.cost:
+            self.best, self.cost = self._arena.segments(stretches), cost
+            ratio = f", cost {cost / self._arena.bound:.3g} times the lower bound" if self._arena.bound > 0 else ""
             self.found_by = f"{words}{ratio}"
 
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from stablepush._compiled import compiled
+from stablepush._compiled import compiled, inner
 
 #: Words of the six families: left and right turns at the least radius, and straight.
 WORDS = ("LSL", "RSR", "LSR", "RSL", "RLR", "LRL")
@@ -62,7 +62,7 @@ def dubins_lengths(x0, y0, t0, x1, y1, t1, radius, lengths):  # type: ignore[no-
         lengths[5, 0], lengths[5, 1], lengths[5, 2] = t, p, _mod(b - a - t + p)
 
 
-@compiled
+@inner
 def _mod(angle):  # type: ignore[no-untyped-def]
     angle %= _TURN
     return 0.0 if _TURN - angle < _ROUNDING else angle

@@ -37,7 +37,7 @@ class Edges:
         Cells along the lattice's x and y axes, and headings.
     twists : array, shape (n, 3)
         Body twists (m/s, rad/s) at the speed limit.
-    durations : array, shape (n,)
+    durations, costs : array, shape (n,)
         In s.
     """
 
@@ -45,6 +45,7 @@ class Edges:
     steps: np.ndarray
     twists: FloatArray
     durations: FloatArray
+    costs: FloatArray
 
 
 def lattice_edges(problem: PlanningProblem, stable: StableSet, headings: int, cell: float) -> Edges:
@@ -63,9 +64,11 @@ def lattice_edges(problem: PlanningProblem, stable: StableSet, headings: int, ce
     # the time at the speed limit: what the fastest point of the outline does in a unit of time, over the limit
     durations = problem.push_speed(flat) / problem.speed
     candidates = np.flatnonzero(stable.accepts(flat))
-    order = candidates[np.argsort(durations[candidates], kind="stable")]
+    costs = np.full(len(flat), np.inf)
+    costs[candidates] = stable.costs(flat[candidates])
+    order = candidates[np.argsort(costs[candidates], kind="stable")]
     from_heading = order // len(steps)
-    kept = _spanning(steps[order % len(steps)], from_heading, durations[order], headings, _REACH, most, 1 + _SPARE)
+    kept = _spanning(steps[order % len(steps)], from_heading, costs[order], headings, _REACH, most, 1 + _SPARE)
     chosen, at = order[kept], from_heading[kept]
     rows, first = [], [0]
     quarter = np.array((((1, 0), (0, 1)), ((0, -1), (1, 0)), ((-1, 0), (0, -1)), ((0, 1), (-1, 0))))
@@ -73,13 +76,14 @@ def lattice_edges(problem: PlanningProblem, stable: StableSet, headings: int, ce
         mine = chosen[at == k % classes]
         turned = steps[mine % len(steps)].copy()
         turned[:, :2] = turned[:, :2] @ quarter[k // classes].T
-        rows.append((turned, flat[mine] / durations[mine, None], durations[mine]))
+        rows.append((turned, flat[mine] / durations[mine, None], durations[mine], costs[mine]))
         first.append(first[-1] + len(mine))
     return Edges(
         np.array(first),
         np.ascontiguousarray(np.concatenate([r[0] for r in rows]), dtype=np.int64),
         np.ascontiguousarray(np.concatenate([r[1] for r in rows])),
         np.ascontiguousarray(np.concatenate([r[2] for r in rows])),
+        np.ascontiguousarray(np.concatenate([r[3] for r in rows])),
     )
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from stablepush._arrays import FloatArray
 from stablepush._sweep import pose_is_free, push_is_free
 from stablepush.errors import OutOfTimeError, UnavailableError
+from stablepush.options import PlanOptions
 from stablepush.path import PlanResult
 from stablepush.planar import twist_from_cor
 from stablepush.problem import PlanningProblem
@@ -47,8 +48,7 @@ def plan_ompl(
     name: str,
     deadline: float,
     seed: int = 0,
-    region: str = "model",
-    improve: float = 20_000,
+    options: PlanOptions,
     progress: Callable[[str], None] | None = None,
 ) -> PlanResult:
     """Plan with a planner of OMPL; see :func:`stablepush.plan`. The first plan of a process repeats for a seed.
@@ -61,7 +61,7 @@ def plan_ompl(
         raise UnavailableError(f"planner {name}: the package ompl is not installed (it has no wheels for Windows)") from None
     said = progress or (lambda _: None)
     try:
-        arena = Arena(problem, region, deadline)
+        arena = Arena(problem, options, deadline)
     except OutOfTimeError:
         return PlanResult("timeout", name, seed=seed, message="the time limit left no time to search")
 
@@ -80,7 +80,7 @@ def plan_ompl(
     util.RNG.setSeed(seed + 1)
     solve = _geometric if name in GEOMETRIC else _control
     try:
-        pushes, approximate = solve(arena, name, improve, said)
+        pushes, approximate = solve(arena, name, options.improve, said)
     finally:
         # states outlive their space otherwise
         gc.collect()
@@ -92,24 +92,17 @@ def plan_ompl(
 
 
 class _Clock:
-    """Tells a planner when to stop: at the deadline, or so many looked-at motions after the first exact path."""
+    """Tells a planner when to stop: near the deadline, or when it has looked at so many motions."""
 
-    def __init__(self, deadline: float, improve: float, solved: Callable[[], bool], said: Callable[[str], None]) -> None:
-        now = time.perf_counter()
+    def __init__(self, deadline: float, said: Callable[[str], None]) -> None:
         # some time is left to shorten the path in
-        self._deadline = deadline - min(_LAST, _SHARE * (deadline - now))
-        self._improve, self._solved, self._said = improve, solved, said
-        self.motions, self._first = 0, math.inf
+        self._deadline = deadline - min(_LAST, _SHARE * (deadline - time.perf_counter()))
+        self._said = said
+        self.motions, self.last = 0, math.inf
 
     def __call__(self) -> bool:
-        if math.isinf(self._first) and self._solved():
-            self._first = self.motions
-        self._said(f"{self.motions} motions looked at{'' if math.isinf(self._first) else ', a path is found'}")
-        return time.perf_counter() > self._deadline or self.motions - self._first >= self._improve
-
-    def forget(self) -> None:
-        """Let go of the planner, which holds the validators, which hold this clock: OMPL's objects must not outlive Python's."""
-        self._solved = bool
+        self._said(f"{self.motions} motions looked at")
+        return time.perf_counter() > self._deadline or self.motions >= self.last
 
 
 def _bounds(problem: PlanningProblem, arena: Arena) -> Any:
@@ -163,9 +156,16 @@ def _geometric(arena: Arena, name: str, improve: float, said: Callable[[str], No
     setup.setStartAndGoalStates(*ends)
     planner = getattr(geometric, GEOMETRIC[name])(information)
     setup.setPlanner(planner)
-    clock = _Clock(arena.deadline, improve, setup.haveExactSolutionPath, said)
+    clock = _Clock(arena.deadline, said)
+    # optimising planners tell of a path when they stop: first at any path at all, then after so many motions more
+    length = base.PathLengthOptimizationObjective(information)
+    length.setCostThreshold(base.Cost(math.inf))
+    setup.setOptimizationObjective(length)
     setup.solve(base.PlannerTerminationCondition(clock))
-    clock.forget()
+    if setup.haveExactSolutionPath() and improve > 0:
+        length.setCostThreshold(base.Cost(0.0))
+        clock.last = clock.motions + improve
+        setup.solve(base.PlannerTerminationCondition(clock))
     found: list[TimedTwist] | None = None
     if setup.haveExactSolutionPath():
         poses = [pose_of(state) for state in setup.getSolutionPath().getStates()]
@@ -220,7 +220,7 @@ def _control(arena: Arena, name: str, improve: float, said: Callable[[str], None
         def distanceGoal(self, state: Any) -> float:
             dx, dy = state.getX() - problem.goal[0], state.getY() - problem.goal[1]
             pose = np.array((state.getX(), state.getY(), state.getYaw()))
-            if at_goal(arena.bare, *pose) or arena.joint(0, pose, problem.goal) is not None:
+            if at_goal(arena.goal, *pose) or arena.joint(0, pose, problem.goal) is not None:
                 return 0.0
             return 1.0 + math.hypot(dx, dy)
 
@@ -237,9 +237,8 @@ def _control(arena: Arena, name: str, improve: float, said: Callable[[str], None
     goal.setThreshold(0.5)
     setup.setGoal(goal)
     setup.setPlanner(getattr(control, CONTROL[name])(information))
-    clock = _Clock(arena.deadline, 0, setup.haveExactSolutionPath, said)
+    clock = _Clock(arena.deadline, said)
     setup.solve(base.PlannerTerminationCondition(clock))
-    clock.forget()
     found: list[TimedTwist] | None = None
     if setup.haveExactSolutionPath():
         path = setup.getSolutionPath()
@@ -247,7 +246,7 @@ def _control(arena: Arena, name: str, improve: float, said: Callable[[str], None
             (chosen(u).copy(), float(d)) for u, d in zip(path.getControls(), path.getControlDurations(), strict=True) if d > 0
         ]
         end = end_of(problem.start, found)
-        if not at_goal(arena.bare, *end):
+        if not at_goal(arena.goal, *end):
             found += arena.joint(0, end, problem.goal) or []
     return found, bool(setup.haveSolutionPath())
 

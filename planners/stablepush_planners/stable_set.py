@@ -1,4 +1,4 @@
-"""Which pushes of a contact may be used: what the surface calls stable, with a margin, and what else is asked."""
+"""Which pushes of a contact may be used, and what they cost: what the surface calls stable, and what else is asked."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import numpy as np
 from stablepush._arrays import BoolArray, FloatArray
 from stablepush.all_pressure import all_pressure_region
 from stablepush.conservative import lynch_mason_region
-from stablepush.errors import OutOfTimeError
+from stablepush.errors import InputError, OutOfTimeError
+from stablepush.models import PolynomialLimitSurface
+from stablepush.options import PlanOptions
 from stablepush.oracle import StabilityOracle
 from stablepush.problem import PlanningProblem
 from stablepush.region import StableRegion
@@ -21,25 +23,39 @@ _INSIDE = 1e-7
 _BLOCK = 4096
 #: Regions that hold for every pressure, in addition to the surface's own.
 _PROMISED = {"all-pressure": all_pressure_region, "conservative": lynch_mason_region}
+#: Slack of a share of surfaces: k of n must pass for p = k/n.
+_SLACK = 1e-9
 
 
 class StableSet:
-    """Body twists that may be used at a contact of a problem.
+    """Body twists that may be used at a contact of a problem, and what they cost.
 
-    ``region`` is one of :data:`stablepush.planning.REGIONS`; ``margin`` (rad) is asked in addition to the problem's own. Raises
-    :class:`OutOfTimeError` once ``deadline`` (a value of :func:`time.perf_counter`) has passed.
+    Raises :class:`OutOfTimeError` once ``deadline`` (a value of :func:`time.perf_counter`) has passed, and
+    :class:`InputError` if a probability is asked of a surface without an ensemble.
     """
 
     def __init__(
-        self, problem: PlanningProblem, contact: int, region: str = "model", deadline: float = math.inf, margin: float = 0.0
+        self, problem: PlanningProblem, contact: int, options: PlanOptions | None = None, deadline: float = math.inf
     ) -> None:
+        asked = PlanOptions() if options is None else options
         self.contact = contact
         self.oracle = StabilityOracle(problem.surface, problem.contacts[contact])
-        self._least = max(0.0, problem.min_margin, margin) + _INSIDE
-        self._deadline = deadline
+        self._problem, self._least, self._deadline = problem, max(0.0, problem.min_margin) + _INSIDE, deadline
         self._promised: StableRegion | None = None
-        if region in _PROMISED:
-            self._promised = _PROMISED[region](problem.slider, problem.contacts[contact])
+        if asked.region in _PROMISED:
+            self._promised = _PROMISED[asked.region](problem.slider, problem.contacts[contact])
+        self._members: list[StabilityOracle] = []
+        self._votes = asked.probability
+        if asked.probability > 0:
+            members = problem.surface.members() if isinstance(problem.surface, PolynomialLimitSurface) else []
+            if not members:
+                raise InputError("probability: expected a limit surface with an ensemble, as a fit leaves it")
+            self._members = [StabilityOracle(member, problem.contacts[contact]) for member in members]
+        self._weight, self._best = asked.margin_weight, 1.0
+        if self._weight > 0:
+            angles = float(problem.contacts[contact].frame[2]) + np.linspace(-np.pi / 2, np.pi / 2, 361)
+            straight = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1)
+            self._best = max(1e-6, float(self.oracle.margin(straight).max()))
 
     def accepts(self, twists: FloatArray) -> BoolArray:
         """Return whether body twists (n, 3) may be used."""
@@ -49,6 +65,21 @@ class StableSet:
                 raise OutOfTimeError("primitives: the deadline has passed")
             block = slice(start, start + _BLOCK)
             good[block] = self.oracle.margin(twists[block]) >= self._least
-        if self._promised is not None:
-            good &= self._promised.contains_twists(twists)
+        if self._promised is not None and good.any():
+            good[good] = self._promised.contains_twists(twists[good])
+        if self._members and good.any():
+            votes = np.zeros(good.sum())
+            for member in self._members:
+                if time.perf_counter() > self._deadline:
+                    raise OutOfTimeError("primitives: the deadline has passed")
+                votes += member.is_stable(twists[good])
+            good[good] = votes >= (self._votes - _SLACK) * len(self._members)
         return np.asarray(good)
+
+    def costs(self, twists: FloatArray) -> FloatArray:
+        """Return what body twists (n, 3), each held for a unit of its own time, cost in s at the speed limit."""
+        times = self._problem.push_speed(twists) / self._problem.speed
+        if self._weight == 0 or not len(twists):
+            return times
+        margins = self.oracle.margin(twists)
+        return np.asarray(times * (1 + self._weight * np.clip(1 - margins / self._best, 0, 1)))

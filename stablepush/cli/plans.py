@@ -27,6 +27,12 @@ def plan(
         int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of planners that draw random numbers.")
     ] = 0,
     region: Annotated[str, typer.Option(help="Rotation centres to use: model, all-pressure or conservative.")] = "model",
+    probability: Annotated[
+        float, typer.Option(parser=number, metavar="P", help="Least probability of stability of each push, by the ensemble.")
+    ] = 0.0,
+    margin_weight: Annotated[
+        float, typer.Option(parser=number, metavar="W", help="How much more a push with no margin costs than the safest.")
+    ] = 0.0,
     improve: Annotated[
         float, typer.Option(parser=number, metavar="STEPS", help="Steps of search for better plans after the first; inf: no end.")
     ] = 20_000,
@@ -36,9 +42,10 @@ def plan(
     """Plan a path of stable pushes."""
     from stablepush.cli import STARTED
     from stablepush.files import write_atomically
+    from stablepush.options import REGIONS
     from stablepush.path import save_plan
-    from stablepush.planning import REGIONS, planner_names
     from stablepush.planning import plan as make_plan
+    from stablepush.planning import planner_names
     from stablepush.problem import load_scene
 
     if not (math.isfinite(time_limit) and 0 <= time_limit <= 1e6):
@@ -47,6 +54,10 @@ def plan(
         raise InputError(f"--planner: expected one of {', '.join(planner_names())}, got {planner!r}")
     if region not in REGIONS:
         raise InputError(f"--region: expected {' or '.join(REGIONS)}, got {region!r}")
+    if not 0 <= probability <= 1:
+        raise InputError(f"--probability: expected a number from 0 to 1, got {probability:g}")
+    if not (math.isfinite(margin_weight) and 0 <= margin_weight <= 1e6):
+        raise InputError(f"--margin-weight: expected a number >= 0, got {margin_weight:g}")
     if not 0 <= improve:
         raise InputError(f"--improve: expected a number >= 0, or inf, got {improve:g}")
     require_seed(seed)
@@ -57,7 +68,17 @@ def plan(
     problem = load_scene(scene)
     left = max(0.0, time_limit - (time.perf_counter() - STARTED))
     with Progress("plan") as step, about(scene):
-        result = make_plan(problem, planner, left, seed, region=region, improve=improve, progress=step.describe)
+        result = make_plan(
+            problem,
+            planner,
+            left,
+            seed,
+            region=region,
+            probability=probability,
+            margin_weight=margin_weight,
+            improve=improve,
+            progress=step.describe,
+        )
     save_plan(result, output)
     if view is not None:
         from stablepush.report import plan_html

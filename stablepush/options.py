@@ -1,0 +1,46 @@
+"""What is asked of a plan beyond its problem."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from stablepush._arrays import check_number
+from stablepush.errors import InputError
+
+#: Sets of rotation centres that a plan may draw on.
+REGIONS = ("model", "all-pressure", "conservative")
+
+
+@dataclass(frozen=True, slots=True)
+class PlanOptions:
+    """How sure and how good a plan is to be.
+
+    Parameters
+    ----------
+    region : {"model", "all-pressure", "conservative"}
+        Which CORs may be used: those the limit surface calls stable, or only those of these that hold for every pressure
+        distribution, all of them or what Lynch and Mason's STABLE finds of them.
+    probability : float
+        Least share of the surface's ensemble that must call each push stable (a chance constraint for each arc); 0 asks nothing.
+    margin_weight : float
+        A push costs its duration times ``1 + margin_weight (1 - margin/m)``, with ``m`` the largest margin of a straight push:
+        with 1, one on the boundary of the stable set costs twice as much as the safest. 0 minimises the duration.
+    improve : float
+        Steps of search (poses expanded, motions looked at) in which planners that can look for better plans after the first; a
+        count and not a time, so that plans repeat. Infinite: until the time limit.
+    """
+
+    region: str = "model"
+    probability: float = 0.0
+    margin_weight: float = 0.0
+    improve: float = 20_000
+
+    def __post_init__(self) -> None:
+        if self.region not in REGIONS:
+            raise InputError(f"region: expected {' or '.join(REGIONS)}, got {self.region!r}")
+        if not 0 <= check_number(self.probability, "probability") <= 1:
+            raise InputError(f"probability: expected a number from 0 to 1, got {self.probability:g}")
+        check_number(self.margin_weight, "margin_weight", at_least=0.0)
+        if self.improve != math.inf:
+            check_number(self.improve, "improve", at_least=0.0)

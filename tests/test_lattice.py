@@ -1,0 +1,154 @@
+import heapq
+import math
+
+import numpy as np
+import pytest
+from conftest import small_scene, triangle
+from stablepush_planners import _search
+from stablepush_planners.arena import Arena
+from stablepush_planners.cor_lattice import _Planner
+from stablepush_planners.lattice import lattice_edges
+from stablepush_planners.stable_set import StableSet
+
+import stablepush as sp
+from stablepush.collision import SweptBody
+from stablepush.se2 import compose, exp, wrap_angle
+
+
+@pytest.mark.parametrize("headings", (8, 16, 24))
+def test_every_edge_is_a_stable_push_that_ends_on_the_lattice(headings):
+    problem = small_scene()
+    cell = 0.03
+    edges = lattice_edges(problem, StableSet(problem, 0), headings, cell)
+    oracle = sp.StabilityOracle(problem.surface, problem.contacts[0])
+    assert (oracle.margin(edges.twists) >= problem.min_margin).all()
+    np.testing.assert_allclose(problem.push_speed(edges.twists), problem.speed)
+    for k in range(headings):
+        assert edges.first[k + 1] > edges.first[k]
+        for e in range(edges.first[k], edges.first[k + 1]):
+            end = compose((0, 0, k * 2 * np.pi / headings), exp(edges.twists[e] * edges.durations[e]))
+            np.testing.assert_allclose(end[:2], edges.steps[e, :2] * cell, atol=1e-12)
+            assert abs(float(wrap_angle(end[2] - (k + edges.steps[e, 2]) * 2 * np.pi / headings))) < 1e-12
+    # both turns and straight pushes are there
+    assert {-1, 0, 1} <= set(np.sign(edges.steps[:, 2]))
+
+
+def test_edges_left_out_are_made_up_by_others():
+    """Whatever single push is stable, edges lead to its end for at most a little more."""
+    problem = small_scene()
+    headings, cell = 16, 0.03
+    stable = StableSet(problem, 0)
+    edges = lattice_edges(problem, stable, headings, cell)
+    best = {(0, 0, 0): 0.0}
+    queue = [(0.0, (0, 0, 0))]
+    while queue:
+        cost, (i, j, k) = heapq.heappop(queue)
+        if cost > best[i, j, k]:
+            continue
+        for e in range(edges.first[k], edges.first[k + 1]):
+            to = (i + int(edges.steps[e, 0]), j + int(edges.steps[e, 1]), (k + int(edges.steps[e, 2])) % headings)
+            total = cost + float(edges.costs[e])
+            if max(abs(to[0]), abs(to[1])) <= 9 and total < best.get(to, math.inf):
+                best[to] = total
+                heapq.heappush(queue, (total, to))
+    from stablepush.se2 import log
+
+    steps = np.array([(i, j, m) for i in range(-9, 10) for j in range(-9, 10) for m in range(-4, 5) if i or j])
+    twists = log(np.column_stack((steps[:, :2] * cell, steps[:, 2] * 2 * np.pi / headings)))
+    good = stable.accepts(twists)
+    assert good.sum() > 100
+    for (i, j, m), cost in zip(steps[good], stable.costs(twists[good]), strict=True):
+        # parts may have been made up themselves: the slack compounds
+        assert best[i, j, m % headings] <= 1.1 * cost
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_search_against_dijkstra(seed):
+    """With weight one and no joints, the cost is that of a plain Dijkstra over the same lattice."""
+    rng = np.random.default_rng(seed)
+    obstacles = [rng.uniform(0.35, 0.55, 2) + 0.04 * np.array(((-1, -1), (1, -1), (0, 1))) for _ in range(2)]
+    problem = small_scene(obstacles=obstacles, goal=(0.75, 0.6, 0.3), tolerance=(0.05, 0.5), bounds=(0, 0, 1, 0.9))
+    arena = Arena(problem, sp.PlanOptions(), math.inf)
+    headings, cell = 8, 0.06
+    edges = {0: lattice_edges(problem, arena.stable[0], headings, cell)}
+    graph = arena.lattice(headings, cell, edges)
+    graph.joints.radii[:] = 0.0
+    # what the edges take to the middle of the goal region is no lower bound
+    graph.goal.table[:] = 0.0
+    found = _Planner(arena, lambda _: None)._search(graph, 1.0, math.inf, math.inf, "")
+    assert found.stretches is not None
+    assert sum(d for _, pushes in found.stretches for _, d in pushes) == pytest.approx(found.cost)
+
+    body, e0 = SweptBody(problem, problem.contacts[0]), edges[0]
+    best, queue, done = {(0, 0, 0): 0.0}, [(0.0, (0, 0, 0))], None
+    while queue and done is None:
+        cost, (i, j, k) = heapq.heappop(queue)
+        if cost > best[i, j, k]:
+            continue
+        pose = compose(problem.start, (i * cell, j * cell, k * 2 * np.pi / headings))
+        if _search.at_goal(arena.goal, *pose):
+            done = cost
+        rows = slice(e0.first[k], e0.first[k + 1])
+        free = body.pushes_are_free(pose, e0.twists[rows], e0.durations[rows])
+        for step, extra in zip(e0.steps[rows][free], e0.costs[rows][free], strict=True):
+            to = (i + int(step[0]), j + int(step[1]), (k + int(step[2])) % headings)
+            if cost + extra < best.get(to, math.inf) - 1e-12:
+                best[to] = cost + float(extra)
+                heapq.heappush(queue, (best[to], to))
+    assert found.cost == pytest.approx(done)
+
+
+def test_more_search_makes_plans_no_worse():
+    problem = small_scene()
+    plans = [sp.plan(problem, time_limit=60, improve=effort) for effort in (0, 2_000, 40_000)]
+    assert all(sp.check_plan(problem, plan).valid for plan in plans)
+    durations = [plan.duration for plan in plans]
+    assert durations == sorted(durations, reverse=True)
+    assert plans[0].lower_bound == plans[2].lower_bound < durations[2]
+
+
+def test_margins_and_chances_cost_time():
+    scene = small_scene()
+    loads = scene.surface.wrench(np.random.default_rng(0).normal(size=(12, 3)) * (1, 1, 20))
+    surface = sp.fit_limit_surface(loads, scene.surface.twist(loads), slider=triangle(), seed=0).surface
+    problem = small_scene(surface=surface, min_margin=0.0)
+    plain, careful, sure = (
+        sp.plan(problem, time_limit=60, **asked) for asked in ({}, {"margin_weight": 3.0}, {"probability": 0.95})
+    )
+    for plan in (plain, careful, sure):
+        assert sp.check_plan(problem, plan).valid
+
+    def weighed(plan):
+        return sum(p.margin * p.duration for p in plan.pushes) / sum(p.duration for p in plan.pushes)
+
+    assert weighed(careful) > weighed(plain)
+    assert careful.duration > plain.duration
+    oracle = sp.StabilityOracle(surface, problem.contacts[0])
+    assert (oracle.probability(np.array([p.twist for p in sure.pushes])) >= 0.95 - 1e-9).all()
+    with pytest.raises(sp.InputError, match="ensemble"):
+        sp.plan(small_scene(), probability=0.5)
+
+
+def two_edges(**changes):
+    contacts = [sp.PushContact.on_edge(triangle(), e, c, 0.05, 0.9) for e, c in ((0, 0.05), (2, 0.1))]
+    settings = {"contacts": contacts, "obstacles": (), "bounds": (0, 0.05, 1.4, 0.37), "goal": (1.0, 0.2, 0.0)}
+    return small_scene(**{**settings, "switch_cost": 2.0, **changes})
+
+
+def test_the_pusher_goes_round_the_slider_to_another_edge():
+    """In a corridor too low to turn in, with a pusher that takes room."""
+    problem = two_edges()
+    result = sp.plan(problem, time_limit=60)
+    assert result.status == "solved"
+    assert result.switches >= 1
+    report = sp.check_plan(problem, result)
+    assert report.valid, report.objections
+    transfer = next(s for s in result.segments if isinstance(s, sp.Transfer))
+    assert len(transfer.pusher_path) > 3
+
+
+def test_no_room_for_the_pusher_means_no_change():
+    # the ceiling is so low that the pusher cannot pass the slider, and it starts below
+    problem = two_edges(bounds=(0.02, 0.105, 1.4, 0.32), start=(0.15, 0.2, 0.0))
+    result = sp.plan(problem, time_limit=60)
+    assert result.status == "no-path"
