@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from stablepush.all_pressure import WorstPressure, all_pressure_region, worst_pressure
     from stablepush.check import CheckReport, check_plan
+    from stablepush.comparison import RegionPlan, certified_share, compare_regions
     from stablepush.conservative import lynch_mason_region
     from stablepush.contact import PushContact, WrenchCone
     from stablepush.contact_choice import RankedContact, rank_contacts
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
         PolynomialLimitSurface,
         monomial_exponents,
     )
+    from stablepush.movingai import load_movingai_map
     from stablepush.options import PlanOptions
     from stablepush.oracle import StabilityOracle
     from stablepush.path import PlanResult, Push, Transfer, load_plan, save_plan
@@ -51,6 +53,7 @@ if TYPE_CHECKING:
     from stablepush.region import StableRegion, stable_region
     from stablepush.slider import Slider
     from stablepush.support import SupportDistribution
+    from stablepush.trajectory import Trajectory, load_trajectory, sample_plan, save_trajectory
 
 __version__ = "0.1.0"
 
@@ -58,10 +61,11 @@ __version__ = "0.1.0"
 _HOMES = {
     "all_pressure": ("WorstPressure", "all_pressure_region", "worst_pressure"),
     "check": ("CheckReport", "check_plan"),
+    "comparison": ("RegionPlan", "certified_share", "compare_regions"),
     "conservative": ("lynch_mason_region",),
     "contact": ("PushContact", "WrenchCone"),
     "contact_choice": ("RankedContact", "rank_contacts"),
-    "errors": ("ConvergenceError", "InputError", "SolverError", "StablepushError", "UnsupportedContactError"),
+    "errors": ("ConvergenceError", "InputError", "SolverError", "StablepushError", "UnavailableError", "UnsupportedContactError"),
     "formats": ("load_contact", "load_model", "load_slider", "save_model"),
     "identify": (
         "Certificate",
@@ -80,6 +84,7 @@ _HOMES = {
     ),
     "logs": ("Noise", "PushLog", "Rig", "read_pushlog", "write_pushlog"),
     "models": ("GaussianProcessSurface", "IdealLimitSurface", "LimitSurface", "PolynomialLimitSurface", "monomial_exponents"),
+    "movingai": ("load_movingai_map",),
     "oracle": ("StabilityOracle",),
     "path": ("PlanResult", "Push", "Transfer", "load_plan", "save_plan"),
     "options": ("PlanOptions",),
@@ -89,6 +94,7 @@ _HOMES = {
     "region": ("StableRegion", "stable_region"),
     "slider": ("Slider",),
     "support": ("SupportDistribution",),
+    "trajectory": ("Trajectory", "load_trajectory", "sample_plan", "save_trajectory"),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -115,6 +121,7 @@ __all__ = [
     "PushContact",
     "PushLog",
     "RankedContact",
+    "RegionPlan",
     "Rig",
     "Slider",
     "SolverError",
@@ -122,22 +129,28 @@ __all__ = [
     "StableRegion",
     "StablepushError",
     "SupportDistribution",
+    "Trajectory",
     "Transfer",
+    "UnavailableError",
     "UnsupportedContactError",
     "WorstPressure",
     "WrenchCone",
     "all_pressure_region",
+    "certified_share",
     "certify",
     "chance_region",
     "check_plan",
+    "compare_regions",
     "ellipsoid_from_pressure",
     "fit_limit_surface",
     "fit_pressure_grid",
     "load_contact",
     "load_model",
+    "load_movingai_map",
     "load_plan",
     "load_scene",
     "load_slider",
+    "load_trajectory",
     "lynch_mason_region",
     "monomial_exponents",
     "plan",
@@ -148,9 +161,11 @@ __all__ = [
     "rank_contacts",
     "rank_pokes",
     "read_pushlog",
+    "sample_plan",
     "save_model",
     "save_plan",
     "save_scene",
+    "save_trajectory",
     "stable_region",
     "worst_pressure",
     "write_pushlog",

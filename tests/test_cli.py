@@ -167,6 +167,30 @@ def test_plan_is_checked_and_drawn(rig, tmp_path, capsys):
     assert {"seed", "duration", "length", "switches", "min_margin", "lower_bound", "planning_time"} <= value.keys()
 
 
+def test_plans_are_compared_and_sampled(rig, tmp_path, capsys):
+    assert main(["compare", str(rig / "scene.json"), "--improve", "0", "--csv", str(tmp_path / "c.csv")]) == 0
+    out = capsys.readouterr().out
+    rows = [line.split(",") for line in (tmp_path / "c.csv").read_text().splitlines()]
+    assert rows[0][:3] == ["scene", "region", "status"]
+    assert [row[1] for row in rows[1:]] == ["model", "all-pressure", "conservative"]
+    for row in rows[1:]:
+        assert row[1] in out
+        assert row[2] in ("solved", "no-path")
+        assert row[1] == "model" or row[2] != "solved" or float(row[7]) == 1
+    arguments = [str(rig / "scene.json"), str(tmp_path / "p.json")]
+    assert main(["plan", *arguments[:1], "--improve", "0", "--margin-weight", "1", "-o", arguments[1]]) == 0
+    assert main(["trajectory", *arguments, "--rate", "10", "--acceleration", "0.1", "-o", str(tmp_path / "t.csv")]) == 0
+    assert (tmp_path / "t.csv").read_text().startswith("t,segment,contact,x,y,theta,px,py,ptheta\n")
+    for bad in (["--rate", "0"], ["--rate", "nan"], ["--acceleration", "-1"]):
+        capsys.readouterr()
+        assert main(["trajectory", *arguments, *bad, "-o", str(tmp_path / "none.csv")]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    for bad in (["--probability", "2"], ["--margin-weight", "-1"], ["--improve", "nan"], ["--improve", "-1"]):
+        assert main(["plan", *arguments[:1], *bad, "-o", str(tmp_path / "none.json")]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert not list(tmp_path.glob("none.*"))
+
+
 def test_negative_answers_exit_with_one(rig, tmp_path, capsys):
     scene = json.loads((rig / "scene.json").read_text())
     scene["obstacles"] = [[[0.4, -0.1], [0.5, -0.1], [0.5, 1.1], [0.4, 1.1]]]

@@ -111,6 +111,87 @@ def check(
     raise typer.Exit(0 if report.valid else 1)
 
 
+def compare(
+    scenes: Annotated[list[Path], typer.Argument(metavar="SCENE...", help="scene/1 files.")],
+    planner: Annotated[str, typer.Option(help="Name of the planner.")] = "cor-lattice",
+    time_limit: Annotated[float, typer.Option(parser=number, metavar="SECONDS", help="Wall time in s for each plan.")] = 30.0,
+    seed: Annotated[
+        int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of planners that draw random numbers.")
+    ] = 0,
+    improve: Annotated[
+        float, typer.Option(parser=number, metavar="STEPS", help="Steps of search for better plans after the first; inf: no end.")
+    ] = 20_000,
+    table: Annotated[Path | None, typer.Option("--csv", help="Table to write.")] = None,
+) -> None:
+    """Plan with the model's region, the all-pressure region and STABLE: what each can, and what it costs."""
+    import numpy as np
+
+    from stablepush.comparison import compare_regions
+    from stablepush.files import write_atomically
+    from stablepush.logs.table import table_text
+    from stablepush.planning import planner_names
+    from stablepush.problem import load_scene
+
+    if not (math.isfinite(time_limit) and 0 <= time_limit <= 1e6):
+        raise InputError(f"--time-limit: expected a time in s from 0 to 1e6, got {time_limit:g}")
+    if planner not in planner_names():
+        raise InputError(f"--planner: expected one of {', '.join(planner_names())}, got {planner!r}")
+    if not 0 <= improve:
+        raise InputError(f"--improve: expected a number >= 0, or inf, got {improve:g}")
+    require_seed(seed)
+    if table is not None:
+        require_file(table)
+    problems = [load_scene(scene) for scene in scenes]
+    head = ("duration", "length", "switches", "min_margin_deg", "certified", "planning_time")
+    rows: list[list[object]] = []
+    print(f"{'scene':<24s} {'region':<13s} {'status':<9s}" + "".join(f" {word:>14s}" for word in head))
+    with Progress("compare", len(problems)) as step:
+        for scene, problem in zip(scenes, problems, strict=True):
+            with about(scene):
+                plans = compare_regions(problem, planner, time_limit, seed, improve=improve, progress=step.describe)
+            for one in plans:
+                found = one.result
+                numbers: list[float | None] = [None] * 5
+                if found.solved:
+                    share = None if math.isnan(one.certified) else one.certified
+                    numbers = [found.duration, found.length, found.switches, math.degrees(found.min_margin), share]
+                numbers.append(found.planning_time)
+                rows.append([scene.stem, one.region, found.status, *("" if n is None else n for n in numbers)])
+                words = "".join(f" {'-' if n is None else f'{n:.4g}':>14s}" for n in numbers)
+                step.say(f"{scene.stem:<24.24s} {one.region:<13s} {found.status:<9s}{words}", error=False)
+            step()
+    if table is not None:
+        columns = zip(("scene", "region", "status", *head), zip(*rows, strict=True), strict=True)
+        write_atomically(table, table_text({name: np.array(values, dtype=object) for name, values in columns}))
+    raise typer.Exit(0 if any(row[2] == "solved" for row in rows) else 1)
+
+
+def trajectory(
+    scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
+    plan_file: Annotated[Path, typer.Argument(metavar="PLAN", help="plan/1 file.")],
+    output: Output,
+    rate: Annotated[float, typer.Option(parser=number, metavar="HZ", help="Samples a second.")] = 50.0,
+    acceleration: Annotated[
+        float | None,
+        typer.Option(parser=number, metavar="M/S2", help="Start and end every push at rest, with no point faster to speed up."),
+    ] = None,
+) -> None:
+    """Sample a plan in time: poses of slider and pusher as CSV."""
+    from stablepush.path import load_plan
+    from stablepush.problem import load_scene
+    from stablepush.trajectory import sample_plan, save_trajectory
+
+    for name, value in (("--rate", rate), ("--acceleration", acceleration)):
+        if value is not None and not (math.isfinite(value) and 0 < value <= 1e6):
+            raise InputError(f"{name}: expected a number > 0, got {value:g}")
+    require_file(output)
+    problem, result = load_scene(scene), load_plan(plan_file)
+    with about(plan_file):
+        samples = sample_plan(problem, result, rate, acceleration)
+    save_trajectory(samples, output)
+    print(f"{output}: {len(samples.t)} samples over {samples.t[-1]:.2f} s")
+
+
 def _plan_line(result: PlanResult) -> str:
     if not result.solved:
         return f"{result.status}: {result.message}"

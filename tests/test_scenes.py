@@ -1,0 +1,38 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import stablepush as sp
+
+SCENES = Path(__file__).parents[1] / "examples" / "scenes"
+NAMES = sorted(file.stem for file in SCENES.glob("*.json") if file.stem != "triangle")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_scenes_are_solved_or_refused(name):
+    problem = sp.load_scene(SCENES / f"{name}.json")
+    result = sp.plan(problem, time_limit=120, improve=0)
+    if name == "unsolvable":
+        assert result.status == "no-path"
+        assert "exhausted" in result.message
+    else:
+        assert result.status == "solved", result.message
+        assert sp.check_plan(problem, result).valid
+        assert result.lower_bound <= result.duration
+
+
+def test_what_the_model_buys():
+    plans = {one.region: one for one in sp.compare_regions(sp.load_scene(SCENES / "tight-turn.json"), improve=0)}
+    assert list(plans) == ["model", "all-pressure", "conservative"]
+    assert plans["model"].result.duration < plans["conservative"].result.duration
+    assert plans["all-pressure"].certified == plans["conservative"].certified == 1
+    assert 0 < plans["model"].certified < 1
+
+
+def test_the_sweep_study(tmp_path):
+    study = SCENES.parent / "planning" / "sweeps.py"
+    arguments = ["--pushes", "100", "--samples", "1000"]
+    run = subprocess.run([sys.executable, str(study), *arguments], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "0 free by the sweep but not" in run.stdout
