@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 from conftest import small_scene, triangle
-from stablepush_planners import _search
+from stablepush_planners import _search, contact_graph
 from stablepush_planners.arena import Arena
 from stablepush_planners.cor_lattice import _Planner
 from stablepush_planners.lattice import lattice_edges
@@ -152,3 +152,32 @@ def test_no_room_for_the_pusher_means_no_change():
     problem = two_edges(bounds=(0.02, 0.105, 1.4, 0.32), start=(0.15, 0.2, 0.0))
     result = sp.plan(problem, time_limit=60)
     assert result.status == "no-path"
+
+
+def test_the_pusher_takes_a_wider_way_where_posts_stand_close():
+    """Posts beside the slider block the ways that hug it, not those round the posts."""
+    post = 0.01 * np.array(((-1, -1), (1, -1), (1, 1), (-1, 1)))
+    start = np.array((0.4, 0.5, 0.0))
+    posts = [
+        start[:2] + at + post for at in ((0.15, 0.03), (0.04, 0.15), (-0.03, 0.16), (-0.115, 0.09), (-0.09, -0.1), (0.14, -0.08))
+    ]
+    problem = two_edges(bounds=(0, 0, 1.5, 1.2), start=start, goal=(1.2, 0.5, 0.0), obstacles=posts)
+    arena = Arena(problem, sp.PlanOptions(), math.inf)
+    assert _search.route_between(arena.changes, arena._bodies(), arena.world, 0, 1, *start[:2], 1.0, 0.0) < 0
+    path = arena.pusher_path(0, 1, start)
+    assert path is not None
+    push = sp.Push.from_start(1, (0.05, 0.0, 0.0), 1.0, start, float(arena.stable[1].oracle.margin((0.05, 0.0, 0.0))))
+    first = sp.Transfer(0, 1, path, problem.switch_cost)
+    objections = sp.check_plan(problem, sp.PlanResult.from_segments([first, push], planner="hand")).objections
+    assert [o for o in objections if "goal" not in o] == []
+
+
+def test_the_contact_graph_holds_paths_round_the_slider():
+    problem = two_edges()
+    graph = contact_graph(problem)
+    assert sorted(graph.edges) == [(0, 1), (1, 0)]
+    assert graph.edges[0, 1]["length"] == pytest.approx(graph.edges[1, 0]["length"])
+    path = compose((0.5, 0.5, 0.3), graph.edges[0, 1]["path"])
+    for end, contact in ((0, 0), (-1, 1)):
+        np.testing.assert_allclose(path[end, :2], compose((0.5, 0.5, 0.3), problem.contacts[contact].frame)[:2])
+    assert contact_graph(two_edges(pusher=None)).edges[0, 1]["length"] == 0

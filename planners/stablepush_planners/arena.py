@@ -23,7 +23,7 @@ from stablepush_planners.distance_field import DistanceField
 from stablepush_planners.lattice import Edges
 from stablepush_planners.stable_set import StableSet
 from stablepush_planners.steering import Steering, steering
-from stablepush_planners.transfers import Routes, routes_of, transfer_path
+from stablepush_planners.transfers import Routes, backed_off, pusher_path, routes_of, transfer_path, way_among_obstacles
 
 #: A stretch of a path: its contact, and the pushes there.
 Stretch = tuple[int, list[TimedTwist]]
@@ -191,7 +191,9 @@ class Arena:
         pose, contact = self.problem.start, 0
         for at, pushes in stretches:
             if at != contact:
-                segments.append(Transfer(contact, at, self._pusher_path(contact, at, pose), self.problem.switch_cost))
+                path = self.pusher_path(contact, at, pose)
+                assert path is not None
+                segments.append(Transfer(contact, at, path, self.problem.switch_cost))
                 contact = at
             margins = self.stable[contact].oracle.margin(np.array([twist for twist, _ in pushes]))
             for (twist, duration), margin in zip(pushes, margins, strict=True):
@@ -208,12 +210,25 @@ class Arena:
         changes = sum(a[0] != b[0] for a, b in pairwise(((0, ()), *stretches)))
         return pushes + changes * self.problem.switch_cost
 
-    def _pusher_path(self, source: int, target: int, pose: FloatArray) -> FloatArray:
+    def pusher_path(self, source: int, target: int, pose: FloatArray) -> FloatArray | None:
+        """Return poses (n, 3) of the pusher's frame in W from one contact to another of a slider at ``pose``, or None.
+
+        Empty where the pusher takes no room; close round the slider where that is free, else any way among the obstacles.
+        """
         if self.routes is None:
             return np.empty((0, 3))
-        cos, sin = math.cos(pose[2]), math.sin(pose[2])
-        route = int(_search.route_between(self.changes, self._bodies(), self.world, source, target, pose[0], pose[1], cos, sin))
-        return transfer_path(self.problem, self.routes, route, pose)
+        at = (pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2]))
+        route = int(_search.route_between(self.changes, self._bodies(), self.world, source, target, *at))
+        if route >= 0:
+            return transfer_path(self.problem, self.routes, route, pose)
+        known = self.changes._replace(kind=_search.ANY_WAY)
+        if _search.route_between(known, self._bodies(), self.world, source, target, *at) < 0:
+            return None
+        docks = [compose(pose, self.routes.docks[k]) for k in (source, target)]
+        retreats = [float(self.routes.retreats[k]) for k in (source, target)]
+        ends = [backed_off(dock, way)[:2] for dock, way in zip(docks, retreats, strict=True)]
+        way = way_among_obstacles(self.problem, pose, ends[0], ends[1], self.routes.radius)
+        return None if way is None else pusher_path((docks[0], docks[1]), way)
 
     def nudge(self) -> list[Stretch] | None:
         """A short push that stays within the tolerance, if the start is within it: a plan has at least one push."""

@@ -19,8 +19,9 @@ from stablepush.errors import OutOfTimeError
 from stablepush.options import PlanOptions
 from stablepush.path import PlanResult, Push, Transfer
 from stablepush.problem import PlanningProblem
+from stablepush.se2 import compose
 from stablepush_planners import _search
-from stablepush_planners._search import Graph, Tree
+from stablepush_planners._search import Changes, Graph, Tree
 from stablepush_planners.arena import Arena, Stretch, end_of
 from stablepush_planners.lattice import lattice_edges
 
@@ -92,13 +93,22 @@ class _Planner:
         if nudge is not None:
             self._take(nudge, "the start is within tolerance")
             return ""
-        useful = False
+        useful = self._climb(improve, arena.changes)
+        if self.best is None and arena.changes.kind == _search.KNOWN_WAYS and arena.routes is not None:
+            # the pusher may still reach another contact on a way that does not hug the slider
+            self._said("any way of the pusher round the slider")
+            self._climb(improve, arena.changes._replace(kind=_search.ANY_WAY))
+        return f"the lattice is exhausted at all {len(LADDER)} resolutions" if useful else "no contact has a stable push"
+
+    def _climb(self, improve: float, changes: Changes) -> bool:
+        """Search from the coarsest lattice to the finest; return whether any of them has an edge."""
+        arena, useful = self._arena, False
         for rung, (headings, share) in enumerate(LADDER):
             self._said(f"lattice {rung + 1} of {len(LADDER)}: {headings} headings")
             cell = share * arena.problem.slider.radius
             edges = {i: lattice_edges(arena.problem, stable, headings, cell) for i, stable in arena.stable.items()}
             useful = useful or any(len(e.durations) for e in edges.values())
-            graph = arena.lattice(headings, cell, edges)
+            graph = arena.lattice(headings, cell, edges)._replace(changes=changes)
             limit = math.inf
             for weight in WEIGHTS:
                 words = f"{headings} headings, cells of {1000 * cell:.3g} mm, weight {weight:g}"
@@ -109,21 +119,15 @@ class _Planner:
                     self._take(arena.shortened(found.stretches), words)
                 improve -= found.expanded if improving else 0
                 if improve <= 0 and self.best is not None:
-                    return ""
+                    return useful
                 if self.best is None:
                     break
-        return f"the lattice is exhausted at all {len(LADDER)} resolutions" if useful else "no contact has a stable push"
+        return useful
 
     def _search(self, graph: Graph, weight: float, limit: float, most: float, words: str) -> _Found:
         """Search once for a path that costs less than ``limit``, over at most ``most`` poses."""
-        arena, tree = self._arena, _empty_tree(_FIRST_SIZE)
-        for contact in arena.stable:
-            # without a pusher outline a change of contact needs no way round the slider
-            if contact == 0 or arena.problem.pusher is None:
-                cost = 0.0 if contact == 0 else arena.problem.switch_cost
-                key = _search.key_of(contact, 0, 0, 0)
-                _search.reach(graph.cells, graph.goal, tree, key, cost, -1, _search.START, weight, limit)
-        denied = np.zeros(0, dtype=np.int64)
+        arena, denied = self._arena, np.zeros(0, dtype=np.int64)
+        tree = self._planted(graph, weight, limit)
         while True:
             quota = int(min(_QUOTA, most - int(tree.counts[2])))
             why = _search.expand(graph, arena.world, tree, weight, limit, quota, denied)
@@ -132,12 +136,39 @@ class _Planner:
                 tree = _larger(tree)
             elif why == _search.DONE:
                 node = int(tree.counts[3])
-                return _Found(float(tree.cost[node]), self._path(graph, tree, node), expanded)
+                impossible = self._impossible_change(graph, tree, node)
+                if impossible is None:
+                    return _Found(float(tree.cost[node]), self._path(graph, tree, node), expanded)
+                denied = np.sort(np.append(denied, impossible))
+                tree = self._planted(graph, weight, limit)
             elif why == _search.EXHAUSTED or expanded >= most:
                 return _Found(math.inf, None, expanded)
             self._said(f"{words}: {expanded} poses expanded, {tree.counts[1]} queued")
             if time.perf_counter() > arena.deadline:
                 raise OutOfTimeError("search: the deadline has passed")
+
+    def _planted(self, graph: Graph, weight: float, limit: float) -> Tree:
+        """Return a tree with nothing but the start; without a pusher outline, at every contact."""
+        arena, tree = self._arena, _empty_tree(_FIRST_SIZE)
+        for contact in arena.stable:
+            if contact == 0 or arena.problem.pusher is None:
+                cost = 0.0 if contact == 0 else arena.problem.switch_cost
+                key = _search.key_of(contact, 0, 0, 0)
+                _search.reach(graph.cells, graph.goal, tree, key, cost, -1, _search.START, weight, limit)
+        return tree
+
+    def _impossible_change(self, graph: Graph, tree: Tree, node: int) -> int | None:
+        """Return the key to which the path of a node changes the contact though there is no way; None if there always is one."""
+        while graph.changes.kind == _search.ANY_WAY and node >= 0:
+            if tree.via[node] == _search.TRANSFER:
+                target, heading, i, j = (int(part) for part in _search.parts_of(tree.key[node]))
+                source = int(_search.parts_of(tree.key[tree.parent[node]])[0])
+                turn = 2 * math.pi / graph.cells.headings
+                pose = compose(self._arena.problem.start, (i * graph.cells.cell, j * graph.cells.cell, heading * turn))
+                if self._arena.pusher_path(source, target, pose) is None:
+                    return int(tree.key[node])
+            node = int(tree.parent[node])
+        return None
 
     def _path(self, graph: Graph, tree: Tree, node: int) -> list[Stretch]:
         """Turn a chain of nodes into stretches of one contact each."""

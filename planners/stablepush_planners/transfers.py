@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -13,6 +14,9 @@ from stablepush._sweep import line_is_free
 from stablepush.collision import body_of, world_of
 from stablepush.problem import PlanningProblem
 from stablepush.se2 import compose, transform_points, wrap_angle
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 #: The pusher keeps this far (m) from what it goes round.
 CLEARANCE = 2e-6
@@ -78,13 +82,42 @@ def routes_of(problem: PlanningProblem) -> Routes:
     return Routes(radius, docks, retreats, np.array(first), np.ascontiguousarray(np.concatenate(points)))
 
 
+def contact_graph(problem: PlanningProblem) -> nx.DiGraph:
+    """Return the contacts of a problem and the changes between them, without obstacles, as a graph.
+
+    Nodes are numbers of contacts, with ``frame`` (3,), the docked pose of the pusher in B. An edge has the ``length`` (m) of the
+    shorter way round the slider and ``path`` (n, 3), the poses of the pusher's frame in B; both are zero and empty where the
+    pusher takes no room. Contacts that the pusher cannot leave straight backwards have no edges.
+    """
+    # not needed by plans, and slow to import
+    import networkx as nx
+
+    graph = nx.DiGraph()
+    contacts = range(len(problem.contacts))
+    graph.add_nodes_from((i, {"frame": problem.contacts[i].frame}) for i in contacts)
+    routes = None if problem.pusher is None else routes_of(problem)
+    for i in contacts:
+        for j in contacts:
+            if i != j and routes is None:
+                graph.add_edge(i, j, length=0.0, path=np.zeros((0, 3)))
+            elif i != j and routes is not None:
+                first = routes.first[2 * (i * len(contacts) + j) :]
+                ways = [routes.points[first[side] : first[side + 1]] for side in (0, 1)]
+                paths = [pusher_path((routes.docks[i], routes.docks[j]), way) for way in ways if len(way)]
+                lengths = [float(np.hypot(*np.diff(path[:, :2], axis=0).T).sum()) for path in paths]
+                if paths:
+                    k = int(np.argmin(lengths))
+                    graph.add_edge(i, j, length=lengths[k], path=paths[k])
+    return graph
+
+
 def backed_off(dock: FloatArray, way: float) -> FloatArray:
     """Return a pose of the pusher's frame, moved back along its x axis."""
     return np.array((dock[0] - way * math.cos(dock[2]), dock[1] - way * math.sin(dock[2]), dock[2]))
 
 
-def pusher_path(docks: tuple[FloatArray, FloatArray], retreats: tuple[float, float], way: FloatArray) -> FloatArray:
-    """Return poses (n, 3) of the pusher's frame: back off, along ``way`` (k, 2) while it turns evenly, and dock."""
+def pusher_path(docks: tuple[FloatArray, FloatArray], way: FloatArray) -> FloatArray:
+    """Return poses (n, 3) of the pusher's frame: back off to the start of ``way`` (k, 2), along it turning evenly, and dock."""
     start, end = docks
     turn = float(wrap_angle(end[2] - start[2]))
     steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
@@ -135,8 +168,7 @@ def transfer_path(problem: PlanningProblem, routes: Routes, route: int, pose: Fl
     contacts = len(routes.docks)
     i, j = divmod(route // 2, contacts)
     way = routes.points[routes.first[route] : routes.first[route + 1]]
-    path = pusher_path((routes.docks[i], routes.docks[j]), (routes.retreats[i], routes.retreats[j]), way)
-    return compose(pose, path)
+    return compose(pose, pusher_path((routes.docks[i], routes.docks[j]), way))
 
 
 def _widened(shape: shapely.Geometry, radius: float) -> shapely.Geometry:
