@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from stablepush.probability import ProbabilityMap, chance_region, probability_map
     from stablepush.problem import PlanningProblem, load_scene, save_scene
     from stablepush.region import StableRegion, stable_region
+    from stablepush.rosbag import load_rosbag, save_rosbag
     from stablepush.slider import Slider
     from stablepush.support import SupportDistribution
     from stablepush.trajectory import Trajectory, load_trajectory, sample_plan, save_trajectory
@@ -92,6 +93,7 @@ _HOMES = {
     "problem": ("PlanningProblem", "load_scene", "save_scene"),
     "probability": ("ProbabilityMap", "chance_region", "probability_map"),
     "region": ("StableRegion", "stable_region"),
+    "rosbag": ("load_rosbag", "save_rosbag"),
     "slider": ("Slider",),
     "support": ("SupportDistribution",),
     "trajectory": ("Trajectory", "load_trajectory", "sample_plan", "save_trajectory"),
@@ -148,6 +150,7 @@ __all__ = [
     "load_model",
     "load_movingai_map",
     "load_plan",
+    "load_rosbag",
     "load_scene",
     "load_slider",
     "load_trajectory",
@@ -164,6 +167,7 @@ __all__ = [
     "sample_plan",
     "save_model",
     "save_plan",
+    "save_rosbag",
     "save_scene",
     "save_trajectory",
     "stable_region",

@@ -67,6 +67,25 @@ def test_trajectories_survive_their_file(solved, tmp_path):
         np.testing.assert_array_equal(getattr(samples, name), getattr(again, name))
 
 
+def test_trajectories_survive_a_bag(solved, tmp_path):
+    pytest.importorskip("rosbags", reason="rosbags is not installed")
+    samples = sp.sample_plan(*solved)
+    for _ in range(2):
+        # the second replaces the first
+        sp.save_rosbag(samples, tmp_path / "bag")
+    again = sp.load_rosbag(tmp_path / "bag")
+    np.testing.assert_allclose(again.t, samples.t, atol=1e-9)
+    np.testing.assert_array_equal(again.segment, samples.segment)
+    np.testing.assert_array_equal(again.contact, samples.contact)
+    for name in ("slider", "pusher"):
+        one, other = getattr(again, name), getattr(samples, name)
+        np.testing.assert_array_equal(one[:, :2], other[:, :2])
+        assert np.abs(wrap_angle(one[:, 2] - other[:, 2])).max() < 1e-12
+    (tmp_path / "none").mkdir()
+    with pytest.raises(sp.InputError, match="none"):
+        sp.load_rosbag(tmp_path / "none")
+
+
 def test_only_solved_plans_and_sound_rates(solved):
     problem, result = solved
     with pytest.raises(sp.InputError, match="solved"):
