@@ -129,10 +129,15 @@ def _check_sweep(problem: PlanningProblem, outline: FloatArray, push: Push, plac
     found = []
     placed = transform_points(push.start, outline)
     sweep = _Sweep.from_push(push)
-    if not _within(problem.bounds, sweep.extremes(placed)):
+    extremes = sweep.extremes(placed)
+    if not _within(problem.bounds, extremes):
         found.append(f"{place} leaves the bounds")
+    low, high = extremes.min(axis=0), extremes.max(axis=0)
+    rings = _shrunk(placed)
     for i, obstacle in enumerate(problem.obstacles):
-        if any(sweep.hits(ring, obstacle) for ring in _shrunk(placed)):
+        if (obstacle.max(axis=0) < low).any() or (obstacle.min(axis=0) > high).any():
+            continue
+        if any(sweep.hits(ring, obstacle) for ring in rings):
             found.append(f"{place} hits obstacle {i}")
     return found
 
