@@ -26,6 +26,10 @@ class PlanOptions:
     margin_weight : float
         A push costs its duration times ``1 + margin_weight (1 - margin/m)``, with ``m`` the largest margin of a straight push:
         with 1, one on the boundary of the stable set costs twice as much as the safest. 0 minimises the duration.
+    cor_rate : float
+        Largest rate (rad/s) at which the unit twist ``(vx, vy, rho omega)`` turns from one push to the next at the same contact:
+        corners are blended by short pushes between the two. Infinite: at once. A corner that cannot be blended, since its
+        pushes are too short or the blend would not be stable or free, is left for the slider to stop at.
     improve : float
         Steps of search (poses expanded, motions looked at) in which planners that can look for better plans after the first; a
         count and not a time, so that plans repeat. Infinite: until the time limit.
@@ -34,6 +38,7 @@ class PlanOptions:
     region: str = "model"
     probability: float = 0.0
     margin_weight: float = 0.0
+    cor_rate: float = math.inf
     improve: float = 20_000
 
     def __post_init__(self) -> None:
@@ -42,5 +47,7 @@ class PlanOptions:
         if not 0 <= check_number(self.probability, "probability") <= 1:
             raise InputError(f"probability: expected a number from 0 to 1, got {self.probability:g}")
         check_number(self.margin_weight, "margin_weight", at_least=0.0)
+        if self.cor_rate != math.inf:
+            check_number(self.cor_rate, "cor_rate", above=0.0)
         if self.improve != math.inf:
             check_number(self.improve, "improve", at_least=0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -47,6 +48,7 @@ def plan(
     region: str = "model",
     probability: float = 0.0,
     margin_weight: float = 0.0,
+    cor_rate: float = math.inf,
     improve: float = 20_000,
     progress: Callable[[str], None] | None = None,
 ) -> PlanResult:
@@ -61,7 +63,7 @@ def plan(
         Wall time in s after which the planner stops with the status ``"timeout"``.
     seed : int, optional
         Seed of planners that draw random numbers; 0 if not given.
-    region, probability, margin_weight, improve
+    region, probability, margin_weight, cor_rate, improve
         How sure and how good the plan is to be: see :class:`PlanOptions`.
     progress : callable, optional
         Called now and then with a line on the state of the search.
@@ -73,7 +75,7 @@ def plan(
     """
     started = time.perf_counter()
     limit = check_number(time_limit, "time_limit", at_least=0.0)
-    options = PlanOptions(region, probability, margin_weight, improve)
+    options = PlanOptions(region, probability, margin_weight, cor_rate, improve)
     found = {entry.name: entry for entry in entry_points(group="stablepush.planners")}
     if planner not in found:
         raise InputError(f"planner: expected one of {', '.join(sorted(found)) or 'none installed'}, got {planner!r}")

@@ -13,8 +13,12 @@ from stablepush.errors import InputError
 from stablepush.files import write_atomically
 from stablepush.logs.table import read_table, table_text
 from stablepush.path import PlanResult, Push, Transfer
+from stablepush.planar import normalize_twist, unit
 from stablepush.problem import PlanningProblem
 from stablepush.se2 import compose, wrap_angle
+
+#: Unit twists of pushes in a row that differ by no more than this (rad) are passed without a stop.
+PASSES = 0.1
 
 _COLUMNS = ("t", "segment", "contact", "x", "y", "theta", "px", "py", "ptheta")
 #: Samples that a trajectory may have.
@@ -41,8 +45,9 @@ def sample_plan(
 ) -> Trajectory:
     """Return the poses of slider and pusher over time.
 
-    Without an acceleration the pushes run at the speed limit from end to end, as the plan has them. With one, each starts and
-    ends at rest: no point of the slider's outline exceeds ``acceleration`` (m/s²) along its way, nor the speed limit. A push is
+    Without an acceleration the pushes run at the speed limit from end to end, as the plan has them. With one, the slider starts
+    and ends at rest, and rests where the unit twist jumps by more than :data:`PASSES`: blended corners are passed. No point of
+    its outline then speeds up along its way by more than ``acceleration`` (m/s²), nor exceeds the speed limit. A push is
     quasi-static where that is small against ``mu g`` of the support.
 
     Parameters
@@ -54,39 +59,99 @@ def sample_plan(
     Raises
     ------
     InputError
-        If the plan is not solved.
+        If the plan is not solved, or not one for this problem.
     """
     if not result.solved:
         raise InputError(f"plan: expected a solved plan, its status is {result.status}")
+    _require_fit(problem, result)
     hertz = check_number(rate, "rate", above=0.0)
     limit = None if acceleration is None else check_number(acceleration, "acceleration", above=0.0)
-    pose, now, count = problem.start, 0.0, 0
+    law = _TimeLaw(problem, result, limit)
+    if law.ends[-1] * hertz > _MOST_SAMPLES:
+        raise InputError(f"rate: expected at most {_MOST_SAMPLES} samples in all, at {hertz:g} a second there are more")
+    pose, begin = problem.start, 0.0
     parts: list[FloatArray] = []
     for number, segment in enumerate(result.segments):
-        speed = float(problem.push_speed(segment.twist)) if isinstance(segment, Push) else 0.0
-        length = segment.duration if limit is None or not speed else ramped_duration(segment.duration, speed, limit)
-        samples = max(1, math.ceil(length * hertz))
-        count += samples
-        if count > _MOST_SAMPLES:
-            raise InputError(f"rate: expected at most {_MOST_SAMPLES} samples in all, at {hertz:g} a second there are more")
+        end = float(law.ends[number])
+        samples = max(1, math.ceil((end - begin) * hertz))
         # the first sample of a segment is the last of the one before
-        t = np.linspace(0.0, length, samples + 1)[0 if number == 0 else 1 :]
+        t = np.linspace(begin, end, samples + 1)[0 if number == 0 else 1 :]
         rows = np.empty((len(t), 9))
-        rows[:, 0], rows[:, 1] = now + t, number
+        rows[:, 0], rows[:, 1] = t, number
         if isinstance(segment, Push):
-            way = t if limit is None or not speed else ramp(t, segment.duration, speed, limit)
+            way = np.clip(law.behind(number, t), 0.0, segment.duration)
+            way[-1] = segment.duration
             rows[:, 2], rows[:, 3:6] = segment.contact, segment.poses(way)
             rows[:, 6:9] = compose(rows[:, 3:6], problem.contacts[segment.contact].frame)
             pose = segment.end
         else:
             rows[:, 2], rows[:, 3:6] = -1, pose
-            rows[:, 6:9] = _on_the_way(problem, segment, pose, t / length if length > 0 else np.ones(len(t)))
+            share = (t - begin) / (end - begin) if end > begin else np.ones(len(t))
+            rows[:, 6:9] = _on_the_way(problem, segment, pose, share)
             rows[-1, 2] = segment.target
         parts.append(rows)
-        now += length
+        begin = end
     table = np.concatenate(parts)
     table[:, 5], table[:, 8] = wrap_angle(table[:, 5]), wrap_angle(table[:, 8])
     return _trajectory(table.T)
+
+
+class _TimeLaw:
+    """When the segments of a plan end, and how far each is at a time."""
+
+    def __init__(self, problem: PlanningProblem, result: PlanResult, limit: float | None) -> None:
+        self._durations = np.array([segment.duration for segment in result.segments])
+        self._limit = limit
+        #: first and last of the segments that are passed without a stop, by segment, and the speed (m/s) of the fastest point
+        self._runs: list[tuple[int, int]] = []
+        self._speeds = [float(problem.push_speed(s.twist)) if isinstance(s, Push) else 0.0 for s in result.segments]
+        rho = problem.surface.characteristic_length
+        for number, segment in enumerate(result.segments):
+            before = result.segments[number - 1] if number else None
+            first = number
+            if isinstance(segment, Push) and isinstance(before, Push) and before.contact == segment.contact:
+                u, v = (unit(normalize_twist(s.twist, rho)) for s in (before, segment))
+                if float(np.linalg.norm(u - v)) <= PASSES:
+                    first = self._runs[-1][0]
+            self._runs = [(a, number) if a == first else (a, b) for a, b in self._runs] + [(first, number)]
+        self.ends = np.cumsum(self._durations)
+        if limit is not None:
+            now = 0.0
+            for first, last in dict.fromkeys(self._runs):
+                behind = np.cumsum(self._durations[first : last + 1])
+                if isinstance(result.segments[first], Push):
+                    behind = ramp_times(behind, float(behind[-1]), max(self._speeds[first : last + 1]), limit)
+                self.ends[first : last + 1] = now + behind
+                now = float(self.ends[last])
+
+    def behind(self, number: int, t: FloatArray) -> FloatArray:
+        """Return what of a push, as time (n,) at full speed, is behind at times (n,)."""
+        first, last = self._runs[number] if self._limit is not None else (number, number)
+        begin = float(self.ends[first - 1]) if first else 0.0
+        if self._limit is None:
+            return np.asarray(t - begin)
+        total, before = float(self._durations[first : last + 1].sum()), float(self._durations[first:number].sum())
+        return ramp(t - begin, total, max(self._speeds[first : last + 1]), self._limit) - before
+
+
+def _require_fit(problem: PlanningProblem, result: PlanResult) -> None:
+    """Refuse a plan whose segments make no sense for a problem; whether it is right is for the check to say."""
+    pose = problem.start
+    count = len(problem.contacts)
+    if not result.segments:
+        raise InputError("segments: expected at least one")
+    for number, segment in enumerate(result.segments):
+        place = f"segments[{number}]"
+        contacts = (segment.contact,) if isinstance(segment, Push) else (segment.source, segment.target)
+        if not all(0 <= c < count for c in contacts):
+            raise InputError(f"{place}: expected contacts from 0 to {count - 1}, got {', '.join(map(str, contacts))}")
+        if segment.duration < 0 or (isinstance(segment, Push) and not segment.twist.any()):
+            raise InputError(f"{place}: expected a duration >= 0 and a twist that is not zero")
+        if isinstance(segment, Push):
+            away = np.abs((*(segment.start[:2] - pose[:2]), float(wrap_angle(segment.start[2] - pose[2]))))
+            if away.max() > 1e-6:
+                raise InputError(f"{place}.start: expected where the slider stands, {pose.tolist()}: is the plan for this scene?")
+            pose = segment.end
 
 
 def ramped_duration(duration: float, speed: float, acceleration: float) -> float:
@@ -94,6 +159,17 @@ def ramped_duration(duration: float, speed: float, acceleration: float) -> float
     too short to reach the speed."""
     rise = speed / acceleration
     return duration + rise if duration >= rise else 2 * math.sqrt(rise * duration)
+
+
+def ramp_times(way: FloatArray, duration: float, speed: float, acceleration: float) -> FloatArray:
+    """Return the times (n,) at which ways (n,), as times at full speed, are behind: the inverse of :func:`ramp`."""
+    rise = speed / acceleration
+    total = ramped_duration(duration, speed, acceleration)
+    up = min(rise, total / 2)
+    early = np.minimum(way, duration - way)
+    slow = up**2 / (2 * rise)
+    t = np.where(early <= slow, np.sqrt(2 * rise * np.maximum(early, 0.0)), up + (early - slow) * rise / up)
+    return np.asarray(np.where(way <= duration / 2, t, total - t))
 
 
 def ramp(t: FloatArray, duration: float, speed: float, acceleration: float) -> FloatArray:

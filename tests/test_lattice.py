@@ -1,18 +1,23 @@
 import heapq
 import math
+import time
 
 import numpy as np
 import pytest
+import shapely
 from conftest import small_scene, triangle
 from stablepush_planners import _search, contact_graph
 from stablepush_planners.arena import Arena
 from stablepush_planners.cor_lattice import _Planner
 from stablepush_planners.lattice import lattice_edges
 from stablepush_planners.stable_set import StableSet
+from stablepush_planners.transfers import _widened
 
 import stablepush as sp
 from stablepush.collision import SweptBody
+from stablepush.planar import normalize_twist, unit
 from stablepush.se2 import compose, exp, wrap_angle
+from stablepush.trajectory import PASSES
 
 
 @pytest.mark.parametrize("headings", (8, 16, 24))
@@ -181,3 +186,61 @@ def test_the_contact_graph_holds_paths_round_the_slider():
     for end, contact in ((0, 0), (-1, 1)):
         np.testing.assert_allclose(path[end, :2], compose((0.5, 0.5, 0.3), problem.contacts[contact].frame)[:2])
     assert contact_graph(two_edges(pusher=None)).edges[0, 1]["length"] == 0
+
+
+@pytest.mark.parametrize("corners", (3, 5, 7, 11, 12, 30))
+def test_widened_outlines_keep_their_distance(corners):
+    rng = np.random.default_rng(corners)
+    angles = 2 * np.pi * np.arange(corners) / corners
+    for radius in (0.01, 0.05, 0.3):
+        outline = 0.1 * np.column_stack((np.cos(angles), np.sin(angles))) + rng.normal(size=(corners, 2)) * 0.005
+        shape = shapely.Polygon(outline)
+        assert shapely.distance(shapely.boundary(_widened(shape, radius)), shape) >= radius
+
+
+def test_a_way_among_very_many_obstacles_is_looked_for_nearby():
+    rng = np.random.default_rng(0)
+    places = rng.uniform(0, 6, size=(600, 2))
+    places = places[np.linalg.norm(places - (3, 3), axis=1) > 0.25]
+    obstacles = [place + 0.02 * np.array(((-1, -1), (1, -1), (0, 1))) for place in places]
+    problem = two_edges(bounds=(0, 0, 6, 6), start=(3, 3, 0), goal=(5, 3, 0), obstacles=obstacles)
+    arena = Arena(problem, sp.PlanOptions(), math.inf)
+    started = time.perf_counter()
+    arena.pusher_path(0, 1, np.array((3.0, 3.0, 0.0)))
+    # no bound on speed: without the neighbourhood this takes minutes and gigabytes
+    assert time.perf_counter() - started < 60
+
+
+def test_an_effort_that_is_not_whole_ends():
+    assert sp.plan(small_scene(), time_limit=300, improve=100.5).planning_time < 60
+
+
+@pytest.mark.parametrize("rate", (0.5, 2.0))
+def test_blends_bound_the_rate_and_keep_the_ends(rate):
+    problem = small_scene()
+    plain, gradual = sp.plan(problem, time_limit=60, improve=0), sp.plan(problem, time_limit=60, improve=0, cor_rate=rate)
+    assert sp.check_plan(problem, gradual).valid
+    rho = problem.surface.characteristic_length
+
+    def jumps(plan):
+        u = unit(normalize_twist(np.array([p.twist for p in plan.pushes]), rho))
+        return np.linalg.norm(np.diff(u, axis=0), axis=1)
+
+    assert jumps(plain).max() > 0.1
+    left = int(gradual.message.split(";")[-1].split()[0]) if "not blended" in gradual.message else 0
+    assert (jumps(gradual) > PASSES).sum() == left < (jumps(plain) > PASSES).sum()
+    # over a blend the unit twist turns no faster than asked, but for what taking back the change of the pose adds
+    times = np.array([p.duration for p in gradual.pushes])
+    turned = jumps(gradual)
+    short = [
+        k for k in range(1, len(turned) - 1) if turned[k - 1] <= PASSES and turned[k] <= PASSES and times[k] < 0.05 / rate * 1.2
+    ]
+    assert short
+    assert max(turned[k] / ((times[k] + times[k + 1]) / 2) for k in short if k + 1 in short) <= 1.1 * rate
+    np.testing.assert_allclose(gradual.pushes[-1].end[:2], plain.pushes[-1].end[:2], atol=1e-9)
+
+    # without a stop at blended corners, a time law takes less time
+    def last(plan):
+        return sp.sample_plan(problem, plan, acceleration=0.1).t[-1] - plan.duration
+
+    assert last(gradual) < last(plain)

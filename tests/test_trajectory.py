@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import small_scene
@@ -90,6 +92,19 @@ def test_only_solved_plans_and_sound_rates(solved):
     problem, result = solved
     with pytest.raises(sp.InputError, match="solved"):
         sp.sample_plan(problem, sp.PlanResult("timeout", "hand"))
+    push = result.pushes[0]
+    wrong = (
+        [],
+        [replace(push, contact=7)],
+        [replace(push, contact=-1)],
+        [replace(push, duration=-1.0)],
+        [replace(push, twist=np.zeros(3))],
+        [replace(push, start=push.start + 1)],
+        [sp.Transfer(0, 9, np.empty((0, 3)), 1.0)],
+    )
+    for segments in wrong:
+        with pytest.raises(sp.InputError, match="segments"):
+            sp.sample_plan(problem, replace(result, segments=tuple(segments)))
     for bad in ({"rate": 0}, {"rate": np.nan}, {"rate": 1e9}, {"acceleration": 0}):
         with pytest.raises(sp.InputError):
             sp.sample_plan(problem, result, **bad)

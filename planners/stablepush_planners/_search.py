@@ -452,7 +452,8 @@ def least_open(tree):  # type: ignore[no-untyped-def]
 def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no-untyped-def]
     """Expand up to ``quota`` nodes in the order of cost plus ``weight`` times the guess; paths that cost ``limit`` are of no use.
 
-    ``denied`` holds the keys, sorted, to which a change of contact was found impossible. Returns why it stopped.
+    ``denied`` (n, 2) holds keys to which a change of contact was found impossible, and from which contact. Returns why it
+    stopped.
     """
     cells, changes = graph.cells, graph.changes
     lengths, pieces = np.empty((6, 3)), np.empty((3, 4))
@@ -530,10 +531,11 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
                     continue
                 if changes.kind != NO_PUSHER and route_between(changes, graph.bodies, world, contact, other, x, y, cos, sin) < 0:
                     continue
-                if denied.shape[0]:
-                    at = np.searchsorted(denied, key)
-                    if at < denied.shape[0] and denied[at] == key:
-                        continue
+                impossible = False
+                for n in range(denied.shape[0]):
+                    impossible = impossible or (denied[n, 0] == key and denied[n, 1] == contact)
+                if impossible:
+                    continue
                 reach(cells, graph.goal, tree, key, total, node, TRANSFER, weight, limit)
     return PAUSED
 

@@ -11,14 +11,15 @@ import numpy as np
 
 from stablepush._arrays import FloatArray
 from stablepush.collision import SweptBody, body_of, world_of
-from stablepush.errors import OutOfTimeError
+from stablepush.errors import ConvergenceError, InputError, OutOfTimeError, UnsupportedContactError
 from stablepush.options import PlanOptions
-from stablepush.path import Push, Transfer
+from stablepush.path import PlanResult, Push, Transfer
 from stablepush.problem import PlanningProblem
 from stablepush.se2 import compose, exp
 from stablepush_planners import _search
 from stablepush_planners._search import Bodies, Cells, Changes, Goal, Graph, Joints
-from stablepush_planners.connect import TimedTwist, merged, shorten
+from stablepush_planners.blend import blended
+from stablepush_planners.connect import LEAST_WAY, TimedTwist, merged, shorten
 from stablepush_planners.distance_field import DistanceField
 from stablepush_planners.lattice import Edges
 from stablepush_planners.stable_set import StableSet
@@ -54,7 +55,7 @@ class Arena:
     def __init__(self, problem: PlanningProblem, options: PlanOptions, deadline: float) -> None:
         if time.perf_counter() > deadline:
             raise OutOfTimeError("the deadline has passed")
-        self.problem, self.deadline = problem, deadline
+        self.problem, self.deadline, self._rate = problem, deadline, options.cor_rate
         self.hopeless, self.bound = "", 0.0
         self.world = world_of(problem)
         self.bodies = [SweptBody(problem, contact, self.world) for contact in problem.contacts]
@@ -62,8 +63,18 @@ class Arena:
         self.routes: Routes | None = None
         if problem.pusher is not None and len(problem.contacts) > 1:
             self.routes = routes_of(problem)
-        count = min(len(problem.contacts), _MOST_CONTACTS)
-        self.stable = {i: StableSet(problem, i, options, deadline) for i in range(count)}
+        if len(problem.contacts) > _MOST_CONTACTS:
+            raise InputError(f"contacts: expected at most {_MOST_CONTACTS}, got {len(problem.contacts)}")
+        self.stable: dict[int, StableSet] = {}
+        refused: UnsupportedContactError | None = None
+        for i in range(len(problem.contacts)):
+            try:
+                self.stable[i] = StableSet(problem, i, options, deadline)
+            except UnsupportedContactError as error:
+                # the region does not cover this contact; others may do
+                refused = error
+        if refused is not None and not self.stable:
+            raise refused
         self.steerings: dict[int, Steering] = {}
         if not self.bodies[0].free(problem.start)[0]:
             self.hopeless = "the start pose is in collision or out of bounds"
@@ -169,7 +180,7 @@ class Arena:
         cost = _search.join(self.joints, self.world, self.bodies[contact].body, contact, *start, *end, most, lengths, pieces)
         if cost >= most:
             return None
-        return [(pieces[k, :3].copy(), float(pieces[k, 3])) for k in range(3) if pieces[k, 3] > 1e-9]
+        return [(pieces[k, :3].copy(), float(pieces[k, 3])) for k in range(3) if pieces[k, 3] * self.problem.speed > LEAST_WAY]
 
     def shortened(self, stretches: Sequence[Stretch]) -> list[Stretch]:
         """Return a path with the same changes of contact, at the same poses, that costs no more."""
@@ -180,10 +191,31 @@ class Arena:
             for pieces in PIECES:
                 body, stable = self.bodies[contact], self.stable[contact]
                 best = shorten(self.problem, self.joints, self.world, body, stable, pose, best, pieces, self.deadline)
-                best = merged(best, self.problem.speed)
+                best = merged(best, self.problem.slider.radius)
             result.append((contact, best))
             pose = end_of(pose, pushes)
         return result
+
+    def result(self, stretches: Sequence[Stretch], planner: str, seed: int, words: str) -> PlanResult:
+        """Return a path as the plan that is asked for."""
+        parts, left = self.blended(stretches)
+        segments = self.segments(parts)
+        # the best way may be shorter than the bound by rounding
+        bound = min(self.bound, sum(s.duration for s in segments))
+        message = "; ".join(filter(None, (words, f"{left} corners not blended" if left else "")))
+        return PlanResult.from_segments(segments, planner=planner, seed=seed, lower_bound=bound, message=message)
+
+    def blended(self, stretches: Sequence[Stretch]) -> tuple[list[Stretch], int]:
+        """Return a path whose corners are blended as asked, and how many are left."""
+        if math.isinf(self._rate):
+            return list(stretches), 0
+        pose, result, corners = np.array(self.problem.start), [], 0
+        for contact, pushes in stretches:
+            parts, left = blended(self.problem, self.stable[contact], self.bodies[contact], pose, pushes, self._rate)
+            result.append((contact, parts))
+            corners += left
+            pose = end_of(pose, pushes)
+        return result, corners
 
     def segments(self, stretches: Sequence[Stretch]) -> list[Push | Transfer]:
         """Return the pushes of a path, with the changes of contact between its stretches."""
@@ -192,7 +224,8 @@ class Arena:
         for at, pushes in stretches:
             if at != contact:
                 path = self.pusher_path(contact, at, pose)
-                assert path is not None
+                if path is None:
+                    raise ConvergenceError("change of contact: the pusher's way that the search found is not free by rounding")
                 segments.append(Transfer(contact, at, path, self.problem.switch_cost))
                 contact = at
             margins = self.stable[contact].oracle.margin(np.array([twist for twist, _ in pushes]))

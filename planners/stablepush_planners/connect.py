@@ -17,6 +17,8 @@ from stablepush_planners.stable_set import StableSet
 
 #: A push: body twist at the speed limit, and its duration in s.
 TimedTwist = tuple[FloatArray, float]
+#: Ways (m) below this are none; pushes whose ends differ by less are one.
+LEAST_WAY = 1e-10
 #: A shortcut must save this much (s).
 _WORTH = 1e-9
 
@@ -74,7 +76,7 @@ def shorten(
             if joins and most > 0:
                 found = join(joints, world, swept.body, stable.contact, *poses[a], *poses[b], most, lengths, room)
                 if found < most:
-                    parts = [(room[k, :3].copy(), float(room[k, 3])) for k in range(3) if room[k, 3] > 1e-9]
+                    parts = [(room[k, :3].copy(), float(room[k, 3])) for k in range(3) if room[k, 3] * problem.speed > LEAST_WAY]
                     best[b], ways[b] = best[a] + found, (a, parts)
     result: list[TimedTwist] = []
     b = count - 1
@@ -96,12 +98,14 @@ def _divided(start: FloatArray, pushes: list[TimedTwist], pieces: int) -> tuple[
     return np.array(poses), legs
 
 
-def merged(pushes: list[TimedTwist], speed: float) -> list[TimedTwist]:
-    """Return a path with equal twists in a row made one push."""
+def merged(pushes: list[TimedTwist], radius: float) -> list[TimedTwist]:
+    """Return a path with equal twists in a row made one push; ``radius`` (m) of the slider says what a turn moves."""
     result: list[TimedTwist] = []
     for twist, duration in pushes:
-        if result and np.abs(result[-1][0] - twist).max() <= 1e-9 * speed:
-            result[-1] = (result[-1][0], result[-1][1] + duration)
-        else:
-            result.append((twist, duration))
+        if result:
+            vx, vy, omega = np.abs(result[-1][0] - twist) * duration
+            if max(vx, vy, omega * radius) <= LEAST_WAY:
+                result[-1] = (result[-1][0], result[-1][1] + duration)
+                continue
+        result.append((twist, duration))
     return result

@@ -17,13 +17,13 @@ import numpy as np
 
 from stablepush.errors import OutOfTimeError
 from stablepush.options import PlanOptions
-from stablepush.path import PlanResult, Push, Transfer
+from stablepush.path import PlanResult
 from stablepush.problem import PlanningProblem
 from stablepush.se2 import compose
 from stablepush_planners import _search
 from stablepush_planners._search import Changes, Graph, Tree
 from stablepush_planners.arena import Arena, Stretch, end_of
-from stablepush_planners.lattice import lattice_edges
+from stablepush_planners.lattice import Edges, lattice_edges
 
 NAME = "cor-lattice"
 
@@ -61,9 +61,7 @@ def plan_cor_lattice(
             status, message = "timeout", "the time limit passed before a path was found"
     if planner.best is None:
         return PlanResult(status, NAME, lower_bound=arena.bound, seed=seed, message=message)
-    # the best way may be shorter than the bound by rounding
-    bound = min(arena.bound, sum(s.duration for s in planner.best))
-    return PlanResult.from_segments(planner.best, planner=NAME, seed=seed, lower_bound=bound, message=planner.found_by)
+    return arena.result(planner.best, NAME, seed, planner.found_by)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,8 +78,9 @@ class _Planner:
 
     def __init__(self, arena: Arena, said: Callable[[str], None]) -> None:
         self._arena, self._said = arena, said
-        self.best: list[Push | Transfer] | None = None
+        self.best: list[Stretch] | None = None
         self.cost, self.found_by = math.inf, ""
+        self._edges: dict[int, dict[int, Edges]] = {}
 
     def run(self, improve: float) -> str:
         """Climb the ladder; once there is a plan, look for better ones while no more than ``improve`` poses are expanded.
@@ -106,7 +105,9 @@ class _Planner:
         for rung, (headings, share) in enumerate(LADDER):
             self._said(f"lattice {rung + 1} of {len(LADDER)}: {headings} headings")
             cell = share * arena.problem.slider.radius
-            edges = {i: lattice_edges(arena.problem, stable, headings, cell) for i, stable in arena.stable.items()}
+            if rung not in self._edges:
+                self._edges[rung] = {i: lattice_edges(arena.problem, s, headings, cell) for i, s in arena.stable.items()}
+            edges = self._edges[rung]
             useful = useful or any(len(e.durations) for e in edges.values())
             graph = arena.lattice(headings, cell, edges)._replace(changes=changes)
             limit = math.inf
@@ -126,12 +127,12 @@ class _Planner:
 
     def _search(self, graph: Graph, weight: float, limit: float, most: float, words: str) -> _Found:
         """Search once for a path that costs less than ``limit``, over at most ``most`` poses."""
-        arena, denied = self._arena, np.zeros(0, dtype=np.int64)
-        tree = self._planted(graph, weight, limit)
+        arena, denied = self._arena, np.zeros((0, 2), dtype=np.int64)
+        tree, spent = self._planted(graph, weight, limit), 0
         while True:
-            quota = int(min(_QUOTA, most - int(tree.counts[2])))
+            quota = math.ceil(min(_QUOTA, most - spent - int(tree.counts[2])))
             why = _search.expand(graph, arena.world, tree, weight, limit, quota, denied)
-            expanded = int(tree.counts[2])
+            expanded = spent + int(tree.counts[2])
             if why == _search.FULL:
                 tree = _larger(tree)
             elif why == _search.DONE:
@@ -139,8 +140,8 @@ class _Planner:
                 impossible = self._impossible_change(graph, tree, node)
                 if impossible is None:
                     return _Found(float(tree.cost[node]), self._path(graph, tree, node), expanded)
-                denied = np.sort(np.append(denied, impossible))
-                tree = self._planted(graph, weight, limit)
+                denied = np.concatenate((denied, (impossible,)))
+                tree, spent = self._planted(graph, weight, limit), expanded
             elif why == _search.EXHAUSTED or expanded >= most:
                 return _Found(math.inf, None, expanded)
             self._said(f"{words}: {expanded} poses expanded, {tree.counts[1]} queued")
@@ -157,8 +158,8 @@ class _Planner:
                 _search.reach(graph.cells, graph.goal, tree, key, cost, -1, _search.START, weight, limit)
         return tree
 
-    def _impossible_change(self, graph: Graph, tree: Tree, node: int) -> int | None:
-        """Return the key to which the path of a node changes the contact though there is no way; None if there always is one."""
+    def _impossible_change(self, graph: Graph, tree: Tree, node: int) -> tuple[int, int] | None:
+        """Return key and former contact of a change on the path of a node for which there is no way; None if there always is."""
         while graph.changes.kind == _search.ANY_WAY and node >= 0:
             if tree.via[node] == _search.TRANSFER:
                 target, heading, i, j = (int(part) for part in _search.parts_of(tree.key[node]))
@@ -166,7 +167,7 @@ class _Planner:
                 turn = 2 * math.pi / graph.cells.headings
                 pose = compose(self._arena.problem.start, (i * graph.cells.cell, j * graph.cells.cell, heading * turn))
                 if self._arena.pusher_path(source, target, pose) is None:
-                    return int(tree.key[node])
+                    return int(tree.key[node]), source
             node = int(tree.parent[node])
         return None
 
@@ -200,8 +201,8 @@ class _Planner:
         """Keep a path if it is the best so far."""
         cost = self._arena.cost(stretches)
         if cost < self.cost:
-            self.best, self.cost = self._arena.segments(stretches), cost
-            ratio = f", cost {cost / self._arena.bound:.3g} times the lower bound" if self._arena.bound > 0 else ""
+            self.best, self.cost = stretches, cost
+            ratio = f", cost {cost / self._arena.bound:.3g} times the lower bound" if self._arena.bound > 1e-3 else ""
             self.found_by = f"{words}{ratio}"
 
 

@@ -72,7 +72,7 @@ def plan_ompl(
         return without("no-path", arena.hopeless)
     nudge = arena.nudge()
     if nudge is not None:
-        return PlanResult.from_segments(arena.segments(nudge), planner=name, seed=seed, lower_bound=0.0)
+        return arena.result(nudge, name, seed, "the start is within tolerance")
     if 0 not in arena.steerings:
         return without("no-path", "the first contact has no stable straight push with stable turns to both sides")
     util.setLogLevel(util.LOG_NONE)
@@ -86,9 +86,7 @@ def plan_ompl(
         gc.collect()
     if pushes is None:
         return without("timeout", "only an approximate path was found" if approximate else "no path was found in time")
-    segments = arena.segments(arena.shortened([(0, pushes)]))
-    duration = sum(s.duration for s in segments)
-    return PlanResult.from_segments(segments, planner=name, seed=seed, lower_bound=min(arena.bound, duration))
+    return arena.result(arena.shortened([(0, pushes)]), name, seed, "")
 
 
 class _Clock:

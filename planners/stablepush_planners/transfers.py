@@ -24,6 +24,9 @@ CLEARANCE = 2e-6
 _QUARTER = 4
 #: The pusher backs off in steps of this share of its radius, at most so many.
 _STEP, _MOST_STEPS = 0.05, 400
+#: How far from the slider the pusher looks for a way, in radii of the slider and diameters of the pusher, and among how many
+#: corners.
+_NEARBY, _MOST_CORNERS = 2.0, 300
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,8 +42,7 @@ class Routes:
     retreats : array, shape (contacts,)
         How far (m) the pusher backs off against its x axis before it may turn; -1 where it cannot.
     first : array, shape (2 * contacts**2 + 1,)
-        Where the ways from contact i to j begin in ``points``: rows ``2 (i contacts + j)``, with the slider on the left, and the
-        next, with it on the right.
+        Where the ways from contact i to j begin in ``points``: rows ``2 (i contacts + j)`` and the next, the shorter one first.
     points : array, shape (n, 2)
     """
 
@@ -76,7 +78,8 @@ def routes_of(problem: PlanningProblem) -> Routes:
             found = (np.zeros((0, 2)),) * 2
             if i != j and min(retreats[i], retreats[j]) >= 0:
                 found = _both_ways(around, backed_off(docks[i], retreats[i])[:2], backed_off(docks[j], retreats[j])[:2])
-            for line in found:
+            # the shorter one first; one that is not there has no points
+            for line in sorted(found, key=_length):
                 points.append(line)
                 first.append(first[-1] + len(line))
     return Routes(radius, docks, retreats, np.array(first), np.ascontiguousarray(np.concatenate(points)))
@@ -129,26 +132,31 @@ def pusher_path(docks: tuple[FloatArray, FloatArray], way: FloatArray) -> FloatA
 def way_among_obstacles(
     problem: PlanningProblem, pose: FloatArray, start: FloatArray, end: FloatArray, radius: float
 ) -> FloatArray | None:
-    """Return the shortest way (n, 2) in W of a disc between two places, round the slider and all obstacles, or None.
+    """Return the shortest way (n, 2) in W of a disc between two places near the slider, round it and the obstacles, or None.
 
-    Shortest paths on the visibility graph of the outlines, widened by the disc.
+    Shortest paths on the visibility graph of the outlines, widened by the disc, within :data:`_NEARBY` of the slider's radius and
+    the disc's diameter; among too many corners there is said to be none.
     """
     # not needed by most plans, and slow to import
     import networkx as nx
 
+    reach = _NEARBY * (problem.slider.radius + 2 * radius)
+    low, high = pose[:2] - reach, pose[:2] + reach
+    if problem.bounds is not None:
+        low, high = np.maximum(low, problem.bounds[:2] + radius), np.minimum(high, problem.bounds[2:] - radius)
+    if not all((p >= low).all() and (p <= high).all() for p in (start, end)):
+        return None
+    near = [
+        o for o in problem.obstacles if (o.max(axis=0) > low - 2 * radius).all() and (o.min(axis=0) < high + 2 * radius).all()
+    ]
     slider = shapely.Polygon(transform_points(pose, problem.slider.vertices))
-    blocked = _widened(shapely.union_all([slider, *(shapely.Polygon(o) for o in problem.obstacles)]), radius)
+    blocked = _widened(shapely.union_all([slider, *(shapely.Polygon(o) for o in near)]), radius)
     inner = shapely.buffer(blocked, -CLEARANCE / 4)
-    nodes = [tuple(start), tuple(end)]
-    if problem.bounds is not None:
-        low, high = problem.bounds[:2] + radius, problem.bounds[2:] - radius
-        if not all((np.array(p) >= low).all() and (np.array(p) <= high).all() for p in nodes):
-            return None
-    corners = shapely.get_coordinates(blocked)
-    if problem.bounds is not None:
-        corners = corners[((corners >= low) & (corners <= high)).all(axis=1)]
-    nodes += [tuple(p) for p in np.unique(corners, axis=0)]
-    places = np.array(nodes)
+    corners = np.unique(shapely.get_coordinates(blocked), axis=0)
+    corners = corners[((corners >= low) & (corners <= high)).all(axis=1)]
+    if len(corners) > _MOST_CORNERS:
+        return None
+    places = np.concatenate((start[None], end[None], corners))
     i, j = np.triu_indices(len(places), 1)
     lines = shapely.linestrings(np.stack((places[i], places[j]), axis=1))
     shapely.prepare(inner)
@@ -172,8 +180,20 @@ def transfer_path(problem: PlanningProblem, routes: Routes, route: int, pose: Fl
 
 
 def _widened(shape: shapely.Geometry, radius: float) -> shapely.Geometry:
-    """All places nearer than ``radius`` and a little: arcs are replaced by lines outside of them."""
-    return shapely.buffer(shape, (radius + CLEARANCE) / math.cos(math.pi / (4 * _QUARTER)), quad_segs=_QUARTER)
+    """All places nearer than ``radius`` and a little: arcs are replaced by lines, none of which comes nearer."""
+    wanted = radius + CLEARANCE
+    reach = wanted / math.cos(math.pi / (4 * _QUARTER))
+    while True:
+        wide = shapely.buffer(shape, reach, quad_segs=_QUARTER)
+        # how many lines stand for an arc is the library's choice: what counts is how near they come
+        missing = wanted - float(shapely.distance(shapely.boundary(wide), shape))
+        if missing <= CLEARANCE / 2:
+            return wide
+        reach += missing
+
+
+def _length(way: FloatArray) -> float:
+    return float(np.hypot(*np.diff(way, axis=0).T).sum()) if len(way) else math.inf
 
 
 def _both_ways(around: shapely.Polygon, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -33,6 +33,10 @@ def plan(
     margin_weight: Annotated[
         float, typer.Option(parser=number, metavar="W", help="How much more a push with no margin costs than the safest.")
     ] = 0.0,
+    cor_rate: Annotated[
+        float,
+        typer.Option(parser=number, metavar="RAD/S", help="Blend from one push to the next no faster than this; inf: at once."),
+    ] = math.inf,
     improve: Annotated[
         float, typer.Option(parser=number, metavar="STEPS", help="Steps of search for better plans after the first; inf: no end.")
     ] = 20_000,
@@ -58,6 +62,8 @@ def plan(
         raise InputError(f"--probability: expected a number from 0 to 1, got {probability:g}")
     if not (math.isfinite(margin_weight) and 0 <= margin_weight <= 1e6):
         raise InputError(f"--margin-weight: expected a number >= 0, got {margin_weight:g}")
+    if not 0 < cor_rate:
+        raise InputError(f"--cor-rate: expected a number > 0, or inf, got {cor_rate:g}")
     if not 0 <= improve:
         raise InputError(f"--improve: expected a number >= 0, or inf, got {improve:g}")
     require_seed(seed)
@@ -76,6 +82,7 @@ def plan(
             region=region,
             probability=probability,
             margin_weight=margin_weight,
+            cor_rate=cor_rate,
             improve=improve,
             progress=step.describe,
         )
