@@ -1,10 +1,12 @@
 """The lattice against OMPL's planners on the scenes of ``examples/scenes``.
 
 Run: python benchmarks/planning.py [--seeds 5] [--seconds 10] [--long 30] [--jobs 2] [--scenes open maze] [-o planning.json]
+     python benchmarks/planning.py --show planning.json
 
 The lattice once with the default effort (deterministic), and once until ``--seconds``; every OMPL planner with ``--seeds``
 seeds for ``--seconds`` each, and the best of them in a scene for ``--long``. Every plan passes the independent check, or counts
-as not solved. Times of first plans come from runs that stop at the first plan.
+as not solved. Times of first plans come from runs that stop at the first plan. ``5 %``: time after which a plan was within 5 %
+of the best of all, as far as these runs tell: that of the first plan, or of the whole run.
 """
 
 from __future__ import annotations
@@ -58,10 +60,17 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--scenes", nargs="*")
     parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("--show", type=Path, help="rows of an earlier run, to print again")
     options = parser.parse_args()
     scenes = options.scenes or sorted(file.stem for file in SCENES.glob("*.json") if file.stem != "triangle")
     others = [name for name in sp.planner_names() if name.startswith("ompl")]
-    rows: list[dict] = []
+    if options.show:
+        rows = json.loads(options.show.read_text(encoding="utf-8"))
+        for scene in dict.fromkeys(row["scene"] for row in rows):
+            show(scene, [row for row in rows if row["scene"] == scene], others, options)
+        summary(rows)
+        return
+    rows = []
     run(scenes[0], LATTICE, 0, 60.0, 0.0)  # compiled code is built before anything is timed
     with ProcessPoolExecutor(options.jobs, max_tasks_per_child=1) as pool:
         for scene in scenes:
@@ -77,10 +86,20 @@ def main() -> None:
                 found.append(pool.submit(run, scene, best["planner"], best["seed"], options.long, math.inf).result())
             rows += found
             show(scene, found, others, options)
-    first = [row["time"] for row in rows if row["planner"] == LATTICE and row["improve"] == 0 and row["valid"]]
-    print(f"\nlattice: time to a first plan in {len(first)} scenes: median {np.median(first):.2f} s, worst {max(first):.2f} s")
+    summary(rows)
     if options.output:
         options.output.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+
+
+def summary(rows: list[dict]) -> None:
+    """Print what holds over all scenes."""
+    first = [row["time"] for row in rows if row["planner"] == LATTICE and row["improve"] == 0 and row["valid"]]
+    print(f"\nlattice: time to a first plan in {len(first)} scenes: median {np.median(first):.2f} s, worst {max(first):.2f} s")
+
+
+def paired(firsts: list[dict], those: list[dict]) -> list[tuple[dict, ...]]:
+    """Runs of the same seed, the one that stops at the first plan first."""
+    return [(*(f for f in firsts if f["seed"] == row["seed"]), row) for row in those]
 
 
 def show(scene: str, rows: list[dict], others: list[str], options: argparse.Namespace) -> None:
@@ -88,13 +107,17 @@ def show(scene: str, rows: list[dict], others: list[str], options: argparse.Name
     first, usual, long = rows[:3]
     best = min((row["duration"] for row in rows if row["valid"]), default=math.inf)
     print(f"\n{scene}: lower bound {first['bound']:.1f} s, best plan {best:.2f} s")
-    head = ("solved", "first/s", "time/s", "plan/s", "/best", "/bound", "way/m", "changes", "deg")
+    head = ("solved", "first/s", "5%/s", "time/s", "plan/s", "/best", "/bound", "way/m", "changes", "deg")
     print(f"{'':>24s} " + " ".join(f"{word:>8s}" for word in head))
 
     def line(name: str, those: list[dict], firsts: list[dict]) -> None:
         good = [row for row in those if row["valid"]]
         soon = [row["time"] for row in firsts if row["valid"]]
         words = [f"{len(good)}/{len(those)}", f"{np.median(soon):.2f}" if soon else "-"]
+        near = [
+            min((r["time"] for r in (*pair,) if r["duration"] <= 1.05 * best), default=math.inf) for pair in paired(firsts, those)
+        ]
+        words.append(f"{np.median(near):.2f}" if near and np.isfinite(np.median(near)) else "-")
         words.append(f"{np.median([row['time'] for row in those]):.2f}")
         if good:
             middle = sorted(good, key=lambda row: row["duration"])[len(good) // 2]

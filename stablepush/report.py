@@ -16,6 +16,10 @@ from stablepush.path import PlanResult, Push
 from stablepush.planar import cor_from_twist
 from stablepush.problem import PlanningProblem
 from stablepush.se2 import transform_points
+from stablepush.trajectory import pusher_on_the_way
+
+#: Poses of the pusher that the page has for a change of contact.
+_TRANSFER_POSES = 121
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +70,8 @@ def _plan_data(problem: PlanningProblem, result: PlanResult) -> dict[str, Any]:
             pose = segment.end
         else:
             entry = {"kind": "transfer", "from": segment.source, "duration": segment.duration, "pose": pose.tolist()}
+            shares = np.linspace(0.0, 1.0, _TRANSFER_POSES)
+            entry["way"] = pusher_on_the_way(problem, segment, pose, shares).tolist()
         segments.append(entry)
     docked = [None if problem.pusher is None else transform_points(c.frame, problem.pusher).tolist() for c in problem.contacts]
     return {
@@ -73,6 +79,7 @@ def _plan_data(problem: PlanningProblem, result: PlanResult) -> dict[str, Any]:
         "slider": problem.slider.vertices.tolist(),
         "contacts": [c.points.tolist() for c in problem.contacts],
         "docked": docked,
+        "pusher": None if problem.pusher is None else problem.pusher.tolist(),
         "obstacles": [o.tolist() for o in problem.obstacles],
         "bounds": None if problem.bounds is None else problem.bounds.tolist(),
         "start": problem.start.tolist(),

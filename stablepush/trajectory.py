@@ -87,7 +87,7 @@ def sample_plan(
         else:
             rows[:, 2], rows[:, 3:6] = -1, pose
             share = (t - begin) / (end - begin) if end > begin else np.ones(len(t))
-            rows[:, 6:9] = _on_the_way(problem, segment, pose, share)
+            rows[:, 6:9] = pusher_on_the_way(problem, segment, pose, share)
             rows[-1, 2] = segment.target
         parts.append(rows)
         begin = end
@@ -183,8 +183,8 @@ def ramp(t: FloatArray, duration: float, speed: float, acceleration: float) -> F
     return np.asarray(np.where(t <= total / 2, way, duration - way))
 
 
-def _on_the_way(problem: PlanningProblem, transfer: Transfer, pose: FloatArray, share: FloatArray) -> FloatArray:
-    """Poses (n, 3) of the pusher at shares (n,) of its path; a path that is not given jumps at its end."""
+def pusher_on_the_way(problem: PlanningProblem, transfer: Transfer, pose: FloatArray, share: FloatArray) -> FloatArray:
+    """Return the poses (n, 3) of the pusher at shares (n,) of its path; a path that is not given jumps at its end."""
     path = transfer.pusher_path
     if not len(path):
         ends = [compose(pose, problem.contacts[k].frame) for k in (transfer.source, transfer.target)]

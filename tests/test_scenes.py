@@ -1,10 +1,15 @@
+import json
+import re
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import stablepush as sp
+from stablepush.report import plan_html
+from stablepush.se2 import compose
 
 SCENES = Path(__file__).parents[1] / "examples" / "scenes"
 NAMES = sorted(file.stem for file in SCENES.glob("*.json") if file.stem != "triangle")
@@ -21,6 +26,15 @@ def test_scenes_are_solved_or_refused(name):
         assert result.status == "solved", result.message
         assert sp.check_plan(problem, result).valid
         assert result.lower_bound <= result.duration
+    if name == "two-contacts":
+        assert result.switches > 0
+        page = plan_html(problem, result)
+        (transfer,) = [s for s in json.loads(re.search(r"const plan = (.*);", page)[1])["segments"] if s["kind"] == "transfer"]
+        np.testing.assert_allclose(transfer["way"][-1][:2], compose(problem.start, problem.contacts[1].frame)[:2], atol=0.5)
+        settings = {"contacts": problem.contacts[:1], "obstacles": problem.obstacles, "bounds": problem.bounds}
+        settings |= {name: getattr(problem, name) for name in ("pusher", "tolerance", "speed", "switch_cost", "min_margin")}
+        alone = sp.PlanningProblem(problem.slider, problem.surface, start=problem.start, goal=problem.goal, **settings)
+        assert sp.plan(alone, time_limit=120).status == "no-path"
 
 
 def test_what_the_model_buys():

@@ -78,11 +78,7 @@ def scenes(surface: sp.LimitSurface) -> dict[str, sp.PlanningProblem]:
         "clutter": problem((0.2, 0.2, 0.0), (2.8, 1.8, 0.0), clutter(slider), (0, 0, 3, 2)),
         # too low to turn in: only another edge leads on
         "two-contacts": problem(
-            (0.3, 0.3, 0.0),
-            (1.6, 0.55, 0.0),
-            (box(0.6, 0, 1.2, 0.33), box(0.6, 0.82, 1.2, 1.0)),
-            (0, 0, 1.9, 1.0),
-            (front, side, back),
+            (0.3, 0.2, 0.0), (1.6, 0.2, 0.0), (box(0, 0.36, 1.9, 0.6),), (0, 0, 1.9, 0.6), (front, side, back)
         ),
         # the centre of mass would pass the gap, the slider does not
         "unsolvable": problem(

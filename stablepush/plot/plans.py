@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from stablepush._arrays import FloatArray
-from stablepush.path import PlanResult, Push
+from stablepush.path import PlanResult, Push, Transfer
 from stablepush.planar import cor_from_twist
 from stablepush.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, GOAL, OBSTACLE, PUSHER, SLIDER, START, canvas, fill, legend
 from stablepush.problem import PlanningProblem
@@ -38,6 +38,9 @@ def plot_plan(problem: PlanningProblem, result: PlanResult, title: str | None = 
         end = result.pushes[-1]
         _outline(axes, problem, end.end, end.contact, alpha=0.5)
     _draw_centers(axes, result)
+    changes = [s.pusher_path for s in result.segments if isinstance(s, Transfer) and len(s.pusher_path)]
+    for i, path in enumerate(changes):
+        axes.plot(path[:, 0], path[:, 1], color=PUSHER, linewidth=1.3, linestyle=":", label="_" if i else "way of the pusher")
     for name, pose, color, style in (("start", problem.start, START, "-"), ("goal", problem.goal, GOAL, "--")):
         ring = shapely.Polygon(transform_points(pose, problem.slider.vertices))
         fill(axes, ring, facecolor="none", edgecolor=color, linewidth=2.4, linestyle=style, label=name)
