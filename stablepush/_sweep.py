@@ -26,7 +26,7 @@ class World(NamedTuple):
 
     ``edges`` (m, 4): both ends of every edge (m); a corner is the first end of one edge. ``first`` (nx*ny + 1,) and ``listed``
     name the edges that cross a cell. ``room`` (nx, ny): no point of a cell is nearer to an obstacle or the bounds than this (m).
-    ``seen`` (m,) marks edges that were looked at in the test whose number is in ``turn`` (1,).
+    ``seen`` (m,) marks edges that were looked at in the test whose number is in ``turn`` (1,), ``found`` (m,) takes those near.
     """
 
     edges: FloatArray
@@ -38,6 +38,7 @@ class World(NamedTuple):
     bounds: FloatArray
     seen: np.ndarray
     turn: np.ndarray
+    found: np.ndarray
 
 
 class Body(NamedTuple):
@@ -56,6 +57,34 @@ def room_at(world, x, y):  # type: ignore[no-untyped-def]
     if 0 <= i < world.room.shape[0] and 0 <= j < world.room.shape[1]:
         return world.room[i, j]
     return 0.0
+
+
+@inner
+def edges_near(world, low_x, low_y, high_x, high_y):  # type: ignore[no-untyped-def]
+    """Put the edges whose boxes meet a box into ``world.found``, each once; return how many there are."""
+    count = 0
+    if world.edges.shape[0] == 0:
+        return count
+    world.turn[0] += 1
+    mark = world.turn[0]
+    nx, ny = world.room.shape
+    i0 = max(0, math.floor((low_x - world.low[0]) / world.cell))
+    j0 = max(0, math.floor((low_y - world.low[1]) / world.cell))
+    i1 = min(nx - 1, math.floor((high_x - world.low[0]) / world.cell))
+    j1 = min(ny - 1, math.floor((high_y - world.low[1]) / world.cell))
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            for k in range(world.first[i * ny + j], world.first[i * ny + j + 1]):
+                e = world.listed[k]
+                if world.seen[e] == mark:
+                    continue
+                world.seen[e] = mark
+                ax, ay, bx, by = world.edges[e, 0], world.edges[e, 1], world.edges[e, 2], world.edges[e, 3]
+                if max(ax, bx) < low_x or min(ax, bx) > high_x or max(ay, by) < low_y or min(ay, by) > high_y:
+                    continue
+                world.found[count] = e
+                count += 1
+    return count
 
 
 @inner
@@ -152,43 +181,27 @@ def _part_is_free(world, body, rx, ry, cos, sin, cx, cy, angle, ca, sa, sign):  
                     ux, uy, out = 0.0, radius, cy + radius > b[3]
                 if out and sign * (px * uy - py * ux) >= 0.0 and sign * (ux * qy - uy * qx) >= 0.0:
                     return False
-    if world.edges.shape[0] == 0:
-        return True
-    world.turn[0] += 1
-    mark = world.turn[0]
-    nx, ny = world.room.shape
-    i0 = max(0, math.floor((low_x - world.low[0]) / world.cell))
-    j0 = max(0, math.floor((low_y - world.low[1]) / world.cell))
-    i1 = min(nx - 1, math.floor((high_x - world.low[0]) / world.cell))
-    j1 = min(ny - 1, math.floor((high_y - world.low[1]) / world.cell))
-    for i in range(i0, i1 + 1):
-        for j in range(j0, j1 + 1):
-            for k in range(world.first[i * ny + j], world.first[i * ny + j + 1]):
-                e = world.listed[k]
-                if world.seen[e] == mark:
-                    continue
-                world.seen[e] = mark
-                ax, ay, bx, by = world.edges[e, 0], world.edges[e, 1], world.edges[e, 2], world.edges[e, 3]
-                if max(ax, bx) < low_x or min(ax, bx) > high_x or max(ay, by) < low_y or min(ay, by) > high_y:
-                    continue
-                ax, ay, bx, by = ax - cx, ay - cy, bx - cx, by - cy
-                near, far = _span(ax, ay, bx, by)
-                # the first end of the edge, seen from the body, runs back
-                fx, fy = ca * ax + sa * ay, ca * ay - sa * ax
-                corner = ax * ax + ay * ay
-                for v in range(body.edges.shape[0]):
-                    px = rx + cos * body.edges[v, 0] - sin * body.edges[v, 1]
-                    py = ry + sin * body.edges[v, 0] + cos * body.edges[v, 1]
-                    square = px * px + py * py
-                    if near <= square <= far:
-                        qx, qy = ca * px - sa * py, sa * px + ca * py
-                        if _meets_arc(px, py, qx, qy, ax, ay, bx - ax, by - ay, sign):
-                            return False
-                    ox = rx + cos * body.edges[v, 2] - sin * body.edges[v, 3]
-                    oy = ry + sin * body.edges[v, 2] + cos * body.edges[v, 3]
-                    near_o, far_o = _span(px, py, ox, oy)
-                    if near_o <= corner <= far_o and _meets_arc(ax, ay, fx, fy, px, py, ox - px, oy - py, -sign):
-                        return False
+    for n in range(edges_near(world, low_x, low_y, high_x, high_y)):
+        e = world.found[n]
+        ax, ay, bx, by = world.edges[e, 0], world.edges[e, 1], world.edges[e, 2], world.edges[e, 3]
+        ax, ay, bx, by = ax - cx, ay - cy, bx - cx, by - cy
+        near, far = _span(ax, ay, bx, by)
+        # the first end of the edge, seen from the body, runs back
+        fx, fy = ca * ax + sa * ay, ca * ay - sa * ax
+        corner = ax * ax + ay * ay
+        for v in range(body.edges.shape[0]):
+            px = rx + cos * body.edges[v, 0] - sin * body.edges[v, 1]
+            py = ry + sin * body.edges[v, 0] + cos * body.edges[v, 1]
+            square = px * px + py * py
+            if near <= square <= far:
+                qx, qy = ca * px - sa * py, sa * px + ca * py
+                if _meets_arc(px, py, qx, qy, ax, ay, bx - ax, by - ay, sign):
+                    return False
+            ox = rx + cos * body.edges[v, 2] - sin * body.edges[v, 3]
+            oy = ry + sin * body.edges[v, 2] + cos * body.edges[v, 3]
+            near_o, far_o = _span(px, py, ox, oy)
+            if near_o <= corner <= far_o and _meets_arc(ax, ay, fx, fy, px, py, ox - px, oy - py, -sign):
+                return False
     return True
 
 
@@ -205,34 +218,18 @@ def line_is_free(world, body, x, y, cos, sin, dx, dy):  # type: ignore[no-untype
     b = world.bounds
     if low_x < b[0] or low_y < b[1] or high_x > b[2] or high_y > b[3]:
         return False
-    if world.edges.shape[0] == 0:
-        return True
-    world.turn[0] += 1
-    mark = world.turn[0]
-    nx, ny = world.room.shape
-    i0 = max(0, math.floor((low_x - world.low[0]) / world.cell))
-    j0 = max(0, math.floor((low_y - world.low[1]) / world.cell))
-    i1 = min(nx - 1, math.floor((high_x - world.low[0]) / world.cell))
-    j1 = min(ny - 1, math.floor((high_y - world.low[1]) / world.cell))
-    for i in range(i0, i1 + 1):
-        for j in range(j0, j1 + 1):
-            for k in range(world.first[i * ny + j], world.first[i * ny + j + 1]):
-                e = world.listed[k]
-                if world.seen[e] == mark:
-                    continue
-                world.seen[e] = mark
-                ax, ay, bx, by = world.edges[e, 0], world.edges[e, 1], world.edges[e, 2], world.edges[e, 3]
-                if max(ax, bx) < low_x or min(ax, bx) > high_x or max(ay, by) < low_y or min(ay, by) > high_y:
-                    continue
-                for v in range(body.edges.shape[0]):
-                    px = x + cos * body.edges[v, 0] - sin * body.edges[v, 1]
-                    py = y + sin * body.edges[v, 0] + cos * body.edges[v, 1]
-                    if _meets_line(px, py, dx, dy, ax, ay, bx - ax, by - ay):
-                        return False
-                    ox = x + cos * body.edges[v, 2] - sin * body.edges[v, 3]
-                    oy = y + sin * body.edges[v, 2] + cos * body.edges[v, 3]
-                    if _meets_line(ax, ay, -dx, -dy, px, py, ox - px, oy - py):
-                        return False
+    for n in range(edges_near(world, low_x, low_y, high_x, high_y)):
+        e = world.found[n]
+        ax, ay, bx, by = world.edges[e, 0], world.edges[e, 1], world.edges[e, 2], world.edges[e, 3]
+        for v in range(body.edges.shape[0]):
+            px = x + cos * body.edges[v, 0] - sin * body.edges[v, 1]
+            py = y + sin * body.edges[v, 0] + cos * body.edges[v, 1]
+            if _meets_line(px, py, dx, dy, ax, ay, bx - ax, by - ay):
+                return False
+            ox = x + cos * body.edges[v, 2] - sin * body.edges[v, 3]
+            oy = y + sin * body.edges[v, 2] + cos * body.edges[v, 3]
+            if _meets_line(ax, ay, -dx, -dy, px, py, ox - px, oy - py):
+                return False
     return True
 
 

@@ -47,8 +47,8 @@ def world_of(problem: PlanningProblem) -> World:
         tree = shapely.STRtree(shapely.get_parts(merged))
         room = np.minimum(room, tree.query_nearest(shapely.points(centers), return_distance=True, all_matches=False)[1])
     room = np.maximum(0.0, room - cell * math.sqrt(0.5)).reshape(nx, ny)
-    seen, turn = np.zeros(len(edges), dtype=np.int64), np.zeros(1, dtype=np.int64)
-    return World(edges, first, listed, room, np.ascontiguousarray(low), cell, bounds, seen, turn)
+    seen, found = np.zeros(len(edges), dtype=np.int64), np.zeros(len(edges), dtype=np.int64)
+    return World(edges, first, listed, room, np.ascontiguousarray(low), cell, bounds, seen, np.zeros(1, dtype=np.int64), found)
 
 
 def body_of(outlines: Sequence[FloatArray]) -> Body:

@@ -9,7 +9,7 @@ import numpy as np
 
 from stablepush._arrays import BoolArray, FloatArray
 from stablepush._compiled import compiled, inner
-from stablepush._sweep import Body, line_is_free, pose_is_free, push_is_free, room_at
+from stablepush._sweep import Body, edges_near, line_is_free, pose_is_free, push_is_free, room_at
 from stablepush_planners.dubins import CURVATURES, dubins_lengths
 
 #: What :func:`expand` returns: it found the goal, everything is expanded, its quota is used up, the tree is full.
@@ -264,38 +264,32 @@ def moved(x, y, theta, vx, vy, omega, duration):  # type: ignore[no-untyped-def]
 @inner
 def disc_is_free(world, x0, y0, x1, y1, radius):  # type: ignore[no-untyped-def]
     """Whether a disc that moves straight stays clear of obstacles and within the bounds."""
+    low_x, low_y, high_x, high_y = min(x0, x1) - radius, min(y0, y1) - radius, max(x0, x1) + radius, max(y0, y1) + radius
     b = world.bounds
-    if min(x0, x1) - radius < b[0] or min(y0, y1) - radius < b[1] or max(x0, x1) + radius > b[2] or max(y0, y1) + radius > b[3]:
+    if low_x < b[0] or low_y < b[1] or high_x > b[2] or high_y > b[3]:
         return False
-    nx, ny = world.room.shape
-    i0 = max(0, math.floor((min(x0, x1) - radius - world.low[0]) / world.cell))
-    j0 = max(0, math.floor((min(y0, y1) - radius - world.low[1]) / world.cell))
-    i1 = min(nx - 1, math.floor((max(x0, x1) + radius - world.low[0]) / world.cell))
-    j1 = min(ny - 1, math.floor((max(y0, y1) + radius - world.low[1]) / world.cell))
     dx, dy = x1 - x0, y1 - y0
     way = dx * dx + dy * dy
-    for i in range(i0, i1 + 1):
-        for j in range(j0, j1 + 1):
-            for k in range(world.first[i * ny + j], world.first[i * ny + j + 1]):
-                e = world.listed[k]
-                ax, ay, bx, by = world.edges[e, 0], world.edges[e, 1], world.edges[e, 2], world.edges[e, 3]
-                ex, ey = bx - ax, by - ay
-                across = dx * ey - dy * ex
-                if across != 0.0:
-                    s = ((ax - x0) * ey - (ay - y0) * ex) / across
-                    t = ((ax - x0) * dy - (ay - y0) * dx) / across
-                    if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
-                        return False
-                # else the least distance is at an end of either
-                length = ex * ex + ey * ey
-                for px, py in ((x0, y0), (x1, y1)):
-                    t = min(1.0, max(0.0, ((px - ax) * ex + (py - ay) * ey) / length))
-                    if (px - ax - t * ex) ** 2 + (py - ay - t * ey) ** 2 < radius * radius:
-                        return False
-                if way > 0.0:
-                    t = min(1.0, max(0.0, ((ax - x0) * dx + (ay - y0) * dy) / way))
-                    if (ax - x0 - t * dx) ** 2 + (ay - y0 - t * dy) ** 2 < radius * radius:
-                        return False
+    for n in range(edges_near(world, low_x, low_y, high_x, high_y)):
+        e = world.found[n]
+        ax, ay, bx, by = world.edges[e, 0], world.edges[e, 1], world.edges[e, 2], world.edges[e, 3]
+        ex, ey = bx - ax, by - ay
+        across = dx * ey - dy * ex
+        if across != 0.0:
+            s = ((ax - x0) * ey - (ay - y0) * ex) / across
+            t = ((ax - x0) * dy - (ay - y0) * dx) / across
+            if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
+                return False
+        # else the least distance is at an end of either
+        length = ex * ex + ey * ey
+        for px, py in ((x0, y0), (x1, y1)):
+            t = min(1.0, max(0.0, ((px - ax) * ex + (py - ay) * ey) / length))
+            if (px - ax - t * ex) ** 2 + (py - ay - t * ey) ** 2 < radius * radius:
+                return False
+        if way > 0.0:
+            t = min(1.0, max(0.0, ((ax - x0) * dx + (ay - y0) * dy) / way))
+            if (ax - x0 - t * dx) ** 2 + (ay - y0 - t * dy) ** 2 < radius * radius:
+                return False
     return True
 
 
