@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from numba import njit
+from numba.core import event
 
 #: Multiply-adds may be fused, which only makes them more accurate; nothing else of fast maths, for NaN must stay NaN.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
@@ -28,3 +31,28 @@ def inner(function: Callable[..., Any]) -> Callable[..., Any]:
         return njit(cache=True, no_cpython_wrapper=True, **_OPTIONS)(function)  # type: ignore[no-any-return]
     except RuntimeError:
         return njit(no_cpython_wrapper=True, **_OPTIONS)(function)  # type: ignore[no-any-return]
+
+
+class _Sum(event.Listener):  # type: ignore[misc]
+    """Adds up the time between outermost starts and ends."""
+
+    def __init__(self) -> None:
+        self.spent, self._depth, self._began = 0.0, 0, 0.0
+
+    def on_start(self, _: Any) -> None:
+        if self._depth == 0:
+            self._began = time.perf_counter()
+        self._depth += 1
+
+    def on_end(self, _: Any) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self.spent += time.perf_counter() - self._began
+
+
+@contextmanager
+def building() -> Iterator[_Sum]:
+    """Measure, in ``.spent`` (s), how long code is compiled in the block: after an install, not when it is read from disk."""
+    total = _Sum()
+    with event.install_listener("numba:compile", total):
+        yield total
