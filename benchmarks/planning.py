@@ -115,7 +115,8 @@ def show(scene: str, rows: list[dict], others: list[str], options: argparse.Name
         soon = [row["time"] for row in firsts if row["valid"]]
         words = [f"{len(good)}/{len(those)}", f"{np.median(soon):.2f}" if soon else "-"]
         near = [
-            min((r["time"] for r in (*pair,) if r["duration"] <= 1.05 * best), default=math.inf) for pair in paired(firsts, those)
+            min((r["time"] for r in (*pair,) if r["valid"] and r["duration"] <= 1.05 * best), default=math.inf)
+            for pair in paired(firsts, those)
         ]
         words.append(f"{np.median(near):.2f}" if near and np.isfinite(np.median(near)) else "-")
         words.append(f"{np.median([row['time'] for row in those]):.2f}")
