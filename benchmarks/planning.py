@@ -3,10 +3,10 @@
 Run: python benchmarks/planning.py [--seeds 5] [--seconds 10] [--long 30] [--jobs 2] [--scenes open maze] [-o planning.json]
      python benchmarks/planning.py --show planning.json
 
-The lattice once with the default effort (deterministic), and once until ``--seconds``; every OMPL planner with ``--seeds``
+The lattice with the default effort (deterministic) and less, and once until ``--seconds``; every OMPL planner with ``--seeds``
 seeds for ``--seconds`` each, and the best of them in a scene for ``--long``. Every plan passes the independent check, or counts
-as not solved. Times of first plans come from runs that stop at the first plan. ``5 %``: time after which a plan was within 5 %
-of the best of all, as far as these runs tell: that of the first plan, or of the whole run.
+as not solved. Times of first plans come from runs that stop at the first plan. ``5 %``: the shortest run whose plan was within
+5 % of the best of all; planners that improve their plans also run with a tenth and a third of ``--seconds`` to tell.
 """
 
 from __future__ import annotations
@@ -24,6 +24,10 @@ import stablepush as sp
 
 SCENES = Path(__file__).parents[1] / "examples" / "scenes"
 LATTICE = "cor-lattice"
+#: Steps of search after the first plan, up to the default.
+EFFORTS = (0.0, 1_000.0, 5_000.0, 20_000.0)
+#: Planners whose plans get better with time, and shares of the time that they are also given.
+IMPROVING, SHARES = ("ompl-bitstar", "ompl-informed-rrtstar", "ompl-rrtstar"), (0.1, 0.3)
 
 
 def run(scene: str, planner: str, seed: int, seconds: float, improve: float) -> dict:
@@ -74,13 +78,15 @@ def main() -> None:
     run(scenes[0], LATTICE, 0, 60.0, 0.0)  # compiled code is built before anything is timed
     with ProcessPoolExecutor(options.jobs, max_tasks_per_child=1) as pool:
         for scene in scenes:
-            jobs = [pool.submit(run, scene, LATTICE, 0, 120.0, effort) for effort in (0.0, 20_000.0)]
+            jobs = [pool.submit(run, scene, LATTICE, 0, 120.0, effort) for effort in EFFORTS]
             jobs.append(pool.submit(run, scene, LATTICE, 0, options.seconds, math.inf))
             for name in others:
-                jobs += [pool.submit(run, scene, name, seed, options.seconds, math.inf) for seed in range(options.seeds)]
-                jobs += [pool.submit(run, scene, name, seed, options.seconds, 0.0) for seed in range(options.seeds)]
+                for seed in range(options.seeds):
+                    shares = (1.0, *(SHARES if name in IMPROVING else ()))
+                    jobs += [pool.submit(run, scene, name, seed, share * options.seconds, math.inf) for share in shares]
+                    jobs.append(pool.submit(run, scene, name, seed, options.seconds, 0.0))
             found = [job.result() for job in jobs]
-            solved = [row for row in found[3:] if row["valid"]]
+            solved = [row for row in found if row["valid"] and row["planner"] != LATTICE]
             if solved and options.long > 0:
                 best = min(solved, key=lambda row: row["duration"])
                 found.append(pool.submit(run, scene, best["planner"], best["seed"], options.long, math.inf).result())
@@ -97,29 +103,28 @@ def summary(rows: list[dict]) -> None:
     print(f"\nlattice: time to a first plan in {len(first)} scenes: median {np.median(first):.2f} s, worst {max(first):.2f} s")
 
 
-def paired(firsts: list[dict], those: list[dict]) -> list[tuple[dict, ...]]:
-    """Runs of the same seed, the one that stops at the first plan first."""
-    return [(*(f for f in firsts if f["seed"] == row["seed"]), row) for row in those]
-
-
 def show(scene: str, rows: list[dict], others: list[str], options: argparse.Namespace) -> None:
     """Print a table of one scene."""
-    first, usual, long = rows[:3]
     best = min((row["duration"] for row in rows if row["valid"]), default=math.inf)
-    print(f"\n{scene}: lower bound {first['bound']:.1f} s, best plan {best:.2f} s")
+    print(f"\n{scene}: lower bound {rows[0]['bound']:.1f} s, best plan {best:.2f} s")
     head = ("solved", "first/s", "5%/s", "time/s", "plan/s", "/best", "/bound", "way/m", "changes", "deg")
     print(f"{'':>24s} " + " ".join(f"{word:>8s}" for word in head))
 
-    def line(name: str, those: list[dict], firsts: list[dict]) -> None:
+    def median(times: list[float]) -> str:
+        return f"{np.median(times):.2f}" if times and np.isfinite(np.median(times)) else "-"
+
+    def line(name: str, planner: str, seconds: float, improve: float) -> None:
+        runs = [row for row in rows if row["planner"] == planner]
+        those = [row for row in runs if row["seconds"] == seconds and row["improve"] == improve]
         good = [row for row in those if row["valid"]]
-        soon = [row["time"] for row in firsts if row["valid"]]
-        words = [f"{len(good)}/{len(those)}", f"{np.median(soon):.2f}" if soon else "-"]
+        # what takes no more than the runs of this line
+        less = [row for row in runs if row["valid"] and (row["improve"] < improve or row["seconds"] <= seconds)]
         near = [
-            min((r["time"] for r in (*pair,) if r["valid"] and r["duration"] <= 1.05 * best), default=math.inf)
-            for pair in paired(firsts, those)
+            min((r["time"] for r in less if r["seed"] == row["seed"] and r["duration"] <= 1.05 * best), default=math.inf)
+            for row in those
         ]
-        words.append(f"{np.median(near):.2f}" if near and np.isfinite(np.median(near)) else "-")
-        words.append(f"{np.median([row['time'] for row in those]):.2f}")
+        words = [f"{len(good)}/{len(those)}", median([row["time"] for row in less if row["improve"] == 0]), median(near)]
+        words.append(median([row["time"] for row in those]))
         if good:
             middle = sorted(good, key=lambda row: row["duration"])[len(good) // 2]
             words += [f"{middle['duration']:.2f}", f"{middle['duration'] / best:.3f}"]
@@ -127,18 +132,14 @@ def show(scene: str, rows: list[dict], others: list[str], options: argparse.Name
             words += [str(middle["switches"]), f"{middle['margin']:.1f}"]
         else:
             words.append(those[0]["status"])
-        print(f"{name:>24s} " + " ".join(f"{word:>8s}" for word in words))
+        print(f"{name:>24s} " + " ".join(f"{word:>8s}" for word in words), flush=True)
 
-    line("lattice, default", [usual], [first])
-    line(f"lattice, {options.seconds:g} s", [long], [first])
+    line("lattice, default", LATTICE, 120.0, EFFORTS[-1])
+    line(f"lattice, {options.seconds:g} s", LATTICE, options.seconds, math.inf)
     for name in others:
-        line(
-            name,
-            [r for r in rows[3:] if r["planner"] == name and r["improve"] and r["seconds"] == options.seconds],
-            [r for r in rows[3:] if r["planner"] == name and not r["improve"]],
-        )
-    if len(rows) > 3 and rows[-1]["seconds"] == options.long:
-        line(f"{rows[-1]['planner']}, {options.long:g} s", [rows[-1]], [])
+        line(name, name, options.seconds, math.inf)
+    if rows[-1]["seconds"] == options.long:
+        line(f"{rows[-1]['planner']}, {options.long:g} s", rows[-1]["planner"], options.long, math.inf)
 
 
 if __name__ == "__main__":

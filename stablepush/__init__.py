@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from stablepush.region import StableRegion, stable_region
     from stablepush.rosbag import load_rosbag, save_rosbag
     from stablepush.slider import Slider
+    from stablepush.sliding import EigenDirections, Slide, eigen_directions, simulate_free_sliding, sliding_basins
     from stablepush.support import SupportDistribution
     from stablepush.trajectory import Trajectory, load_trajectory, sample_plan, save_trajectory
 
@@ -95,6 +96,7 @@ _HOMES = {
     "region": ("StableRegion", "stable_region"),
     "rosbag": ("load_rosbag", "save_rosbag"),
     "slider": ("Slider",),
+    "sliding": ("EigenDirections", "Slide", "eigen_directions", "simulate_free_sliding", "sliding_basins"),
     "support": ("SupportDistribution",),
     "trajectory": ("Trajectory", "load_trajectory", "sample_plan", "save_trajectory"),
 }
@@ -104,6 +106,7 @@ __all__ = [
     "Certificate",
     "CheckReport",
     "ConvergenceError",
+    "EigenDirections",
     "Fit",
     "GaussianProcessSurface",
     "GridPressure",
@@ -125,6 +128,7 @@ __all__ = [
     "RankedContact",
     "RegionPlan",
     "Rig",
+    "Slide",
     "Slider",
     "SolverError",
     "StabilityOracle",
@@ -143,6 +147,7 @@ __all__ = [
     "chance_region",
     "check_plan",
     "compare_regions",
+    "eigen_directions",
     "ellipsoid_from_pressure",
     "fit_limit_surface",
     "fit_pressure_grid",
@@ -170,6 +175,8 @@ __all__ = [
     "save_rosbag",
     "save_scene",
     "save_trajectory",
+    "simulate_free_sliding",
+    "sliding_basins",
     "stable_region",
     "worst_pressure",
     "write_pushlog",

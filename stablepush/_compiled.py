@@ -33,11 +33,11 @@ def inner(function: Callable[..., Any]) -> Callable[..., Any]:
         return njit(no_cpython_wrapper=True, **_OPTIONS)(function)  # type: ignore[no-any-return]
 
 
-class _Sum(event.Listener):  # type: ignore[misc]
-    """Adds up the time between outermost starts and ends."""
+class _Builds(event.Listener):  # type: ignore[misc]
+    """Times the outermost of nested builds."""
 
-    def __init__(self) -> None:
-        self.spent, self._depth, self._began = 0.0, 0, 0.0
+    def __init__(self, tell: Callable[[float], None]) -> None:
+        self._tell, self._depth, self._began = tell, 0, 0.0
 
     def on_start(self, _: Any) -> None:
         if self._depth == 0:
@@ -47,12 +47,11 @@ class _Sum(event.Listener):  # type: ignore[misc]
     def on_end(self, _: Any) -> None:
         self._depth -= 1
         if self._depth == 0:
-            self.spent += time.perf_counter() - self._began
+            self._tell(time.perf_counter() - self._began)
 
 
 @contextmanager
-def building() -> Iterator[_Sum]:
-    """Measure, in ``.spent`` (s), how long code is compiled in the block: after an install, not when it is read from disk."""
-    total = _Sum()
-    with event.install_listener("numba:compile", total):
-        yield total
+def when_built(tell: Callable[[float], None]) -> Iterator[None]:
+    """Call ``tell`` with the time in s whenever code was built in the block: after an install, not when it is read from disk."""
+    with event.install_listener("numba:compile", _Builds(tell)):
+        yield

@@ -11,28 +11,24 @@ from typing import Protocol
 
 from stablepush._arrays import LARGEST_MAGNITUDE, check_number
 from stablepush.check import check_plan
+from stablepush.deadline import Deadline, within
 from stablepush.errors import InputError
 from stablepush.options import PlanOptions
 from stablepush.path import PlanResult
 from stablepush.problem import PlanningProblem
 
-#: Time (s) spent on compiling that makes a plan whose time is up start again; reading compiled code from disk takes less.
-_BUILT = 3.0
-#: Each attempt gets farther in what has to be compiled.
-_MOST_ATTEMPTS = 5
-
 
 class Planner(Protocol):
     """What a package registers under the entry point group ``stablepush.planners``.
 
-    ``deadline`` is a value of :func:`time.perf_counter`; ``progress`` takes short words on the state of the search.
+    A planner asks ``deadline`` now and then whether it has passed; ``progress`` takes short words on the state of the search.
     """
 
     def __call__(
         self,
         problem: PlanningProblem,
         *,
-        deadline: float,
+        deadline: Deadline,
         seed: int,
         options: PlanOptions,
         progress: Callable[[str], None] | None,
@@ -87,21 +83,9 @@ def plan(
         raise InputError(f"planner: expected one of {', '.join(sorted(found)) or 'none installed'}, got {planner!r}")
     run: Planner = found[planner].load()
 
-    def attempt(deadline: float) -> PlanResult:
-        number = 0 if seed is None else int(seed)
-        return run(problem, deadline=deadline, seed=number, options=options, progress=progress)
-
-    # heavy to import, and needed only here
-    from stablepush._compiled import building
-
-    deadline = started + limit
-    for _ in range(_MOST_ATTEMPTS if limit > 0 else 1):
-        with building() as built:
-            result = attempt(deadline)
-        if built.spent <= _BUILT or time.perf_counter() <= deadline:
-            break
-        # the first plan after an install spends its time on building compiled code, which does not count
-        deadline = time.perf_counter() + limit
+    number = 0 if seed is None else int(seed)
+    with within(limit) as deadline:
+        result = run(problem, deadline=deadline, seed=number, options=options, progress=progress)
     if result.solved:
         report = check_plan(problem, result)
         objection = report.objections[0] if report.objections else ""

@@ -191,6 +191,26 @@ def test_plans_are_compared_and_sampled(rig, tmp_path, capsys):
     assert not list(tmp_path.glob("none.*"))
 
 
+def test_slide_leaves_a_table_and_a_picture(rig, tmp_path, capsys):
+    out = tmp_path / "slide.csv"
+    arguments = ["slide", str(rig / "model.json"), "--slider", str(rig / "slider.json"), "--twist", "0.4", "-0.1", "-3"]
+    assert main([*arguments, "-o", str(out), "--picture", str(tmp_path / "slide.png")]) == 0
+    assert "at rest after" in capsys.readouterr().out
+    names = ("t", "x", "y", "theta", "vx", "vy", "omega")
+    table, _ = read_table(out, required=names, numbers=names)
+    assert tuple(table) == names
+    assert (tmp_path / "slide.png").read_bytes().startswith(b"\x89PNG")
+    rows = np.stack([table[name] for name in names], axis=-1)
+    np.testing.assert_array_equal(rows[0], (0, 0, 0, 0, 0.4, -0.1, -3))
+    np.testing.assert_array_equal(rows[-1, 4:], 0)
+    # forces in units of mu*N need a friction
+    scaled = json.loads((rig / "model.json").read_text()) | {"force_unit": "mu*N"}
+    write_json(tmp_path / "scaled.json", scaled)
+    arguments[1] = str(tmp_path / "scaled.json")
+    one_line(capsys, [*arguments, "-o", str(out)], "--mu", "scaled.json")
+    assert main([*arguments, "--mu", "0.3", "-o", str(out)]) == 0
+
+
 def test_negative_answers_exit_with_one(rig, tmp_path, capsys):
     scene = json.loads((rig / "scene.json").read_text())
     scene["obstacles"] = [[[0.4, -0.1], [0.5, -0.1], [0.5, 1.1], [0.4, 1.1]]]
@@ -251,6 +271,7 @@ COMMANDS = {
     "contacts": ["contacts", "{model}", "--slider", "{slider}", "--mu", "0.5", "-o", "{out}"],
     "plan": ["plan", "{scene}", "-o", "{out}"],
     "check": ["check", "{scene}", "{plan}"],
+    "slide": ["slide", "{model}", "--slider", "{slider}", "--twist", "0.3", "-0.1", "2", "-o", "{out}"],
 }
 FILES = {
     "log": "log",
@@ -402,6 +423,13 @@ def test_faults_in_cors_are_named(rig, tmp_path, capsys, text, words):
         (["import", "{log}", "-o", "{out}"], ("mlab-poke",)),
         (["import", "/nowhere", "-o", "{out}"], ("/nowhere",)),
         (["plan", "{scene}", "-o", "{out}", "--view", "{out}"], ("twice",)),
+        (["slide", "{model}", "--slider", "{slider}", "--twist", "1", "x", "1", "-o", "{out}"], ("x",)),
+        (["slide", "{model}", "--slider", "{slider}", "--twist", "1", "nan", "1", "-o", "{out}"], ("--twist", "nan")),
+        (["slide", "{model}", "--slider", "{slider}", "--twist", "1", "0", "1", "-o", "{out}", "--mu", "-1"], ("--mu", "-1")),
+        (
+            ["slide", "{model}", "--slider", "{slider}", "--twist", "1", "0", "1", "-o", "{out}", "--duration", "0"],
+            ("--duration",),
+        ),
         (["juggle"], ("juggle",)),
         (["--loud"], ("--loud",)),
     ],
@@ -412,7 +440,7 @@ def test_bad_arguments_are_quoted(rig, tmp_path, capsys, arguments, words):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("command", ("fit", "classify", "map", "contacts", "plan"))
+@pytest.mark.parametrize("command", ("fit", "classify", "map", "contacts", "plan", "slide"))
 def test_outputs_that_cannot_be_written(rig, tmp_path, capsys, command):
     (tmp_path / "file").write_text("")
     one_line(capsys, fill(command, rig, tmp_path / "file" / "out"), tmp_path / "file")

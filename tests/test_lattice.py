@@ -6,15 +6,18 @@ import numpy as np
 import pytest
 import shapely
 from conftest import small_scene, triangle
-from stablepush_planners import _search, contact_graph
-from stablepush_planners.arena import Arena
+from stablepush_planners import contact_graph
+from stablepush_planners._goal import at_goal
+from stablepush_planners._transfer import route_between
+from stablepush_planners.context import PlanningContext
 from stablepush_planners.cor_lattice import _Planner
-from stablepush_planners.lattice import lattice_edges
+from stablepush_planners.lattice import make_lattice
 from stablepush_planners.stable_set import StableSet
 from stablepush_planners.transfers import _widened
 
 import stablepush as sp
 from stablepush.collision import SweptBody
+from stablepush.deadline import Deadline
 from stablepush.planar import normalize_twist, unit
 from stablepush.se2 import compose, exp, wrap_angle
 from stablepush.trajectory import PASSES
@@ -24,7 +27,7 @@ from stablepush.trajectory import PASSES
 def test_every_edge_is_a_stable_push_that_ends_on_the_lattice(headings):
     problem = small_scene()
     cell = 0.03
-    edges = lattice_edges(problem, StableSet(problem, 0), headings, cell)
+    edges = make_lattice(problem, {0: StableSet(problem, 0)}, headings, cell)
     oracle = sp.StabilityOracle(problem.surface, problem.contacts[0])
     assert (oracle.margin(edges.twists) >= problem.min_margin).all()
     np.testing.assert_allclose(problem.push_speed(edges.twists), problem.speed)
@@ -43,7 +46,7 @@ def test_edges_left_out_are_made_up_by_others():
     problem = small_scene()
     headings, cell = 16, 0.03
     stable = StableSet(problem, 0)
-    edges = lattice_edges(problem, stable, headings, cell)
+    edges = make_lattice(problem, {0: stable}, headings, cell)
     best = {(0, 0, 0): 0.0}
     queue = [(0.0, (0, 0, 0))]
     while queue:
@@ -69,29 +72,29 @@ def test_edges_left_out_are_made_up_by_others():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_search_against_dijkstra(seed):
-    """With weight one and no joints, the cost is that of a plain Dijkstra over the same lattice."""
+    """With weight one and no connections, the cost is that of a plain Dijkstra over the same lattice."""
     rng = np.random.default_rng(seed)
     obstacles = [rng.uniform(0.35, 0.55, 2) + 0.04 * np.array(((-1, -1), (1, -1), (0, 1))) for _ in range(2)]
     problem = small_scene(obstacles=obstacles, goal=(0.75, 0.6, 0.3), tolerance=(0.05, 0.5), bounds=(0, 0, 1, 0.9))
-    arena = Arena(problem, sp.PlanOptions(), math.inf)
+    context = PlanningContext(problem, sp.PlanOptions(), Deadline())
     headings, cell = 8, 0.06
-    edges = {0: lattice_edges(problem, arena.stable[0], headings, cell)}
-    graph = arena.lattice(headings, cell, edges)
-    graph.joints.radii[:] = 0.0
+    edges = make_lattice(problem, context.stable, headings, cell)
+    graph = context.graph(edges)
+    graph.connections.radii[:] = 0.0
     # what the edges take to the middle of the goal region is no lower bound
     graph.goal.table[:] = 0.0
-    found = _Planner(arena, lambda _: None)._search(graph, 1.0, math.inf, math.inf, "")
+    found = _Planner(context, lambda _: None)._search(graph, 1.0, math.inf, math.inf, "")
     assert found.stretches is not None
     assert sum(d for _, pushes in found.stretches for _, d in pushes) == pytest.approx(found.cost)
 
-    body, e0 = SweptBody(problem, problem.contacts[0]), edges[0]
+    body, e0 = SweptBody(problem, problem.contacts[0]), edges
     best, queue, done = {(0, 0, 0): 0.0}, [(0.0, (0, 0, 0))], None
     while queue and done is None:
         cost, (i, j, k) = heapq.heappop(queue)
         if cost > best[i, j, k]:
             continue
         pose = compose(problem.start, (i * cell, j * cell, k * 2 * np.pi / headings))
-        if _search.at_goal(arena.goal, *pose):
+        if at_goal(context.goal, *pose):
             done = cost
         rows = slice(e0.first[k], e0.first[k + 1])
         free = body.pushes_are_free(pose, e0.twists[rows], e0.durations[rows])
@@ -167,11 +170,11 @@ def test_the_pusher_takes_a_wider_way_where_posts_stand_close():
         start[:2] + at + post for at in ((0.15, 0.03), (0.04, 0.15), (-0.03, 0.16), (-0.115, 0.09), (-0.09, -0.1), (0.14, -0.08))
     ]
     problem = two_edges(bounds=(0, 0, 1.5, 1.2), start=start, goal=(1.2, 0.5, 0.0), obstacles=posts)
-    arena = Arena(problem, sp.PlanOptions(), math.inf)
-    assert _search.route_between(arena.changes, arena._bodies(), arena.world, 0, 1, *start[:2], 1.0, 0.0) < 0
-    path = arena.pusher_path(0, 1, start)
+    context = PlanningContext(problem, sp.PlanOptions(), Deadline())
+    assert route_between(context.transfers, context._docked, context.world, 0, 1, *start[:2], 1.0, 0.0) < 0
+    path = context.transfer_path(0, 1, start)
     assert path is not None
-    push = sp.Push.from_start(1, (0.05, 0.0, 0.0), 1.0, start, float(arena.stable[1].oracle.margin((0.05, 0.0, 0.0))))
+    push = sp.Push.from_start(1, (0.05, 0.0, 0.0), 1.0, start, float(context.stable[1].oracle.margin((0.05, 0.0, 0.0))))
     first = sp.Transfer(0, 1, path, problem.switch_cost)
     objections = sp.check_plan(problem, sp.PlanResult.from_segments([first, push], planner="hand")).objections
     assert [o for o in objections if "goal" not in o] == []
@@ -204,9 +207,9 @@ def test_a_way_among_very_many_obstacles_is_looked_for_nearby():
     places = places[np.linalg.norm(places - (3, 3), axis=1) > 0.25]
     obstacles = [place + 0.02 * np.array(((-1, -1), (1, -1), (0, 1))) for place in places]
     problem = two_edges(bounds=(0, 0, 6, 6), start=(3, 3, 0), goal=(5, 3, 0), obstacles=obstacles)
-    arena = Arena(problem, sp.PlanOptions(), math.inf)
+    context = PlanningContext(problem, sp.PlanOptions(), Deadline())
     started = time.perf_counter()
-    arena.pusher_path(0, 1, np.array((3.0, 3.0, 0.0)))
+    context.transfer_path(0, 1, np.array((3.0, 3.0, 0.0)))
     # no bound on speed: without the neighbourhood this takes minutes and gigabytes
     assert time.perf_counter() - started < 60
 

@@ -1,3 +1,4 @@
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from stablepush_planners.steering import steering
 import stablepush as sp
 from stablepush.check import _Sweep
 from stablepush.collision import SweptBody
+from stablepush.deadline import Deadline, within
 from stablepush.path import Push, Transfer
 from stablepush.se2 import compose, exp, transform_points, wrap_angle
 
@@ -228,7 +230,22 @@ def test_support_of_many_points_keeps_the_time_limit():
     many = sp.IdealLimitSurface(sp.SupportDistribution.from_polygon(triangle().vertices, 0.001), 5.0)
     with pytest.raises(OutOfTimeError):
         problem = small_scene(surface=many)
-        steering(problem, StableSet(problem, 0, deadline=0.0))
+        steering(problem, StableSet(problem, 0, deadline=Deadline(0.0)))
+
+
+def test_building_compiled_code_takes_none_of_the_time():
+    """A new function, which no cache knows, takes longer to be built than there is time."""
+    import numba
+
+    with within(0.1) as deadline:
+        started = time.perf_counter()
+        numba.njit(lambda values: np.sort(values) + 1.0)(np.arange(3.0))
+        spent = time.perf_counter() - started
+        assert spent > 0.1
+        assert not deadline.passed()
+        time.sleep(0.1)
+        assert deadline.passed()
+    assert deadline.left() < 0 < Deadline().left()
 
 
 def transfer_problem(obstacles=()):

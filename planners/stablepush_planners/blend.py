@@ -12,7 +12,7 @@ from stablepush.planar import normalize_twist, unit
 from stablepush.problem import PlanningProblem
 from stablepush.se2 import compose, exp, inverse, log, wrap_angle
 from stablepush.trajectory import PASSES
-from stablepush_planners.connect import TimedTwist
+from stablepush_planners.shorten import TimedTwist
 from stablepush_planners.stable_set import StableSet
 
 #: Twists of neighbouring parts of a blend differ by this much (rad); corners below it need no blend.

@@ -8,22 +8,23 @@ and on finer ones, look for better ones. Only when the finest lattice is exhaust
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from stablepush.deadline import Deadline
 from stablepush.errors import OutOfTimeError
 from stablepush.options import PlanOptions
 from stablepush.path import PlanResult
 from stablepush.problem import PlanningProblem
 from stablepush.se2 import compose
 from stablepush_planners import _search
-from stablepush_planners._search import Changes, Graph, Tree
-from stablepush_planners.arena import Arena, Stretch, end_of
-from stablepush_planners.lattice import Edges, lattice_edges
+from stablepush_planners._search import Graph, Tree
+from stablepush_planners._transfer import ANY_WAY, KNOWN_WAYS, Transfers
+from stablepush_planners.context import PlanningContext, Stretch, end_of
+from stablepush_planners.lattice import Lattice, make_lattice
 
 NAME = "cor-lattice"
 
@@ -42,26 +43,26 @@ _FIRST_SIZE = 1 << 14
 def plan_cor_lattice(
     problem: PlanningProblem,
     *,
-    deadline: float,
+    deadline: Deadline,
     seed: int = 0,
     options: PlanOptions,
     progress: Callable[[str], None] | None = None,
 ) -> PlanResult:
     """Plan with the COR lattice; see :func:`stablepush.plan`."""
     try:
-        arena = Arena(problem, options, deadline)
+        context = PlanningContext(problem, options, deadline)
     except OutOfTimeError:
         return PlanResult("timeout", NAME, seed=seed, message="the time limit left no time to search")
-    planner = _Planner(arena, progress or (lambda _: None))
-    status, message = "no-path", arena.hopeless
+    planner = _Planner(context, progress or (lambda _: None))
+    status, message = "no-path", context.hopeless
     if not message:
         try:
             message = planner.run(options.improve)
         except OutOfTimeError:
             status, message = "timeout", "the time limit passed before a path was found"
     if planner.best is None:
-        return PlanResult(status, NAME, lower_bound=arena.bound, seed=seed, message=message)
-    return arena.result(planner.best, NAME, seed, planner.found_by)
+        return PlanResult(status, NAME, lower_bound=context.bound, seed=seed, message=message)
+    return context.result(planner.best, NAME, seed, planner.found_by)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,40 +77,39 @@ class _Found:
 class _Planner:
     """The ladder of searches, and the best plan so far."""
 
-    def __init__(self, arena: Arena, said: Callable[[str], None]) -> None:
-        self._arena, self._said = arena, said
+    def __init__(self, context: PlanningContext, said: Callable[[str], None]) -> None:
+        self._context, self._said = context, said
         self.best: list[Stretch] | None = None
         self.cost, self.found_by = math.inf, ""
-        self._edges: dict[int, dict[int, Edges]] = {}
+        self._lattices: dict[int, Lattice] = {}
 
     def run(self, improve: float) -> str:
         """Climb the ladder; once there is a plan, look for better ones while no more than ``improve`` poses are expanded.
 
         Returns why there is no plan, if there is none.
         """
-        arena = self._arena
-        nudge = arena.nudge()
+        context = self._context
+        nudge = context.nudge()
         if nudge is not None:
             self._take(nudge, "the start is within tolerance")
             return ""
-        useful = self._climb(improve, arena.changes)
-        if self.best is None and arena.changes.kind == _search.KNOWN_WAYS and arena.routes is not None:
+        useful = self._climb(improve, context.transfers)
+        if self.best is None and context.transfers.kind == KNOWN_WAYS and context.routes is not None:
             # the pusher may still reach another contact on a way that does not hug the slider
             self._said("any way of the pusher round the slider")
-            self._climb(improve, arena.changes._replace(kind=_search.ANY_WAY))
+            self._climb(improve, context.transfers._replace(kind=ANY_WAY))
         return f"the lattice is exhausted at all {len(LADDER)} resolutions" if useful else "no contact has a stable push"
 
-    def _climb(self, improve: float, changes: Changes) -> bool:
+    def _climb(self, improve: float, transfers: Transfers) -> bool:
         """Search from the coarsest lattice to the finest; return whether any of them has an edge."""
-        arena, useful = self._arena, False
+        context, useful = self._context, False
         for rung, (headings, share) in enumerate(LADDER):
             self._said(f"lattice {rung + 1} of {len(LADDER)}: {headings} headings")
-            cell = share * arena.problem.slider.radius
-            if rung not in self._edges:
-                self._edges[rung] = {i: lattice_edges(arena.problem, s, headings, cell) for i, s in arena.stable.items()}
-            edges = self._edges[rung]
-            useful = useful or any(len(e.durations) for e in edges.values())
-            graph = arena.lattice(headings, cell, edges)._replace(changes=changes)
+            cell = share * context.problem.slider.radius
+            if rung not in self._lattices:
+                self._lattices[rung] = make_lattice(context.problem, context.stable, headings, cell)
+            useful = useful or len(self._lattices[rung].durations) > 0
+            graph = context.graph(self._lattices[rung])._replace(transfers=transfers)
             limit = math.inf
             for weight in WEIGHTS:
                 words = f"{headings} headings, cells of {1000 * cell:.3g} mm, weight {weight:g}"
@@ -117,7 +117,7 @@ class _Planner:
                 found = self._search(graph, weight, min(limit, WORTH * self.cost), improve if improving else math.inf, words)
                 if found.stretches is not None:
                     limit = found.cost
-                    self._take(arena.shortened(found.stretches), words)
+                    self._take(context.shortened(found.stretches), words)
                 improve -= found.expanded if improving else 0
                 if improve <= 0 and self.best is not None:
                     return useful
@@ -127,11 +127,11 @@ class _Planner:
 
     def _search(self, graph: Graph, weight: float, limit: float, most: float, words: str) -> _Found:
         """Search once for a path that costs less than ``limit``, over at most ``most`` poses."""
-        arena, denied = self._arena, np.zeros((0, 2), dtype=np.int64)
+        context, denied = self._context, np.zeros((0, 2), dtype=np.int64)
         tree, spent = self._planted(graph, weight, limit), 0
         while True:
             quota = math.ceil(min(_QUOTA, most - spent - int(tree.counts[2])))
-            why = _search.expand(graph, arena.world, tree, weight, limit, quota, denied)
+            why = _search.expand(graph, context.world, tree, weight, limit, quota, denied)
             expanded = spent + int(tree.counts[2])
             if why == _search.FULL:
                 tree = _larger(tree)
@@ -145,28 +145,28 @@ class _Planner:
             elif why == _search.EXHAUSTED or expanded >= most:
                 return _Found(math.inf, None, expanded)
             self._said(f"{words}: {expanded} poses expanded, {tree.counts[1]} queued")
-            if time.perf_counter() > arena.deadline:
+            if context.deadline.passed():
                 raise OutOfTimeError("search: the deadline has passed")
 
     def _planted(self, graph: Graph, weight: float, limit: float) -> Tree:
         """Return a tree with nothing but the start; without a pusher outline, at every contact."""
-        arena, tree = self._arena, _empty_tree(_FIRST_SIZE)
-        for contact in arena.stable:
-            if contact == 0 or arena.problem.pusher is None:
-                cost = 0.0 if contact == 0 else arena.problem.switch_cost
+        context, tree = self._context, _empty_tree(_FIRST_SIZE)
+        for contact in context.stable:
+            if contact == 0 or context.problem.pusher is None:
+                cost = 0.0 if contact == 0 else context.problem.switch_cost
                 key = _search.key_of(contact, 0, 0, 0)
-                _search.reach(graph.cells, graph.goal, tree, key, cost, -1, _search.START, weight, limit)
+                _search.reach(graph.lattice, graph.goal, tree, key, cost, -1, _search.START, weight, limit)
         return tree
 
     def _impossible_change(self, graph: Graph, tree: Tree, node: int) -> tuple[int, int] | None:
         """Return key and former contact of a change on the path of a node for which there is no way; None if there always is."""
-        while graph.changes.kind == _search.ANY_WAY and node >= 0:
+        while graph.transfers.kind == ANY_WAY and node >= 0:
             if tree.via[node] == _search.TRANSFER:
                 target, heading, i, j = (int(part) for part in _search.parts_of(tree.key[node]))
                 source = int(_search.parts_of(tree.key[tree.parent[node]])[0])
-                turn = 2 * math.pi / graph.cells.headings
-                pose = compose(self._arena.problem.start, (i * graph.cells.cell, j * graph.cells.cell, heading * turn))
-                if self._arena.pusher_path(source, target, pose) is None:
+                turn = 2 * math.pi / graph.lattice.headings
+                pose = compose(self._context.problem.start, (i * graph.lattice.cell, j * graph.lattice.cell, heading * turn))
+                if self._context.transfer_path(source, target, pose) is None:
                     return int(tree.key[node]), source
             node = int(tree.parent[node])
         return None
@@ -179,7 +179,7 @@ class _Planner:
             node = int(tree.parent[node])
         chain.reverse()
         stretches: list[Stretch] = [(int(_search.parts_of(tree.key[chain[0]])[0]), [])]
-        pose = np.array(self._arena.problem.start)
+        pose = np.array(self._context.problem.start)
         for parent, child in pairwise(chain):
             via = int(tree.via[child])
             contact = int(_search.parts_of(tree.key[child])[0])
@@ -187,22 +187,22 @@ class _Planner:
                 stretches.append((contact, []))
                 continue
             if via >= 0:
-                pushes = [(graph.cells.twists[via].copy(), float(graph.cells.durations[via]))]
+                pushes = [(graph.lattice.twists[via].copy(), float(graph.lattice.durations[via]))]
             else:
                 most = 1e-6 + float(tree.cost[child] - tree.cost[parent]) * (1 + 1e-6)
-                joint = self._arena.joint(contact, pose, self._arena.problem.goal, most)
-                assert joint is not None
-                pushes = joint
+                connection = self._context.connect(contact, pose, self._context.problem.goal, most)
+                assert connection is not None
+                pushes = connection
             stretches[-1][1].extend(pushes)
             pose = end_of(pose, pushes)
         return [s for s in stretches if s[1]]
 
     def _take(self, stretches: list[Stretch], words: str) -> None:
         """Keep a path if it is the best so far."""
-        cost = self._arena.cost(stretches)
+        cost = self._context.cost(stretches)
         if cost < self.cost:
             self.best, self.cost = stretches, cost
-            ratio = f", cost {cost / self._arena.bound:.3g} times the lower bound" if self._arena.bound > 1e-3 else ""
+            ratio = f", cost {cost / self._context.bound:.3g} times the lower bound" if self._context.bound > 1e-3 else ""
             self.found_by = f"{words}{ratio}"
 
 

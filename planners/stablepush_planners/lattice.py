@@ -10,7 +10,8 @@ that others make up at nearly the same cost are left out.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,13 +27,20 @@ _REACH, _LARGEST_TURN = 9, math.pi / 2
 _SPARE = 0.03
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Edges:
-    """Edges of one contact from the lattice pose at the origin, for every heading: rows ``first[k]`` to ``first[k+1]``.
+class Lattice(NamedTuple):
+    """The lattice and the edges of all contacts.
 
     Attributes
     ----------
-    first : array, shape (headings + 1,)
+    origin : array, shape (3,)
+        Pose in W of the lattice pose (0, 0, 0).
+    cell : float
+        Width of a cell in m.
+    headings : int
+    cos, sin : array, shape (headings,)
+        Of the body angles in W.
+    first : array of int, shape (contacts * headings + 1,)
+        The edges from a contact and heading are rows ``first[k]`` to ``first[k + 1]``, ``k = contact * headings + heading``.
     steps : array of int, shape (n, 3)
         Cells along the lattice's x and y axes, and headings.
     twists : array, shape (n, 3)
@@ -41,6 +49,11 @@ class Edges:
         In s.
     """
 
+    origin: FloatArray
+    cell: float
+    headings: int
+    cos: FloatArray
+    sin: FloatArray
     first: np.ndarray
     steps: np.ndarray
     twists: FloatArray
@@ -48,8 +61,35 @@ class Edges:
     costs: FloatArray
 
 
-def lattice_edges(problem: PlanningProblem, stable: StableSet, headings: int, cell: float) -> Edges:
-    """Return the edges of a contact on a lattice of ``headings`` and ``cell`` (m)."""
+def make_lattice(problem: PlanningProblem, stable: Mapping[int, StableSet], headings: int, cell: float) -> Lattice:
+    """Return the lattice of ``headings`` and ``cell`` (m) whose origin is the start; contacts not in ``stable`` have no edges."""
+    first, count, found = [0], 0, []
+    for contact in range(len(problem.contacts)):
+        if contact in stable:
+            begins, *edges = _edges(problem, stable[contact], headings, cell)
+            first += (count + begins[1:]).tolist()
+            count += int(begins[-1])
+            found.append(edges)
+        else:
+            first += [count] * headings
+    angles = float(problem.start[2]) + 2 * np.pi / headings * np.arange(headings)
+    steps, twists, durations, costs = (np.concatenate(column) for column in zip(*found, strict=True))
+    return Lattice(
+        origin=np.array(problem.start),
+        cell=cell,
+        headings=headings,
+        cos=np.cos(angles),
+        sin=np.sin(angles),
+        first=np.array(first, dtype=np.int64),
+        steps=np.ascontiguousarray(steps, dtype=np.int64),
+        twists=np.ascontiguousarray(twists),
+        durations=np.ascontiguousarray(durations),
+        costs=np.ascontiguousarray(costs),
+    )
+
+
+def _edges(problem: PlanningProblem, stable: StableSet, headings: int, cell: float) -> tuple[np.ndarray, ...]:
+    """Edges of one contact: where those of each heading begin, steps, twists, durations and costs."""
     most = max(1, int(_LARGEST_TURN / (2 * math.pi / headings)))
     i, j, m = (a.ravel() for a in np.meshgrid(*(np.arange(-_REACH, _REACH + 1),) * 2, np.arange(-most, most + 1), indexing="ij"))
     steps = np.stack((i, j, m), axis=-1)
@@ -78,13 +118,7 @@ def lattice_edges(problem: PlanningProblem, stable: StableSet, headings: int, ce
         turned[:, :2] = turned[:, :2] @ quarter[k // classes].T
         rows.append((turned, flat[mine] / durations[mine, None], durations[mine], costs[mine]))
         first.append(first[-1] + len(mine))
-    return Edges(
-        np.array(first),
-        np.ascontiguousarray(np.concatenate([r[0] for r in rows]), dtype=np.int64),
-        np.ascontiguousarray(np.concatenate([r[1] for r in rows])),
-        np.ascontiguousarray(np.concatenate([r[2] for r in rows])),
-        np.ascontiguousarray(np.concatenate([r[3] for r in rows])),
-    )
+    return (np.array(first), *(np.concatenate(column) for column in zip(*rows, strict=True)))
 
 
 @compiled

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gc
 import math
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -18,15 +17,17 @@ import numpy as np
 
 from stablepush._arrays import FloatArray
 from stablepush._sweep import pose_is_free, push_is_free
+from stablepush.deadline import Deadline
 from stablepush.errors import OutOfTimeError, UnavailableError
 from stablepush.options import PlanOptions
 from stablepush.path import PlanResult
 from stablepush.planar import twist_from_cor
 from stablepush.problem import PlanningProblem
 from stablepush.se2 import compose, inverse
-from stablepush_planners._search import at_goal, moved
-from stablepush_planners.arena import Arena, end_of
-from stablepush_planners.connect import TimedTwist
+from stablepush_planners._connection import moved
+from stablepush_planners._goal import at_goal
+from stablepush_planners.context import PlanningContext, end_of
+from stablepush_planners.shorten import TimedTwist
 
 #: Names, and the classes of ``ompl.geometric`` and ``ompl.control`` behind them.
 GEOMETRIC = {
@@ -46,7 +47,7 @@ def plan_ompl(
     problem: PlanningProblem,
     *,
     name: str,
-    deadline: float,
+    deadline: Deadline,
     seed: int = 0,
     options: PlanOptions,
     progress: Callable[[str], None] | None = None,
@@ -61,69 +62,71 @@ def plan_ompl(
         raise UnavailableError(f"planner {name}: the package ompl is not installed (it has no wheels for Windows)") from None
     said = progress or (lambda _: None)
     try:
-        arena = Arena(problem, options, deadline)
+        context = PlanningContext(problem, options, deadline)
     except OutOfTimeError:
         return PlanResult("timeout", name, seed=seed, message="the time limit left no time to search")
 
     def without(status: str, message: str) -> PlanResult:
-        return PlanResult(status, name, lower_bound=arena.bound, seed=seed, message=message)
+        return PlanResult(status, name, lower_bound=context.bound, seed=seed, message=message)
 
-    if arena.hopeless:
-        return without("no-path", arena.hopeless)
-    nudge = arena.nudge()
+    if context.hopeless:
+        return without("no-path", context.hopeless)
+    nudge = context.nudge()
     if nudge is not None:
-        return arena.result(nudge, name, seed, "the start is within tolerance")
-    if 0 not in arena.steerings:
+        return context.result(nudge, name, seed, "the start is within tolerance")
+    if 0 not in context.steerings:
         return without("no-path", "the first contact has no stable straight push with stable turns to both sides")
     util.setLogLevel(util.LOG_NONE)
     # zero is taken for "no seed"
     util.RNG.setSeed(seed + 1)
     solve = _geometric if name in GEOMETRIC else _control
     try:
-        pushes, approximate = solve(arena, name, options.improve, said)
+        pushes, approximate = solve(context, name, options.improve, said)
     finally:
         # states outlive their space otherwise
         gc.collect()
     if pushes is None:
         return without("timeout", "only an approximate path was found" if approximate else "no path was found in time")
-    return arena.result(arena.shortened([(0, pushes)]), name, seed, "")
+    return context.result(context.shortened([(0, pushes)]), name, seed, "")
 
 
 class _Clock:
     """Tells a planner when to stop: near the deadline, or when it has looked at so many motions."""
 
-    def __init__(self, deadline: float, said: Callable[[str], None]) -> None:
+    def __init__(self, deadline: Deadline, said: Callable[[str], None]) -> None:
         # some time is left to shorten the path in
-        self._deadline = deadline - min(_LAST, _SHARE * (deadline - time.perf_counter()))
+        self._deadline, self._last = deadline, min(_LAST, _SHARE * deadline.left())
         self._said = said
         self.motions, self.last = 0, math.inf
 
     def __call__(self) -> bool:
         self._said(f"{self.motions} motions looked at")
-        return time.perf_counter() > self._deadline or self.motions >= self.last
+        return self._deadline.left() < self._last or self.motions >= self.last
 
 
-def _bounds(problem: PlanningProblem, arena: Arena) -> Any:
+def _bounds(problem: PlanningProblem, context: PlanningContext) -> Any:
     from ompl import base
 
-    low, high = arena.field.low, arena.field.low + arena.field.cell * np.array(arena.field.times.shape)
+    low, high = context.field.low, context.field.low + context.field.cell * np.array(context.field.times.shape)
     bounds = base.RealVectorBounds(2)
     for axis in range(2):
         # the reference point may lie outside of the slider
-        room = float(np.linalg.norm(arena.steerings[0].frame[:2]))
+        room = float(np.linalg.norm(context.steerings[0].frame[:2]))
         bounds.setLow(axis, float(low[axis]) - room)
         bounds.setHigh(axis, float(high[axis]) + room)
     return bounds
 
 
-def _geometric(arena: Arena, name: str, improve: float, said: Callable[[str], None]) -> tuple[list[TimedTwist] | None, bool]:
+def _geometric(
+    context: PlanningContext, name: str, improve: float, said: Callable[[str], None]
+) -> tuple[list[TimedTwist] | None, bool]:
     """Pushes along a Dubins path that OMPL finds, and whether it found at least an approximate one."""
     from ompl import base, geometric
 
-    problem, steer, body, world = arena.problem, arena.steerings[0], arena.bodies[0].body, arena.world
+    problem, steer, body, world = context.problem, context.steerings[0], context.bodies[0].body, context.world
     back = inverse(steer.frame)
     space = base.DubinsStateSpace(steer.radius)
-    space.setBounds(_bounds(problem, arena))
+    space.setBounds(_bounds(problem, context))
     setup = geometric.SimpleSetup(space)
     information = setup.getSpaceInformation()
 
@@ -139,7 +142,7 @@ def _geometric(arena: Arena, name: str, improve: float, said: Callable[[str], No
             clock.motions += 1
             start, end = pose_of(first), pose_of(second)
             c, s = math.cos(end[2]), math.sin(end[2])
-            return bool(pose_is_free(world, body, end[0], end[1], c, s)) and arena.joint(0, start, end) is not None
+            return bool(pose_is_free(world, body, end[0], end[1], c, s)) and context.connect(0, start, end) is not None
 
     setup.setStateValidityChecker(valid)
     information.setMotionValidator(Motion(information))
@@ -154,7 +157,7 @@ def _geometric(arena: Arena, name: str, improve: float, said: Callable[[str], No
     setup.setStartAndGoalStates(*ends)
     planner = getattr(geometric, GEOMETRIC[name])(information)
     setup.setPlanner(planner)
-    clock = _Clock(arena.deadline, said)
+    clock = _Clock(context.deadline, said)
     # optimising planners tell of a path when they stop: first at any path at all, then after so many motions more
     length = base.PathLengthOptimizationObjective(information)
     length.setCostThreshold(base.Cost(math.inf))
@@ -170,7 +173,7 @@ def _geometric(arena: Arena, name: str, improve: float, said: Callable[[str], No
         poses[0], poses[-1] = problem.start, problem.goal
         found, pose = [], problem.start
         for end in poses[1:]:
-            part = arena.joint(0, pose, end)
+            part = context.connect(0, pose, end)
             if part is None:
                 return None, True
             found += part
@@ -178,15 +181,17 @@ def _geometric(arena: Arena, name: str, improve: float, said: Callable[[str], No
     return found, bool(setup.haveSolutionPath())
 
 
-def _control(arena: Arena, name: str, improve: float, said: Callable[[str], None]) -> tuple[list[TimedTwist] | None, bool]:
-    """Stable pushes that OMPL strings together until a joint leads to the goal."""
+def _control(
+    context: PlanningContext, name: str, improve: float, said: Callable[[str], None]
+) -> tuple[list[TimedTwist] | None, bool]:
+    """Stable pushes that OMPL strings together until a connection leads to the goal."""
     from ompl import base, control
 
     del improve  # these planners end with their first path
-    problem, body, world = arena.problem, arena.bodies[0].body, arena.world
-    twists = _controls(arena)
+    problem, body, world = context.problem, context.bodies[0].body, context.world
+    twists = _controls(context)
     space = base.SE2StateSpace()
-    space.setBounds(_bounds(problem, arena))
+    space.setBounds(_bounds(problem, context))
     controls = control.RealVectorControlSpace(space, 1)
     limits = base.RealVectorBounds(1)
     limits.setLow(0.0)
@@ -194,7 +199,7 @@ def _control(arena: Arena, name: str, improve: float, said: Callable[[str], None
     controls.setBounds(limits)
     setup = control.SimpleSetup(controls)
     information = setup.getSpaceInformation()
-    outside = float(arena.field.low[0]) - 1e3
+    outside = float(context.field.low[0]) - 1e3
 
     def chosen(u: Any) -> FloatArray:
         return twists[min(len(twists) - 1, max(0, int(u[0])))]
@@ -218,7 +223,7 @@ def _control(arena: Arena, name: str, improve: float, said: Callable[[str], None
         def distanceGoal(self, state: Any) -> float:
             dx, dy = state.getX() - problem.goal[0], state.getY() - problem.goal[1]
             pose = np.array((state.getX(), state.getY(), state.getYaw()))
-            if at_goal(arena.goal, *pose) or arena.joint(0, pose, problem.goal) is not None:
+            if at_goal(context.goal, *pose) or context.connect(0, pose, problem.goal) is not None:
                 return 0.0
             return 1.0 + math.hypot(dx, dy)
 
@@ -235,7 +240,7 @@ def _control(arena: Arena, name: str, improve: float, said: Callable[[str], None
     goal.setThreshold(0.5)
     setup.setGoal(goal)
     setup.setPlanner(getattr(control, CONTROL[name])(information))
-    clock = _Clock(arena.deadline, said)
+    clock = _Clock(context.deadline, said)
     setup.solve(base.PlannerTerminationCondition(clock))
     found: list[TimedTwist] | None = None
     if setup.haveExactSolutionPath():
@@ -244,25 +249,25 @@ def _control(arena: Arena, name: str, improve: float, said: Callable[[str], None
             (chosen(u).copy(), float(d)) for u, d in zip(path.getControls(), path.getControlDurations(), strict=True) if d > 0
         ]
         end = end_of(problem.start, found)
-        if not at_goal(arena.goal, *end):
-            found += arena.joint(0, end, problem.goal) or []
+        if not at_goal(context.goal, *end):
+            found += context.connect(0, end, problem.goal) or []
     return found, bool(setup.haveSolutionPath())
 
 
-def _controls(arena: Arena) -> FloatArray:
+def _controls(context: PlanningContext) -> FloatArray:
     """Stable body twists (n, 3) at the speed limit: CORs over the plane, denser near the slider, and translations."""
     rng = np.random.default_rng(0)
-    rho = arena.problem.surface.characteristic_length
-    found = [arena.steerings[0].twist(k / arena.steerings[0].radius) for k in (1.0, 0.0, -1.0)]
+    rho = context.problem.surface.characteristic_length
+    found = [context.steerings[0].twist(k / context.steerings[0].radius) for k in (1.0, 0.0, -1.0)]
     for _ in range(50):
         places = rng.normal(size=(1000, 2))
         places *= rho * 10 ** rng.uniform(-0.5, 2, size=(1000, 1)) / np.linalg.norm(places, axis=1, keepdims=True)
         turns = twist_from_cor(places, rng.choice((1.0, -1.0), size=1000))
-        found += list(turns[arena.stable[0].accepts(turns)])
+        found += list(turns[context.stable[0].accepts(turns)])
         if len(found) >= _CONTROLS:
             break
     twists = np.array(found[:_CONTROLS])
-    return np.ascontiguousarray(twists * (arena.problem.speed / arena.problem.push_speed(twists))[:, None])
+    return np.ascontiguousarray(twists * (context.problem.speed / context.problem.push_speed(twists))[:, None])
 
 
 plan_bitstar = partial(plan_ompl, name="ompl-bitstar")

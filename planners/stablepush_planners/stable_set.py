@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
-import time
-
 import numpy as np
 
 from stablepush._arrays import BoolArray, FloatArray
 from stablepush.all_pressure import all_pressure_region
 from stablepush.conservative import lynch_mason_region
+from stablepush.deadline import Deadline
 from stablepush.errors import InputError, OutOfTimeError
 from stablepush.models import PolynomialLimitSurface
 from stablepush.options import PlanOptions
@@ -30,17 +28,17 @@ _SLACK = 1e-9
 class StableSet:
     """Body twists that may be used at a contact of a problem, and what they cost.
 
-    Raises :class:`OutOfTimeError` once ``deadline`` (a value of :func:`time.perf_counter`) has passed, and
-    :class:`InputError` if a probability is asked of a surface without an ensemble.
+    Raises :class:`OutOfTimeError` once ``deadline`` has passed, and :class:`InputError` if a probability is asked of a surface
+    without an ensemble.
     """
 
     def __init__(
-        self, problem: PlanningProblem, contact: int, options: PlanOptions | None = None, deadline: float = math.inf
+        self, problem: PlanningProblem, contact: int, options: PlanOptions | None = None, deadline: Deadline | None = None
     ) -> None:
         asked = PlanOptions() if options is None else options
         self.contact = contact
         self.oracle = StabilityOracle(problem.surface, problem.contacts[contact])
-        self._problem, self._least, self._deadline = problem, max(0.0, problem.min_margin) + _INSIDE, deadline
+        self._problem, self._least, self._deadline = problem, max(0.0, problem.min_margin) + _INSIDE, deadline or Deadline()
         self._promised: StableRegion | None = None
         if asked.region in _PROMISED:
             self._promised = _PROMISED[asked.region](problem.slider, problem.contacts[contact])
@@ -61,7 +59,7 @@ class StableSet:
         """Return whether body twists (n, 3) may be used."""
         good = np.zeros(len(twists), dtype=bool)
         for start in range(0, len(twists), _BLOCK):
-            if time.perf_counter() > self._deadline:
+            if self._deadline.passed():
                 raise OutOfTimeError("primitives: the deadline has passed")
             block = slice(start, start + _BLOCK)
             good[block] = self.oracle.margin(twists[block]) >= self._least
@@ -70,7 +68,7 @@ class StableSet:
         if self._members and good.any():
             votes = np.zeros(good.sum())
             for member in self._members:
-                if time.perf_counter() > self._deadline:
+                if self._deadline.passed():
                     raise OutOfTimeError("primitives: the deadline has passed")
                 votes += member.is_stable(twists[good])
             good[good] = votes >= (self._votes - _SLACK) * len(self._members)

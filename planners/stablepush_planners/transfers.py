@@ -106,7 +106,7 @@ def contact_graph(problem: PlanningProblem) -> nx.DiGraph:
             elif i != j and routes is not None:
                 first = routes.first[2 * (i * len(contacts) + j) :]
                 ways = [routes.points[first[side] : first[side + 1]] for side in (0, 1)]
-                paths = [pusher_path((routes.docks[i], routes.docks[j]), way) for way in ways if len(way)]
+                paths = [docking_path((routes.docks[i], routes.docks[j]), way) for way in ways if len(way)]
                 lengths = [float(np.hypot(*np.diff(path[:, :2], axis=0).T).sum()) for path in paths]
                 if paths:
                     k = int(np.argmin(lengths))
@@ -119,7 +119,7 @@ def backed_off(dock: FloatArray, way: float) -> FloatArray:
     return np.array((dock[0] - way * math.cos(dock[2]), dock[1] - way * math.sin(dock[2]), dock[2]))
 
 
-def pusher_path(docks: tuple[FloatArray, FloatArray], way: FloatArray) -> FloatArray:
+def docking_path(docks: tuple[FloatArray, FloatArray], way: FloatArray) -> FloatArray:
     """Return poses (n, 3) of the pusher's frame: back off to the start of ``way`` (k, 2), along it turning evenly, and dock."""
     start, end = docks
     turn = float(wrap_angle(end[2] - start[2]))
@@ -171,12 +171,12 @@ def way_among_obstacles(
         return None
 
 
-def transfer_path(problem: PlanningProblem, routes: Routes, route: int, pose: FloatArray) -> FloatArray:
+def route_path(routes: Routes, route: int, pose: FloatArray) -> FloatArray:
     """Return the pusher's poses (n, 3) in W along one of the known ways, for a slider at ``pose``."""
     contacts = len(routes.docks)
     i, j = divmod(route // 2, contacts)
     way = routes.points[routes.first[route] : routes.first[route + 1]]
-    return compose(pose, pusher_path((routes.docks[i], routes.docks[j]), way))
+    return compose(pose, docking_path((routes.docks[i], routes.docks[j]), way))
 
 
 def _widened(shape: shapely.Geometry, radius: float) -> shapely.Geometry:

@@ -15,17 +15,33 @@ from stablepush.errors import InputError
 if TYPE_CHECKING:
     from stablepush.path import PlanResult
 
+PlannerName = Annotated[str, typer.Option("--planner", help="Name of the planner.")]
+Seed = Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of planners that draw random numbers.")]
+Improve = Annotated[
+    float, typer.Option(parser=number, metavar="STEPS", help="Steps of search for better plans after the first; inf: no end.")
+]
+
+
+def _require_search(planner: str, time_limit: float, seed: int, improve: float) -> None:
+    from stablepush.planning import planner_names
+
+    if not (math.isfinite(time_limit) and 0 <= time_limit <= 1e6):
+        raise InputError(f"--time-limit: expected a time in s from 0 to 1e6, got {time_limit:g}")
+    if planner not in planner_names():
+        raise InputError(f"--planner: expected one of {', '.join(planner_names())}, got {planner!r}")
+    if not 0 <= improve:
+        raise InputError(f"--improve: expected a number >= 0, or inf, got {improve:g}")
+    require_seed(seed)
+
 
 def plan(
     scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
     output: Output,
-    planner: Annotated[str, typer.Option(help="Name of the planner.")] = "cor-lattice",
+    planner: PlannerName = "cor-lattice",
     time_limit: Annotated[
         float, typer.Option(parser=number, metavar="SECONDS", help="Wall time in s, from the start of the program.")
     ] = 30.0,
-    seed: Annotated[
-        int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of planners that draw random numbers.")
-    ] = 0,
+    seed: Seed = 0,
     region: Annotated[str, typer.Option(help="Rotation centres to use: model, all-pressure or conservative.")] = "model",
     probability: Annotated[
         float, typer.Option(parser=number, metavar="P", help="Least probability of stability of each push, by the ensemble.")
@@ -37,9 +53,7 @@ def plan(
         float,
         typer.Option(parser=number, metavar="RAD/S", help="Blend from one push to the next no faster than this; inf: at once."),
     ] = math.inf,
-    improve: Annotated[
-        float, typer.Option(parser=number, metavar="STEPS", help="Steps of search for better plans after the first; inf: no end.")
-    ] = 20_000,
+    improve: Improve = 20_000,
     view: Annotated[Path | None, typer.Option(help="Animation of the plan as an HTML page.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture of the plan as PNG, if one is found.")] = None,
 ) -> None:
@@ -49,13 +63,9 @@ def plan(
     from stablepush.options import REGIONS
     from stablepush.path import save_plan
     from stablepush.planning import plan as make_plan
-    from stablepush.planning import planner_names
     from stablepush.problem import load_scene
 
-    if not (math.isfinite(time_limit) and 0 <= time_limit <= 1e6):
-        raise InputError(f"--time-limit: expected a time in s from 0 to 1e6, got {time_limit:g}")
-    if planner not in planner_names():
-        raise InputError(f"--planner: expected one of {', '.join(planner_names())}, got {planner!r}")
+    _require_search(planner, time_limit, seed, improve)
     if region not in REGIONS:
         raise InputError(f"--region: expected {' or '.join(REGIONS)}, got {region!r}")
     if not 0 <= probability <= 1:
@@ -64,9 +74,6 @@ def plan(
         raise InputError(f"--margin-weight: expected a number >= 0, got {margin_weight:g}")
     if not 0 < cor_rate:
         raise InputError(f"--cor-rate: expected a number > 0, or inf, got {cor_rate:g}")
-    if not 0 <= improve:
-        raise InputError(f"--improve: expected a number >= 0, or inf, got {improve:g}")
-    require_seed(seed)
     for path in (output, view, picture):
         if path is not None:
             require_file(path)
@@ -120,14 +127,10 @@ def check(
 
 def compare(
     scenes: Annotated[list[Path], typer.Argument(metavar="SCENE...", help="scene/1 files.")],
-    planner: Annotated[str, typer.Option(help="Name of the planner.")] = "cor-lattice",
+    planner: PlannerName = "cor-lattice",
     time_limit: Annotated[float, typer.Option(parser=number, metavar="SECONDS", help="Wall time in s for each plan.")] = 30.0,
-    seed: Annotated[
-        int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of planners that draw random numbers.")
-    ] = 0,
-    improve: Annotated[
-        float, typer.Option(parser=number, metavar="STEPS", help="Steps of search for better plans after the first; inf: no end.")
-    ] = 20_000,
+    seed: Seed = 0,
+    improve: Improve = 20_000,
     table: Annotated[Path | None, typer.Option("--csv", help="Table to write.")] = None,
 ) -> None:
     """Plan with the model's region, the all-pressure region and STABLE: what each can, and what it costs."""
@@ -136,16 +139,9 @@ def compare(
     from stablepush.comparison import compare_regions
     from stablepush.files import write_atomically
     from stablepush.logs.table import table_text
-    from stablepush.planning import planner_names
     from stablepush.problem import load_scene
 
-    if not (math.isfinite(time_limit) and 0 <= time_limit <= 1e6):
-        raise InputError(f"--time-limit: expected a time in s from 0 to 1e6, got {time_limit:g}")
-    if planner not in planner_names():
-        raise InputError(f"--planner: expected one of {', '.join(planner_names())}, got {planner!r}")
-    if not 0 <= improve:
-        raise InputError(f"--improve: expected a number >= 0, or inf, got {improve:g}")
-    require_seed(seed)
+    _require_search(planner, time_limit, seed, improve)
     if table is not None:
         require_file(table)
     problems = [load_scene(scene) for scene in scenes]

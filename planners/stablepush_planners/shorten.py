@@ -1,18 +1,18 @@
-"""Shorten a path of one contact: quickest way over joints between poses of the path."""
+"""Shorten a path of one contact: quickest way over connections between poses of the path."""
 
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 
 from stablepush._arrays import FloatArray
 from stablepush._sweep import World, push_is_free
 from stablepush.collision import SweptBody
+from stablepush.deadline import Deadline
 from stablepush.problem import PlanningProblem
 from stablepush.se2 import compose, exp, inverse, log, wrap_angle
-from stablepush_planners._search import Joints, join
+from stablepush_planners._connection import Connections, connect
 from stablepush_planners.stable_set import StableSet
 
 #: A push: body twist at the speed limit, and its duration in s.
@@ -25,14 +25,14 @@ _WORTH = 1e-9
 
 def shorten(
     problem: PlanningProblem,
-    joints: Joints,
+    connections: Connections,
     world: World,
     swept: SweptBody,
     stable: StableSet,
     start: FloatArray,
     pushes: list[TimedTwist],
     pieces: int,
-    deadline: float,
+    deadline: Deadline,
 ) -> list[TimedTwist]:
     """Return a path between the same poses that costs no more.
 
@@ -50,21 +50,21 @@ def shorten(
     prices = stable.costs(direct)
     moving = np.abs(direct).max(axis=1) > 1e-9
     good = np.zeros(len(direct), dtype=bool)
-    if time.perf_counter() < deadline:
+    if not deadline.passed():
         good[moving] = stable.accepts(direct[moving])
     table = np.full((count, count), np.inf)
     table[i[good], j[good]] = prices[good]
     pairs = zip(i[good].tolist(), j[good].tolist(), strict=True)
     twists = {pair: (v / t, float(t)) for pair, v, t in zip(pairs, direct[good], times[good], strict=True)}
     spent = stable.costs(np.array([twist * duration for twist, duration in legs]))
-    joins = bool(joints.radii[stable.contact, 0] > 0.0)
+    connects = bool(connections.radii[stable.contact, 0] > 0.0)
     lengths, room = np.empty((6, 3)), np.empty((3, 4))
     cosines = np.column_stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])))
     best = [0.0] + [math.inf] * (count - 1)
     ways: list[tuple[int, list[TimedTwist]]] = [(0, [])] * count
     for b in range(1, count):
         best[b], ways[b] = best[b - 1] + float(spent[b - 1]), (b - 1, [legs[b - 1]])
-        if time.perf_counter() > deadline:
+        if deadline.passed():
             continue
         for a in range(b - 1):
             most = best[b] - best[a] - _WORTH
@@ -73,8 +73,8 @@ def shorten(
                 if push_is_free(world, swept.body, *poses[a, :2], *cosines[a], *twist, duration):
                     best[b], ways[b] = best[a] + float(table[a, b]), (a, [(twist, duration)])
                     most = best[b] - best[a] - _WORTH
-            if joins and most > 0:
-                found = join(joints, world, swept.body, stable.contact, *poses[a], *poses[b], most, lengths, room)
+            if connects and most > 0:
+                found = connect(connections, world, swept.body, stable.contact, *poses[a], *poses[b], most, lengths, room)
                 if found < most:
                     parts = [(room[k, :3].copy(), float(room[k, 3])) for k in range(3) if room[k, 3] * problem.speed > LEAST_WAY]
                     best[b], ways[b] = best[a] + found, (a, parts)

@@ -1,9 +1,8 @@
-"""What all planners of a problem share: obstacles, bodies, stable pushes, joints, and plans made of them."""
+"""What all planners of a problem share: obstacles, bodies, stable pushes, connections, and plans made of them."""
 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -11,27 +10,30 @@ import numpy as np
 
 from stablepush._arrays import FloatArray
 from stablepush.collision import SweptBody, body_of, world_of
+from stablepush.deadline import Deadline
 from stablepush.errors import ConvergenceError, InputError, OutOfTimeError, UnsupportedContactError
 from stablepush.options import PlanOptions
 from stablepush.path import PlanResult, Push, Transfer
 from stablepush.problem import PlanningProblem
 from stablepush.se2 import compose, exp
-from stablepush_planners import _search
-from stablepush_planners._search import Bodies, Cells, Changes, Goal, Graph, Joints
+from stablepush_planners._connection import Connections, connect
+from stablepush_planners._goal import Goal, at_goal, least_time, unobstructed_times
+from stablepush_planners._search import Graph
+from stablepush_planners._transfer import ANY_WAY, KNOWN_WAYS, NO_PUSHER, Bodies, Transfers, route_between
 from stablepush_planners.blend import blended
-from stablepush_planners.connect import LEAST_WAY, TimedTwist, merged, shorten
 from stablepush_planners.distance_field import DistanceField
-from stablepush_planners.lattice import Edges
+from stablepush_planners.lattice import Lattice
+from stablepush_planners.shorten import LEAST_WAY, TimedTwist, merged, shorten
 from stablepush_planners.stable_set import StableSet
 from stablepush_planners.steering import Steering, steering
-from stablepush_planners.transfers import Routes, backed_off, pusher_path, routes_of, transfer_path, way_among_obstacles
+from stablepush_planners.transfers import Routes, backed_off, docking_path, route_path, routes_of, way_among_obstacles
 
 #: A stretch of a path: its contact, and the pushes there.
 Stretch = tuple[int, list[TimedTwist]]
 
-#: Turning radii that joints try, in units of the tightest: slower to turn, but the outline swings out less.
+#: Turning radii that connections try, in units of the tightest: slower to turn, but the outline swings out less.
 RADII = (1.0, 2.0, 4.0, 8.0)
-#: Cells each way about the goal for which the time without obstacles is known.
+#: Lattice each way about the goal for which the time without obstacles is known.
 TABLE_REACH = 20
 #: Poses spread along a path between which the way is shortened, in the rounds of shortening.
 PIECES = (24, 40, 60)
@@ -39,10 +41,10 @@ PIECES = (24, 40, 60)
 _MOST_CONTACTS = 200
 
 
-class Arena:
+class PlanningContext:
     """A planning problem made ready for search.
 
-    Raises :class:`OutOfTimeError` once ``deadline`` (a value of :func:`time.perf_counter`) has passed.
+    Raises :class:`OutOfTimeError` once ``deadline`` has passed.
 
     Attributes
     ----------
@@ -52,8 +54,8 @@ class Arena:
         Time in s that every plan takes.
     """
 
-    def __init__(self, problem: PlanningProblem, options: PlanOptions, deadline: float) -> None:
-        if time.perf_counter() > deadline:
+    def __init__(self, problem: PlanningProblem, options: PlanOptions, deadline: Deadline) -> None:
+        if deadline.passed():
             raise OutOfTimeError("the deadline has passed")
         self.problem, self.deadline, self._rate = problem, deadline, options.cor_rate
         self.hopeless, self.bound = "", 0.0
@@ -83,44 +85,27 @@ class Arena:
             found = steering(problem, stable)
             if found is not None:
                 self.steerings[i] = found
-        self.goal, self.joints, self.changes = self._goal(), self._joints(), self._changes()
+        self._docked = self._docked_bodies()
+        self.goal, self.connections, self.transfers = self._goal(), self._connections(), self._transfers()
         x, y, theta = problem.start
-        self.bound = float(_search.least_time(self.goal, x, y, math.cos(theta), math.sin(theta)))
+        self.bound = float(least_time(self.goal, x, y, math.cos(theta), math.sin(theta)))
         if math.isinf(self.bound):
             self.hopeless, self.bound = "obstacles close off the goal", 0.0
 
-    def lattice(self, headings: int, cell: float, edges: dict[int, Edges]) -> Graph:
+    def graph(self, lattice: Lattice) -> Graph:
         """Return what a search on a lattice runs on."""
         problem, contacts = self.problem, len(self.problem.contacts)
-        first, count = [0], 0
-        for i in range(contacts):
-            if i in edges:
-                first += (count + edges[i].first[1:]).tolist()
-                count += len(edges[i].durations)
-            else:
-                first += [count] * headings
-        used = [edges[i] for i in range(contacts) if i in edges]
         theta = float(problem.start[2])
-        angles = theta + 2 * np.pi / headings * np.arange(headings)
-        cells = Cells(
-            origin=np.array(problem.start),
-            cell=cell,
-            headings=headings,
-            cos=np.cos(angles),
-            sin=np.sin(angles),
-            first=np.array(first, dtype=np.int64),
-            steps=np.concatenate([e.steps for e in used]),
-            twists=np.concatenate([e.twists for e in used]),
-            durations=np.concatenate([e.durations for e in used]),
-            costs=np.concatenate([e.costs for e in used]),
-        )
         turn = np.array(((math.cos(theta), math.sin(theta)), (-math.sin(theta), math.cos(theta))))
-        there = np.rint(turn @ (problem.goal[:2] - problem.start[:2]) / cell).astype(np.int64)
-        heading = round((float(problem.goal[2]) - theta) / (2 * math.pi) * headings) % headings
+        there = np.rint(turn @ (problem.goal[:2] - problem.start[:2]) / lattice.cell).astype(np.int64)
+        heading = round((float(problem.goal[2]) - theta) / (2 * math.pi) * lattice.headings) % lattice.headings
         size = 2 * TABLE_REACH + 1
-        table = np.zeros((contacts, headings, size, size))
-        _search.unobstructed(cells.first, cells.steps, cells.costs, headings, contacts, problem.switch_cost, heading, size, table)
-        return Graph(cells, self._bodies(), self.goal._replace(table=table, at=there), self.joints, self.changes)
+        table = np.zeros((contacts, lattice.headings, size, size))
+        unobstructed_times(
+            lattice.first, lattice.steps, lattice.costs, lattice.headings, contacts, problem.switch_cost, heading, size, table
+        )
+        goal = self.goal._replace(table=table, at=there)
+        return Graph(lattice, self._docked, goal, self.connections, self.transfers)
 
     def _goal(self) -> Goal:
         problem = self.problem
@@ -136,7 +121,7 @@ class Arena:
             at=np.zeros(2, dtype=np.int64),
         )
 
-    def _bodies(self) -> Bodies:
+    def _docked_bodies(self) -> Bodies:
         bodies = [body.body for body in self.bodies]
         return Bodies(
             edge_first=np.cumsum([0] + [len(b.edges) for b in bodies]),
@@ -146,7 +131,7 @@ class Arena:
             radii=np.array([b.radius for b in bodies]),
         )
 
-    def _joints(self) -> Joints:
+    def _connections(self) -> Connections:
         problem, contacts = self.problem, len(self.problem.contacts)
         frames, radii = np.zeros((contacts, 3)), np.zeros((contacts, len(RADII)))
         paces, prices = np.zeros((contacts, len(RADII), 3)), np.zeros((contacts, len(RADII), 3))
@@ -157,14 +142,14 @@ class Arena:
             radii[i, : good.sum()] = steer.radius * np.array(RADII)[good]
             paces[i, : good.sum()] = problem.push_speed(turns[good]) / problem.speed
             prices[i, : good.sum()] = self.stable[i].costs(turns[good].reshape(-1, 3)).reshape(-1, 3)
-        return Joints(frames, radii, paces, prices)
+        return Connections(frames, radii, paces, prices)
 
-    def _changes(self) -> Changes:
+    def _transfers(self) -> Transfers:
         problem, contacts, routes = self.problem, len(self.problem.contacts), self.routes
         pusher = None if problem.pusher is None else body_of([problem.pusher])
-        return Changes(
+        return Transfers(
             cost=problem.switch_cost,
-            kind=_search.NO_PUSHER if problem.pusher is None else _search.KNOWN_WAYS,
+            kind=NO_PUSHER if problem.pusher is None else KNOWN_WAYS,
             edges=np.zeros((0, 4)) if pusher is None else pusher.edges,
             corners=np.zeros((0, 2)) if pusher is None else pusher.corners,
             radius=0.0 if pusher is None else pusher.radius,
@@ -174,10 +159,10 @@ class Arena:
             routes=np.zeros((0, 2)) if routes is None else routes.points,
         )
 
-    def joint(self, contact: int, start: FloatArray, end: FloatArray, most: float = math.inf) -> list[TimedTwist] | None:
+    def connect(self, contact: int, start: FloatArray, end: FloatArray, most: float = math.inf) -> list[TimedTwist] | None:
         """Return the pushes of the cheapest free Dubins path between two poses that costs less than ``most`` (s), if any."""
         lengths, pieces = np.empty((6, 3)), np.empty((3, 4))
-        cost = _search.join(self.joints, self.world, self.bodies[contact].body, contact, *start, *end, most, lengths, pieces)
+        cost = connect(self.connections, self.world, self.bodies[contact].body, contact, *start, *end, most, lengths, pieces)
         if cost >= most:
             return None
         return [(pieces[k, :3].copy(), float(pieces[k, 3])) for k in range(3) if pieces[k, 3] * self.problem.speed > LEAST_WAY]
@@ -190,7 +175,7 @@ class Arena:
             best = pushes
             for pieces in PIECES:
                 body, stable = self.bodies[contact], self.stable[contact]
-                best = shorten(self.problem, self.joints, self.world, body, stable, pose, best, pieces, self.deadline)
+                best = shorten(self.problem, self.connections, self.world, body, stable, pose, best, pieces, self.deadline)
                 best = merged(best, self.problem.slider.radius)
             result.append((contact, best))
             pose = end_of(pose, pushes)
@@ -223,7 +208,7 @@ class Arena:
         pose, contact = self.problem.start, 0
         for at, pushes in stretches:
             if at != contact:
-                path = self.pusher_path(contact, at, pose)
+                path = self.transfer_path(contact, at, pose)
                 if path is None:
                     raise ConvergenceError("change of contact: the pusher's way that the search found is not free by rounding")
                 segments.append(Transfer(contact, at, path, self.problem.switch_cost))
@@ -240,10 +225,10 @@ class Arena:
         pushes = 0.0
         for contact, part in stretches:
             pushes += float(self.stable[contact].costs(np.array([twist * duration for twist, duration in part])).sum())
-        changes = sum(a[0] != b[0] for a, b in pairwise(((0, ()), *stretches)))
-        return pushes + changes * self.problem.switch_cost
+        transfers = sum(a[0] != b[0] for a, b in pairwise(((0, ()), *stretches)))
+        return pushes + transfers * self.problem.switch_cost
 
-    def pusher_path(self, source: int, target: int, pose: FloatArray) -> FloatArray | None:
+    def transfer_path(self, source: int, target: int, pose: FloatArray) -> FloatArray | None:
         """Return poses (n, 3) of the pusher's frame in W from one contact to another of a slider at ``pose``, or None.
 
         Empty where the pusher takes no room; close round the slider where that is free, else any way among the obstacles.
@@ -251,22 +236,22 @@ class Arena:
         if self.routes is None:
             return np.empty((0, 3))
         at = (pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2]))
-        route = int(_search.route_between(self.changes, self._bodies(), self.world, source, target, *at))
+        route = int(route_between(self.transfers, self._docked, self.world, source, target, *at))
         if route >= 0:
-            return transfer_path(self.problem, self.routes, route, pose)
-        known = self.changes._replace(kind=_search.ANY_WAY)
-        if _search.route_between(known, self._bodies(), self.world, source, target, *at) < 0:
+            return route_path(self.routes, route, pose)
+        known = self.transfers._replace(kind=ANY_WAY)
+        if route_between(known, self._docked, self.world, source, target, *at) < 0:
             return None
         docks = [compose(pose, self.routes.docks[k]) for k in (source, target)]
         retreats = [float(self.routes.retreats[k]) for k in (source, target)]
         ends = [backed_off(dock, way)[:2] for dock, way in zip(docks, retreats, strict=True)]
         way = way_among_obstacles(self.problem, pose, ends[0], ends[1], self.routes.radius)
-        return None if way is None else pusher_path((docks[0], docks[1]), way)
+        return None if way is None else docking_path((docks[0], docks[1]), way)
 
     def nudge(self) -> list[Stretch] | None:
         """A short push that stays within the tolerance, if the start is within it: a plan has at least one push."""
         problem = self.problem
-        if 0 not in self.steerings or not _search.at_goal(self.goal, *problem.start):
+        if 0 not in self.steerings or not at_goal(self.goal, *problem.start):
             return None
         twist = self.steerings[0].twist(0.0)
         twist = twist * (problem.speed / float(problem.push_speed(twist)))
@@ -274,7 +259,7 @@ class Arena:
         for length in (1e-3 * problem.slider.radius, room / 2, room / 16):
             duration = length / problem.speed
             end = compose(problem.start, exp(twist * duration))
-            if length > 0 and _search.at_goal(self.goal, *end) and self.bodies[0].push_is_free(problem.start, twist, duration):
+            if length > 0 and at_goal(self.goal, *end) and self.bodies[0].push_is_free(problem.start, twist, duration):
                 return [(0, [(twist, duration)])]
         return None
 

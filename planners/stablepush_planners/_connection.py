@@ -1,0 +1,91 @@
+"""Connections: Dubins paths of a contact's reference point from one pose to another, free of collision."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from stablepush._arrays import FloatArray
+from stablepush._compiled import compiled, inner
+from stablepush._sweep import push_is_free
+from stablepush_planners.dubins import CURVATURES, dubins_lengths
+
+
+class Connections(NamedTuple):
+    """Dubins paths by contact: frame of the reference point in B (3,), radii (m, zero for none), times and costs (s/m) of left,
+    straight and right."""
+
+    frames: FloatArray
+    radii: FloatArray
+    paces: FloatArray
+    prices: FloatArray
+
+
+@inner
+def turn_twist(frame, curvature):  # type: ignore[no-untyped-def]
+    """Body twist of unit speed of the reference point, turning with a curvature (1/m)."""
+    return math.cos(frame[2]) + curvature * frame[1], math.sin(frame[2]) - curvature * frame[0], curvature
+
+
+@compiled
+def moved(x, y, theta, vx, vy, omega, duration):  # type: ignore[no-untyped-def]
+    """Pose after a body twist is followed for a time."""
+    angle = omega * duration
+    half = angle / 2
+    # sin(angle)/angle and (1 - cos(angle))/angle without cancellation
+    shrink = math.sin(half) / half if abs(half) > 1e-12 else 1.0
+    a, b = shrink * math.cos(half), shrink * math.sin(half)
+    dx, dy = duration * (a * vx - b * vy), duration * (b * vx + a * vy)
+    c, s = math.cos(theta), math.sin(theta)
+    return x + c * dx - s * dy, y + s * dx + c * dy, theta + angle
+
+
+@compiled
+def connect(connections, world, body, contact, x, y, theta, gx, gy, gt, most, lengths, pieces):  # type: ignore[no-untyped-def]
+    """Cheapest free Dubins word of the reference point between two poses that costs less than ``most``; its cost (s).
+
+    ``pieces`` (3, 4) receives body twists and durations; ``lengths`` (6, 3) is room to work in.
+    """
+    frame = connections.frames[contact]
+    c0, s0, c1, s1 = math.cos(theta), math.sin(theta), math.cos(gt), math.sin(gt)
+    x0, y0 = x + c0 * frame[0] - s0 * frame[1], y + s0 * frame[0] + c0 * frame[1]
+    x1, y1 = gx + c1 * frame[0] - s1 * frame[1], gy + s1 * frame[0] + c1 * frame[1]
+    best = math.inf
+    tried = 1e-9
+    # words in the order of their cost; each is looked at once
+    for _ in range(4):
+        found, word, which = math.inf, -1, -1
+        for r in range(connections.radii.shape[1]):
+            radius = connections.radii[contact, r]
+            if radius <= 0.0:
+                continue
+            dubins_lengths(x0, y0, theta + frame[2], x1, y1, gt + frame[2], radius, lengths)
+            for w in range(6):
+                cost = 0.0
+                for p in range(3):
+                    cost += lengths[w, p] * radius * connections.prices[contact, r, int(1 - CURVATURES[w, p])]
+                if tried < cost < min(found, most):
+                    found, word, which = cost, w, r
+        if word < 0:
+            break
+        tried = found
+        radius = connections.radii[contact, which]
+        dubins_lengths(x0, y0, theta + frame[2], x1, y1, gt + frame[2], radius, lengths)
+        px, py, pt = x, y, theta
+        good = True
+        for p in range(3):
+            curvature = CURVATURES[word, p] / radius
+            pace = connections.paces[contact, which, int(1 - CURVATURES[word, p])]
+            vx, vy, omega = turn_twist(frame, curvature)
+            duration = lengths[word, p] * radius * pace
+            pieces[p, 0], pieces[p, 1], pieces[p, 2], pieces[p, 3] = vx / pace, vy / pace, omega / pace, duration
+            if duration > 0.0:
+                c, s = math.cos(pt), math.sin(pt)
+                if not push_is_free(world, body, px, py, c, s, vx / pace, vy / pace, omega / pace, duration):
+                    good = False
+                    break
+                px, py, pt = moved(px, py, pt, vx / pace, vy / pace, omega / pace, duration)
+        if good:
+            best = found
+            break
+    return best
