@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from stablepush.conservative import lynch_mason_region
     from stablepush.contact import PushContact, WrenchCone
     from stablepush.contact_choice import RankedContact, rank_contacts
+    from stablepush.diagnosis import GapReport, diagnose
+    from stablepush.effects import CATALOGUE, Effect, EffectKind, parse_effect
     from stablepush.errors import (
         ConvergenceError,
         InputError,
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
         StablepushError,
         UnsupportedContactError,
     )
+    from stablepush.execution import execute_closed_loop, execute_plan, plan_commands
     from stablepush.formats import load_contact, load_model, load_slider, save_model
     from stablepush.identify import (
         Certificate,
@@ -50,12 +53,14 @@ if TYPE_CHECKING:
     from stablepush.planning import plan, planner_names
     from stablepush.probability import ProbabilityMap, chance_region, probability_map
     from stablepush.problem import PlanningProblem, load_scene, save_scene
+    from stablepush.pushing import PushAnswer, Pusher, PushTrace, TableFriction, push_twist, simulate_push
     from stablepush.region import StableRegion, stable_region
     from stablepush.rosbag import load_rosbag, save_rosbag
     from stablepush.slider import Slider
     from stablepush.sliding import EigenDirections, Slide, eigen_directions, simulate_free_sliding, sliding_basins
     from stablepush.support import SupportDistribution
     from stablepush.trajectory import Trajectory, load_trajectory, sample_plan, save_trajectory
+    from stablepush.virtual_rig import Command, Execution, VirtualRig, execute_batch, random_pushes
 
 __version__ = "0.1.0"
 
@@ -67,7 +72,10 @@ _HOMES = {
     "conservative": ("lynch_mason_region",),
     "contact": ("PushContact", "WrenchCone"),
     "contact_choice": ("RankedContact", "rank_contacts"),
+    "diagnosis": ("GapReport", "diagnose"),
+    "effects": ("CATALOGUE", "Effect", "EffectKind", "parse_effect"),
     "errors": ("ConvergenceError", "InputError", "SolverError", "StablepushError", "UnavailableError", "UnsupportedContactError"),
+    "execution": ("execute_closed_loop", "execute_plan", "plan_commands"),
     "formats": ("load_contact", "load_model", "load_slider", "save_model"),
     "identify": (
         "Certificate",
@@ -93,21 +101,29 @@ _HOMES = {
     "planning": ("plan", "planner_names"),
     "problem": ("PlanningProblem", "load_scene", "save_scene"),
     "probability": ("ProbabilityMap", "chance_region", "probability_map"),
+    "pushing": ("PushAnswer", "PushTrace", "Pusher", "TableFriction", "push_twist", "simulate_push"),
     "region": ("StableRegion", "stable_region"),
     "rosbag": ("load_rosbag", "save_rosbag"),
     "slider": ("Slider",),
     "sliding": ("EigenDirections", "Slide", "eigen_directions", "simulate_free_sliding", "sliding_basins"),
     "support": ("SupportDistribution",),
+    "virtual_rig": ("Command", "Execution", "VirtualRig", "execute_batch", "random_pushes"),
     "trajectory": ("Trajectory", "load_trajectory", "sample_plan", "save_trajectory"),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "CATALOGUE",
     "Certificate",
     "CheckReport",
+    "Command",
     "ConvergenceError",
+    "Effect",
+    "EffectKind",
     "EigenDirections",
+    "Execution",
     "Fit",
+    "GapReport",
     "GaussianProcessSurface",
     "GridPressure",
     "IdealLimitSurface",
@@ -123,8 +139,11 @@ __all__ = [
     "PolynomialLimitSurface",
     "ProbabilityMap",
     "Push",
+    "PushAnswer",
     "PushContact",
     "PushLog",
+    "PushTrace",
+    "Pusher",
     "RankedContact",
     "RegionPlan",
     "Rig",
@@ -135,10 +154,12 @@ __all__ = [
     "StableRegion",
     "StablepushError",
     "SupportDistribution",
+    "TableFriction",
     "Trajectory",
     "Transfer",
     "UnavailableError",
     "UnsupportedContactError",
+    "VirtualRig",
     "WorstPressure",
     "WrenchCone",
     "all_pressure_region",
@@ -147,8 +168,12 @@ __all__ = [
     "chance_region",
     "check_plan",
     "compare_regions",
+    "diagnose",
     "eigen_directions",
     "ellipsoid_from_pressure",
+    "execute_batch",
+    "execute_closed_loop",
+    "execute_plan",
     "fit_limit_surface",
     "fit_pressure_grid",
     "load_contact",
@@ -161,11 +186,15 @@ __all__ = [
     "load_trajectory",
     "lynch_mason_region",
     "monomial_exponents",
+    "parse_effect",
     "plan",
+    "plan_commands",
     "planner_names",
     "poke_candidates",
     "poke_outcome",
     "probability_map",
+    "push_twist",
+    "random_pushes",
     "rank_contacts",
     "rank_pokes",
     "read_pushlog",
@@ -176,6 +205,7 @@ __all__ = [
     "save_scene",
     "save_trajectory",
     "simulate_free_sliding",
+    "simulate_push",
     "sliding_basins",
     "stable_region",
     "worst_pressure",

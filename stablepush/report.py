@@ -15,11 +15,16 @@ from stablepush._arrays import FloatArray
 from stablepush.path import PlanResult, Push
 from stablepush.planar import cor_from_twist
 from stablepush.problem import PlanningProblem
+from stablepush.pushing import Pusher, PushTrace
 from stablepush.se2 import transform_points
+from stablepush.slider import Slider
+from stablepush.sliding import Slide
 from stablepush.trajectory import pusher_on_the_way
 
 #: Poses of the pusher that the page has for a change of contact.
 _TRANSFER_POSES = 121
+#: Rows of a motion that a page has, at most.
+_MOTION_ROWS = 601
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +54,62 @@ def plan_html(problem: PlanningProblem, result: PlanResult, title: str = "Plan o
     data = json.dumps(_plan_data(problem, result), allow_nan=False)
     # inside a script element only these could end it or open a comment
     return _render("plan.html", title=title, data=data.replace("<", "\\u003c"))
+
+
+def push_html(slider: Slider, pusher: Pusher, trace: PushTrace, title: str = "A push") -> str:
+    """Return the animation of a simulated push as one HTML page that needs no network: poses, modes, rotation centres."""
+    rows = np.unique(np.linspace(0, len(trace.t) - 1, _MOTION_ROWS).round().astype(int))
+    moves = np.minimum(rows, len(trace.twists) - 1)
+    entries = _motion_rows(slider, trace.t[rows], trace.poses[rows], trace.twists[moves])
+    for entry, row, move in zip(entries, rows, moves, strict=True):
+        entry["pusher"], entry["modes"] = trace.pushers[row].tolist(), trace.modes[move].tolist()
+    places = transform_points(trace.pushers, pusher.fingers).reshape(-1, 2)
+    return _motion_page(slider, entries, pusher.fingers.tolist(), pusher.radius, pusher.flat, places, title)
+
+
+def slide_html(slider: Slider, slide: Slide, title: str = "A free slide") -> str:
+    """Return the animation of a free slide as one HTML page that needs no network."""
+    rows = np.unique(np.linspace(0, len(slide.t) - 1, _MOTION_ROWS).round().astype(int))
+    twists = np.concatenate((slide.twists[:-1], slide.direction[None]))
+    entries = _motion_rows(slider, slide.t[rows], slide.poses[rows], twists[rows])
+    return _motion_page(slider, entries, [], 0.0, False, np.zeros((0, 2)), title)
+
+
+def _motion_rows(slider: Slider, t: FloatArray, poses: FloatArray, twists: FloatArray) -> list[dict[str, Any]]:
+    entries: list[dict[str, Any]] = []
+    for now, pose, twist in zip(t, poses, twists, strict=True):
+        entry: dict[str, Any] = {"t": float(now), "pose": pose.tolist()}
+        # centres far away would only squeeze the picture
+        if abs(twist[2]) * 3 * slider.radius > np.hypot(twist[0], twist[1]):
+            center, _ = cor_from_twist(twist)
+            entry["cor"] = transform_points(pose, center[None])[0].tolist()
+        entries.append(entry)
+    return entries
+
+
+def _motion_page(
+    slider: Slider,
+    rows: list[dict[str, Any]],
+    fingers: list[list[float]],
+    radius: float,
+    flat: bool,
+    places: FloatArray,
+    title: str,
+) -> str:
+    outlines = transform_points(np.array([row["pose"] for row in rows]), slider.vertices).reshape(-1, 2)
+    points = np.concatenate((outlines, places))
+    low, high = points.min(axis=0), points.max(axis=0)
+    room = 0.3 * slider.radius
+    data = {
+        "slider": slider.vertices.tolist(),
+        "fingers": fingers,
+        "radius": radius,
+        "flat": flat,
+        "frame": [*(low - room).tolist(), *(high + room).tolist()],
+        "rows": rows,
+    }
+    text = json.dumps(data, allow_nan=False).replace("<", "\\u003c")
+    return _render("motion.html", title=title, data=text)
 
 
 def _plan_data(problem: PlanningProblem, result: PlanResult) -> dict[str, Any]:

@@ -191,6 +191,29 @@ def test_plans_are_compared_and_sampled(rig, tmp_path, capsys):
     assert not list(tmp_path.glob("none.*"))
 
 
+def test_simulate_leaves_a_log_that_reads_back(rig, tmp_path, capsys):
+    out = tmp_path / "log"
+    arguments = ["simulate", str(rig / "scene.json"), str(rig / "plan.json")]
+    assert main([*arguments, "-o", str(out)]) == 0
+    assert "stuck all the way" in capsys.readouterr().out
+    plan = sp.load_plan(rig / "plan.json")
+    log = sp.read_pushlog(out)
+    assert len(log) == len(plan.pushes)
+    end = plan.pushes[-1].end
+    last = log.rows(str(len(plan.pushes)))[-1]
+    # the last row is the mean over the last part of the last push
+    assert np.hypot(log.samples["x"][last] - end[0], log.samples["y"][last] - end[1]) < 0.1
+    changed = ["--effect", "drift:rate=-0.2", "--effect", "tilt:slope=0.01/0", "--noise", "0.03", "1e-4", "2e-3", "--seed", "4"]
+    assert main([*arguments, *changed, "-o", str(out)]) == 0
+    again = sp.read_pushlog(out)
+    assert again.rig.noise == sp.Noise(0.03, 1e-4, 2e-3)
+    assert not np.array_equal(again.samples["fx"], log.samples["fx"])
+    unsolved = json.loads((rig / "plan.json").read_text()) | {"status": "no-path", "segments": []}
+    write_json(tmp_path / "none.json", unsolved)
+    capsys.readouterr()
+    one_line(capsys, [*arguments[:2], str(tmp_path / "none.json"), "-o", str(out)], "none.json", "no-path")
+
+
 def test_slide_leaves_a_table_and_a_picture(rig, tmp_path, capsys):
     out = tmp_path / "slide.csv"
     arguments = ["slide", str(rig / "model.json"), "--slider", str(rig / "slider.json"), "--twist", "0.4", "-0.1", "-3"]
@@ -271,6 +294,7 @@ COMMANDS = {
     "contacts": ["contacts", "{model}", "--slider", "{slider}", "--mu", "0.5", "-o", "{out}"],
     "plan": ["plan", "{scene}", "-o", "{out}"],
     "check": ["check", "{scene}", "{plan}"],
+    "simulate": ["simulate", "{scene}", "{plan}", "-o", "{out}"],
     "slide": ["slide", "{model}", "--slider", "{slider}", "--twist", "0.3", "-0.1", "2", "-o", "{out}"],
 }
 FILES = {
@@ -423,6 +447,12 @@ def test_faults_in_cors_are_named(rig, tmp_path, capsys, text, words):
         (["import", "{log}", "-o", "{out}"], ("mlab-poke",)),
         (["import", "/nowhere", "-o", "{out}"], ("/nowhere",)),
         (["plan", "{scene}", "-o", "{out}", "--view", "{out}"], ("twice",)),
+        (["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "drift:rate=a"], ("drift", "'a'")),
+        (["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "magic:x=1"], ("magic", "drift")),
+        (["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "tilt:slope=1"], ("tilt", "slope", "2")),
+        (["simulate", "{scene}", "{plan}", "-o", "{out}", "--noise", "0.1", "-1", "0"], ("--noise", "-1")),
+        (["simulate", "{scene}", "{plan}", "-o", "{out}", "--finger-radius", "nan"], ("--finger-radius", "nan")),
+        (["simulate", "{scene}", "{plan}", "-o", "{out}", "--rows", "0"], ("--rows", "0")),
         (["slide", "{model}", "--slider", "{slider}", "--twist", "1", "x", "1", "-o", "{out}"], ("x",)),
         (["slide", "{model}", "--slider", "{slider}", "--twist", "1", "nan", "1", "-o", "{out}"], ("--twist", "nan")),
         (["slide", "{model}", "--slider", "{slider}", "--twist", "1", "0", "1", "-o", "{out}", "--mu", "-1"], ("--mu", "-1")),

@@ -47,9 +47,9 @@ def test_study(name, tmp_path):
 
 
 def test_the_readme_s_python_runs(tmp_path):
-    """The block under "From Python", in a folder in which the demo has run."""
+    """All blocks, one after the other, in a folder in which the demo has run."""
     text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    block = "\n".join(re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL))
     from stablepush.demo import demo_pokes
 
     sp.write_pushlog(demo_pokes(), tmp_path / "stablepush-demo" / "pokes")

@@ -174,7 +174,7 @@ def write_pushlog(log: PushLog, path: str | Path) -> None:
     with whole_folder(folder) as place:
         write_atomically(place / "trials.csv", table_text(log.trials))
         write_atomically(place / "samples.csv", table_text(log.samples))
-        write_json(place / "rig.json", _rig_to_json(log.rig))
+        write_json(place / "rig.json", rig_to_json(log.rig))
 
 
 def _rig_from_node(node: Node) -> Rig:
@@ -198,7 +198,8 @@ def _rig_from_node(node: Node) -> Rig:
     )
 
 
-def _rig_to_json(rig: Rig) -> dict[str, Any]:
+def rig_to_json(rig: Rig) -> dict[str, Any]:
+    """Return the ``rig.json`` of a rig."""
     noise = rig.noise
     return {
         "format": "pushlog/1",

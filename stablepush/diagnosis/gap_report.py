@@ -1,0 +1,507 @@
+"""The diagnosis of a log: where the gap lies, which effect causes it, how far it shrinks, and what to try next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from stablepush._arrays import FloatArray
+from stablepush.diagnosis.attribution import FOLDS, Attribution, attribute, folds_of
+from stablepush.diagnosis.observations import heading, observe
+from stablepush.diagnosis.system import IN_GAPS, SIZES, System, Values, surface_of
+from stablepush.diagnosis.where import Finding, flexible_share, localise
+from stablepush.effects import CATALOGUE
+from stablepush.logs import PushLog
+from stablepush.models import IdealLimitSurface
+
+VERDICTS = ("none", "absorbed", "named", "ambiguous", "unknown")
+#: What is left counts as unknown if so much of it follows place, heading, order or speed, and it is so much larger than the
+#: noise.
+_UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
+#: Residuals so many times the noise are no fit, whatever they follow.
+_MISFIT = 4.0
+#: Statistic of an effect at which it is as probable as not, and over which odds grow by e.
+_EVEN, _ODDS = 18.0, 3.0
+#: Effects whose estimates are more uncertain than this share of their range cannot be seen in a log.
+_BLIND = 0.5
+#: Resampled trials behind an interval.
+_RESAMPLES = 500
+#: Half of the plausible range of the parameters as they are fitted.
+_RANGES = {
+    "anisotropy-world": 0.2, "anisotropy-object": 0.2, "speed-dependence": 0.15, "spatial-variation": 1.0, "drift": 0.3,
+    "pressure-shift": 0.01, "pressure-spread": 0.35, "tilt": 0.05, "inertia": 3.0, "force-bias": 1.0, "force-rotation": 0.3,
+    "frame-offset": 0.01, "latency": 0.3, "contact-geometry": 0.01,
+}  # fmt: skip
+_UNSEEN = {
+    "anisotropy-world": "needs forces and pushes in several directions over the table",
+    "anisotropy-object": "needs forces and pushes in several directions of the slider",
+    "speed-dependence": "needs forces and pushes at different speeds",
+    "spatial-variation": "needs forces and pushes at different places",
+    "drift": "needs forces over many trials",
+    "pressure-shift": "needs forces and moments",
+    "pressure-spread": "needs moments of turning pushes",
+    "tilt": "needs forces, headings that vary, and the slider's mass",
+    "inertia": "needs forces while the speed changes",
+    "force-bias": "needs forces and headings that vary",
+    "force-rotation": "needs forces in directions that vary against the motion",
+    "frame-offset": "needs moments, or fingers on several faces",
+    "latency": "needs poses of pusher and slider at different speeds",
+    "contact-geometry": "needs poses of the pusher and the radius of its fingers",
+    "contact-friction": "needs forces while fingers slip along a face",
+    "model-capacity": "needs forces of motions all round the limit surface",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GapReport:
+    """The answer to a log; :meth:`to_json` gives ``diagnosis/1``.
+
+    ``surface``: the mended limit surface (None without forces); ``effects``: what acts with its values, as the catalogue has
+    them.
+    """
+
+    log: str
+    trials: int
+    channels: list[str]
+    verdict: str
+    named: list[str]
+    gap: list[dict[str, Any]]
+    where: list[Finding]
+    ranking: list[dict[str, Any]]
+    shrink: list[dict[str, Any]]
+    worse: list[str]
+    next_experiment: dict[str, Any]
+    sentence: str
+    notes: list[str]
+    surface: IdealLimitSurface | None
+    effects: dict[str, dict[str, Any]]
+    residuals: dict[str, FloatArray] = field(repr=False)
+    poses: FloatArray = field(repr=False)
+    loads: FloatArray = field(repr=False)
+    headings: FloatArray = field(repr=False)
+    orders: FloatArray = field(repr=False)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the ``diagnosis/1`` of the report."""
+        return {
+            "format": "diagnosis/1",
+            "log": self.log,
+            "trials": self.trials,
+            "channels": self.channels,
+            "gap": self.gap,
+            "where": [
+                {
+                    "channel": f.channel, "component": f.component, "covariate": f.covariate,
+                    "share": round(f.share, 4), "p_value": round(f.p_value, 4), "plot": None,
+                }
+                for f in self.where
+            ],
+            "verdict": self.verdict,
+            "effects": self.named,
+            "ranking": self.ranking,
+            "shrink": self.shrink,
+            "worse": self.worse,
+            "next_experiment": self.next_experiment,
+            "sentence": self.sentence,
+            "notes": self.notes,
+        }  # fmt: skip
+
+
+def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | None = None) -> GapReport:
+    """Diagnose the gap between a log of real pushes and the nominal simulation that its rig describes.
+
+    Parameters
+    ----------
+    log : PushLog
+    name : str
+        What the log is called in the report.
+    progress : callable, optional
+        Called with a few words on what is done.
+
+    Returns
+    -------
+    GapReport
+        A log of fewer than two pushes in which the slider moves gets the verdict ``"none"`` with a note that says so.
+    """
+    said = progress or (lambda _: None)
+    said("reading")
+    observations = observe(log)
+    if len(np.unique(observations.trial)) < 2:
+        return _too_little(log, name)
+    system = System(observations, log.rig)
+    found = attribute(system, said)
+    said("how far the gap shrinks")
+    named = list(found.chosen)
+    if found.contact is not None and found.contact.p_value < 1e-3:
+        named.append("contact-friction")
+    predictions = _predictions(system, found)
+    share, p_share, size = 0.0, 1.0, 0.0
+    if system.has_wrench:
+        left = system.observations.wrench - predictions["after"]
+        white = system.white(left).reshape(-1, 3)
+        size = float(np.sqrt(np.median(white**2) / 0.455))
+        share, p_share = flexible_share(system, white)
+    unknown = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
+    if unknown and not _explains_most(system, predictions):
+        verdict, effects = "unknown", []
+    elif found.rivals:
+        verdict, effects = "ambiguous", list(dict.fromkeys([*named, *found.rivals]))
+    elif named:
+        verdict, effects = "named", named
+    else:
+        verdict, effects = ("absorbed" if found.absorbed else "none"), []
+        # rows that hardly any model fits, and not because of a few of them
+        if size > _MISFIT:
+            verdict = "unknown"
+    said("where the gap lies")
+    where = localise(system, system.observations.wrench - predictions["before"]) if system.has_wrench else []
+    shrink = _shrink(system, found, predictions)
+    ranking = _ranking(system, found, effects)
+    surface = surface_of(system, found.final.loads) if system.has_wrench else None
+    report_effects = {entry["effect"]: _plain(entry) for entry in ranking if entry["effect"] in effects}
+    notes = _notes(log, system, found, share, p_share)
+    return GapReport(
+        log=name,
+        trials=len(log),
+        channels=[entry["channel"] for entry in shrink],
+        verdict=verdict,
+        named=effects,
+        gap=_gap(system, found, predictions),
+        where=where,
+        ranking=ranking,
+        shrink=shrink,
+        worse=[entry["channel"] for entry in shrink if entry["after"] > 1.02 * entry["before"]],
+        next_experiment=_next(system, found, effects, ranking),
+        sentence=_sentence(verdict, effects, shrink, system.has_wrench),
+        notes=notes,
+        surface=surface,
+        effects=report_effects,
+        residuals={k: system.observations.wrench - v for k, v in predictions.items()} if system.has_wrench else {},
+        poses=system.observations.pose,
+        loads=system.observations.wrench,
+        headings=heading(system.observations),
+        orders=system.observations.order,
+    )
+
+
+def _too_little(log: PushLog, name: str) -> GapReport:
+    """The answer to a log that can show nothing."""
+    words = "the log has fewer than two pushes in which the slider is seen to move: nothing can be said"
+    ranking = [
+        {"effect": id, "probability": 0.02, "parameters": {}, "identifiable": False, "reason": _UNSEEN[id]} for id in CATALOGUE
+    ]
+    nothing = np.zeros((0, 3))
+    after = {"separates": [], "pushes": [], "why": "more pushes in headings, places, speeds and faces that vary, in random order"}
+    return GapReport(
+        name, len(log), [], "none", [], [], [], ranking, [], [], after, f"{words[0].upper()}{words[1:]}.", [words], None, {}, {},
+        nothing, nothing, np.zeros(0), np.zeros(0),
+    )  # fmt: skip
+
+
+def _predictions(system: System, found: Attribution) -> dict[str, FloatArray]:
+    """Wrenches (n, 3) of the nominal simulation and, each trial by a fit to the others, of the refit and of the mended one."""
+    if not system.has_wrench:
+        return {}
+    folds = folds_of(system)
+    trial = system.observations.trial
+    before = np.zeros_like(system.observations.wrench)
+    refit, after = before.copy(), before.copy()
+    for k in range(FOLDS):
+        test = folds == k
+        rows = test[trial]
+        if not rows.any():
+            continue
+        train = ~test if not test.all() else test
+        mended = system.fit(found.chosen, found.free, train)
+        plain = system.fit([], True, train)
+        loads = system.nominal if system.known_scale else system.fit([], False, train).loads
+        before[rows] = system.model.predict(loads, {})[rows]
+        refit[rows] = system.model.predict(plain.loads, {})[rows]
+        after[rows] = system.model.predict(mended.loads, _of_wrench(mended.values))[rows]
+    return {"before": before, "refit": refit, "after": after}
+
+
+def _of_wrench(values: Values) -> Values:
+    return {id: v for id, v in values.items() if id != "contact-geometry"}
+
+
+def _size(system: System, wrenches: FloatArray) -> FloatArray:
+    """Squared size (n,) of wrenches in ``(fx, fy, tau/rho)``, in N²."""
+    return np.asarray(((wrenches / (1, 1, system.rho)) ** 2).sum(axis=1))
+
+
+def _floor(system: System) -> float:
+    """Mean square (N²) that the noise of forces and motion leaves.
+
+    Next to a facet of the limit surface (a turn about a support point) a little noise of the motion moves the predicted load far,
+    but not beyond the facet, whose radius is the load of that point: it bounds what a row may contribute.
+    """
+    scale = np.array((1.0, 1.0, 1.0 / system.rho))
+    rows = (np.einsum("nii->ni", system.covariance) * scale**2).sum(axis=1)
+    most = float(np.abs(system.nominal).max()) ** 2 + 1e-30
+    return float((rows * most / (rows + most)).mean())
+
+
+def _explains_most(system: System, predictions: dict[str, FloatArray]) -> bool:
+    """Whether the mended simulation leaves a tenth of the gap or less."""
+    o = system.observations
+    before, after = (_size(system, o.wrench - predictions[k]).mean() for k in ("before", "after"))
+    floor = min(_floor(system), float(after))
+    return bool((after - floor) < 0.1 * (before - floor))
+
+
+def _shrink(system: System, found: Attribution, predictions: dict[str, FloatArray]) -> list[dict[str, Any]]:
+    entries: list[dict[str, Any]] = []
+    o = system.observations
+    if system.has_wrench:
+        before, after = (_size(system, o.wrench - predictions[k]) for k in ("before", "after"))
+        entries.append(_closed("wrench", "N", o.trial, before, after, _floor(system)))
+        surfaces = {"before": system.nominal, "after": found.final.loads}
+        moves = {}
+        final, acting = found.final.loads, _of_wrench(found.final.values)
+        correction = system.model.predict(final, acting) - system.model.predict(final, {})
+        for key, loads in surfaces.items():
+            wrench = o.wrench - (correction if key == "after" else 0.0)
+            twist = surface_of(system, loads).twist(wrench)
+            a, b = twist * (1, 1, system.rho), o.twist * (1, 1, system.rho)
+            cosine = (a * b).sum(axis=1) / np.maximum(np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1), 1e-30)
+            moves[key] = np.arccos(np.clip(cosine, -1, 1)) ** 2
+        best = float(np.quantile(moves["after"], 0.25))
+        entries.append(_closed("twist", "rad", o.trial, moves["before"], moves["after"], best))
+    gaps = [(k, rows) for k, rows in system.gap_rows if len(rows)]
+    if gaps:
+        measured = np.concatenate([o.gap[rows, k] for k, rows in gaps])
+        trial = np.concatenate([o.trial[rows] for _, rows in gaps])
+        left = measured.copy()
+        for id, value in found.final.values.items():
+            if id in IN_GAPS:
+                left = left - system.gap_columns(id) @ value * system.gap_noise
+        entries.append(_closed("pose", "m", trial, measured**2, left**2, system.gap_noise**2))
+    return entries
+
+
+def _closed(channel: str, unit: str, trial: np.ndarray, before: FloatArray, after: FloatArray, floor: float) -> dict[str, Any]:
+    """An entry of ``shrink`` from squared residuals of rows, trials resampled for the interval."""
+    names, rows = np.unique(trial, return_inverse=True)
+    sums = np.stack([np.bincount(rows, values) for values in (before, after, np.ones_like(before))], axis=-1)
+    rng = np.random.default_rng(0)
+    drawn = sums[rng.integers(0, len(names), (_RESAMPLES, len(names)))].sum(axis=1)
+
+    mean = sums.sum(axis=0)
+    b, a = mean[0] / mean[2], mean[1] / mean[2]
+    # what is left cannot be less than the noise: the noise is less than said then
+    floor = min(floor, float(a))
+
+    def share(before: FloatArray, after: FloatArray) -> FloatArray:
+        low = np.minimum(floor, 0.999 * before)
+        return np.asarray((before - after) / np.maximum(before - low, 1e-30))
+
+    shares = share(drawn[:, 0] / drawn[:, 2], drawn[:, 1] / drawn[:, 2])
+    # where there is hardly a gap its share is anything
+    low, high = np.clip(np.quantile(shares, (0.025, 0.975)), -10.0, 10.0)
+    return {
+        "channel": channel,
+        "unit": unit,
+        "held_out_trials": len(names),
+        "before": float(np.sqrt(b)),
+        "after": float(np.sqrt(a)),
+        "floor": float(np.sqrt(floor)),
+        "closed": float(share(np.array(b), np.array(a))),
+        "ci95": [float(low), float(high)],
+    }
+
+
+def _gap(system: System, found: Attribution, predictions: dict[str, FloatArray]) -> list[dict[str, Any]]:
+    entries: list[dict[str, Any]] = []
+    o = system.observations
+    if system.has_wrench:
+        left = o.wrench - predictions["before"]
+        entries.append(
+            {
+                "channel": "wrench",
+                "unit": "N",
+                "nominal": float(np.sqrt(_size(system, left).mean())),
+                "refitted": float(np.sqrt(_size(system, o.wrench - predictions["refit"]).mean())),
+                "noise_floor": float(np.sqrt(_floor(system))),
+                "p_lack_of_fit": _lack_of_fit(system.white(left).reshape(-1, 3), o.trial),
+            }
+        )
+    for k, rows in system.gap_rows:
+        if len(rows):
+            gaps = o.gap[rows, k]
+            entries.append(
+                {
+                    "channel": "pose",
+                    "unit": "m",
+                    "nominal": float(np.sqrt((gaps**2).mean())),
+                    "refitted": float(np.sqrt((gaps**2).mean())),
+                    "noise_floor": system.gap_noise,
+                    "p_lack_of_fit": _lack_of_fit((gaps / system.gap_noise)[:, None], o.trial[rows]),
+                }
+            )
+            break
+    del found
+    return entries
+
+
+def _lack_of_fit(rows: FloatArray, trial: np.ndarray) -> float:
+    """p-value of means over trials that are larger than rows of unit noise would leave, by chi-squared."""
+    counts = np.bincount(trial)
+    kept = counts > 0
+    statistic = 0.0
+    for k in range(rows.shape[1]):
+        statistic += float((np.bincount(trial, rows[:, k])[kept] ** 2 / counts[kept]).sum())
+    return float(chi2.sf(statistic, int(kept.sum()) * rows.shape[1]))
+
+
+def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, dict[str, Any]]:
+    """Parameters of the catalogue, with 95 % intervals, from those that are fitted."""
+    units = {p.name: p.unit for p in CATALOGUE[id].parameters}
+
+    def entry(name: str, estimate: Any, low: Any, high: Any) -> dict[str, dict[str, Any]]:
+        pairs = [list(p) for p in zip(low, high, strict=True)] if isinstance(estimate, list) else [low, high]
+        return {name: {"estimate": estimate, "ci95": pairs, "unit": units[name]}}
+
+    if id in ("anisotropy-world", "anisotropy-object"):
+        size, error = float(np.hypot(*value)), float(np.sqrt((errors**2).mean()))
+        direction = 0.5 * math.atan2(float(value[1]), float(value[0]))
+        spread = min(math.pi / 2, 0.98 * error / max(size, 1e-9))
+
+        def ratio(d: float) -> float:
+            d = min(max(d, 0.0), 0.9)
+            return math.sqrt((1 + d) / (1 - d))
+
+        found = entry("ratio", ratio(size), ratio(size - 1.96 * error), ratio(size + 1.96 * error))
+        return found | entry("direction", direction, direction - spread, direction + spread)
+    name = CATALOGUE[id].parameters[0].name
+    shift = 1.0 if id == "pressure-spread" else 0.0
+    estimates = (value + shift).tolist()
+    low, high = (value + shift - 1.96 * errors).tolist(), (value + shift + 1.96 * errors).tolist()
+    if len(estimates) == 1:
+        return entry(name, estimates[0], low[0], high[0])
+    return entry(name, estimates, low, high)
+
+
+def _ranking(system: System, found: Attribution, effects: list[str]) -> list[dict[str, Any]]:
+    errors: dict[str, FloatArray] = {}
+    at = 0
+    for id in found.final.values:
+        deviation = np.sqrt(np.maximum(np.diag(found.final.covariance), 0.0))
+        errors[id] = deviation[at : at + SIZES[id]]
+        at += SIZES[id]
+    entries = []
+    for id in CATALOGUE:
+        probability, parameters, identifiable = 0.02, {}, False
+        reason: str | None = _UNSEEN[id]
+        if id == "contact-friction":
+            contact = found.contact
+            if contact is not None and system.rig.contact_friction is not None:
+                interval = [contact.estimate - 1.96 * contact.error, contact.estimate + 1.96 * contact.error]
+                parameters = {"mu": {"estimate": contact.estimate, "ci95": interval, "unit": "1"}}
+                identifiable, reason = True, None
+                probability = 1 - min(1.0, 50 * contact.p_value) if contact.p_value < 1 else 0.02
+        elif id == "model-capacity":
+            if system.has_wrench and "free" in found.scores:
+                identifiable, reason = True, None
+                probability = 0.3 if found.absorbed and not found.chosen else 0.05
+        else:
+            nothing = (0.0, 0.0, np.zeros(SIZES[id]), np.zeros((SIZES[id],) * 2))
+            statistic, gain, estimate, information = found.tests.get(id, nothing)
+            values = np.linalg.eigvalsh(information)
+            blind = bool(values[0] <= 0 or 1 / math.sqrt(values[0]) > _BLIND * _RANGES[id])
+            identifiable, reason = not blind, _UNSEEN[id] if blind else None
+            if id in found.final.values:
+                estimate, deviation = found.final.values[id], errors[id]
+            else:
+                deviation = np.full(SIZES[id], 1 / math.sqrt(values[0]) if values[0] > 0 else _RANGES[id])
+            if id == "contact-geometry":
+                estimate = estimate + (system.rig.finger_radius or 0.0)
+            parameters = _parameters(id, np.asarray(estimate), np.asarray(deviation))
+            evidence = min(statistic, gain) - 2 * (SIZES[id] - 1)
+            probability = 1 / (1 + math.exp(-max(-30.0, min(30.0, (evidence - _EVEN) / _ODDS))))
+            if id in found.chosen:
+                probability = max(probability, 0.9)
+            elif id not in effects:
+                probability = min(probability, 0.3)
+        if id in effects and len(found.rivals):
+            probability = min(
+                probability, 1 / (1 + len(found.rivals)) if id in (*found.rivals, *found.chosen[-1:]) else probability
+            )
+        entries.append(
+            {
+                "effect": id,
+                "probability": float(np.clip(probability, 0.001, 0.999)),
+                "parameters": parameters,
+                "identifiable": identifiable,
+                "reason": reason,
+            }
+        )
+    return sorted(entries, key=lambda entry: -entry["probability"])
+
+
+def _plain(entry: dict[str, Any]) -> dict[str, Any]:
+    return {name: parameter["estimate"] for name, parameter in entry["parameters"].items()}
+
+
+def _next(system: System, found: Attribution, effects: list[str], ranking: list[dict[str, Any]]) -> dict[str, Any]:
+    """The pushes that best separate the two causes most in play."""
+    likely = [*effects, *(entry["effect"] for entry in ranking if entry["identifiable"])]
+    pair = list(dict.fromkeys(id for id in likely if id in SIZES))[:2]
+    if len(pair) < 2 or not system.has_wrench:
+        why = "more pushes in headings, places, speeds and faces that vary, in random order"
+        return {"separates": pair, "pushes": [], "why": why}
+    from stablepush.diagnosis.candidates import separating_pushes
+
+    values = {id: found.final.values.get(id, found.tests[id][2]) for id in pair if id in found.tests or id in found.final.values}
+    pushes = separating_pushes(system, found.final.loads, values)
+    why = f"{pair[0]} and {pair[1]} predict loads that differ most here, at the sizes estimated from this log"
+    return {"separates": pair, "pushes": pushes, "why": why}
+
+
+def _sentence(verdict: str, effects: list[str], shrink: list[dict[str, Any]], forces: bool) -> str:
+    closed = next((entry for entry in shrink if entry["channel"] == "wrench"), shrink[0] if shrink else None)
+    how = (
+        ""
+        if closed is None
+        else f"; {100 * closed['closed']:.0f} % of the gap in the {closed['channel']} closes on held-out trials"
+    )
+    words = [CATALOGUE[id].what for id in effects]
+    if verdict == "none":
+        if not forces:
+            return "Nothing stands out in the poses; without forces little can be said."
+        return "The nominal simulation fits within the noise."
+    if verdict == "absorbed":
+        return f"The surface and friction differ from the nominal ones, and no other cause stands out{how}."
+    if verdict == "named":
+        return f"{'; '.join(f'{id} ({what})' for id, what in zip(effects, words, strict=True))}{how}."
+    if verdict == "ambiguous":
+        return f"This log cannot tell {' from '.join(effects)}{how}."
+    return "A gap stays that no effect of the catalogue explains."
+
+
+def _notes(log: PushLog, system: System, found: Attribution, share: float, p_share: float) -> list[str]:
+    notes = []
+    rig = log.rig
+    if rig.noise is None:
+        notes.append("the rig does not say how noisy it is: usual values were taken")
+    if not system.has_wrench:
+        notes.append("no forces: only what shows in the poses can be said")
+    if rig.finger_radius is None or not any(len(rows) for _, rows in system.gap_rows):
+        notes.append("no poses of fingers to compare with the outline: latency and contact geometry cannot be seen there")
+    if not any(system.observations.group):
+        notes.append("no repeated pushes: the scatter of repeats is not known")
+    if system.has_wrench and not system.known_scale:
+        notes.append("friction of the support or mass unknown: the nominal load was scaled to the log")
+    if share > 0.05:
+        notes.append(
+            f"a Gaussian process of place, heading, order and speed could explain up to {100 * share:.0f} % of what is left "
+            f"(p {p_share:.2f})"
+        )
+    if found.contact is not None:
+        notes.append(f"friction at the fingers from {found.contact.trials} trials that slip: {found.contact.estimate:.3f}")
+    return notes

@@ -1,0 +1,254 @@
+"""A log as the diagnosis sees it: rows of pushes with motion, load, place of the fingers and what may explain a gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from stablepush._arrays import BoolArray, FloatArray
+from stablepush.logs import PushLog
+from stablepush.se2 import compose, exp, inverse, transform_points, wrap_angle
+from stablepush.se2 import log as log_of
+
+#: Fingers farther (m) from the outline than this, over their radius, do not touch it.
+_TOUCH = 3e-3
+#: Rows of a trial, at most: of more, means over equal parts are taken.
+_MOST_ROWS = 12
+#: Rows slower than this share of the median speed do not move.
+_REST = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observations:
+    """Rows (n,) of pushes in the order of the log.
+
+    Attributes
+    ----------
+    names : list of str
+        Trials, in the order of the log.
+    trial : array of int, shape (n,)
+        Number of each row's trial.
+    order : array, shape (n,)
+        Place of the trial in the log, from 0 to 1.
+    time : array, shape (n,)
+        In s, in the trial.
+    pose, twist, acceleration : array, shape (n, 3)
+        Of the tracked frame in W; its body twist, and the twist's rate of change.
+    wrench : array, shape (n, 3)
+        Measured load in the tracked frame; NaN where there is none.
+    pusher : array, shape (n, 3)
+        Of the pusher's frame in W; NaN where there is none.
+    normal : array, shape (n, 2, 2)
+        Inward normals of the outline at the fingers, in B; NaN where a finger does not touch.
+    place : array, shape (n, 2, 2)
+        Contact points of the fingers in B.
+    gap : array, shape (n, 2)
+        Distance of the fingers' centres from the outline less the nominal radius, in m.
+    slip : array, shape (n,)
+        Speed (m/s) at which the touching fingers move along the outline to the left of the normal; NaN if unknown.
+    group : list of str
+        Of each trial; blank if none.
+    """
+
+    names: list[str]
+    trial: np.ndarray
+    order: FloatArray
+    time: FloatArray
+    pose: FloatArray
+    twist: FloatArray
+    acceleration: FloatArray
+    wrench: FloatArray
+    pusher: FloatArray
+    normal: FloatArray
+    place: FloatArray
+    gap: FloatArray
+    slip: FloatArray
+    group: list[str]
+
+    @property
+    def has_wrench(self) -> BoolArray:
+        """Rows (n,) that have a load."""
+        return np.asarray(np.isfinite(self.wrench).all(axis=1))
+
+    @property
+    def speed(self) -> FloatArray:
+        """Speed (n,) of the body origin, in m/s."""
+        return np.hypot(self.twist[:, 0], self.twist[:, 1])
+
+
+def observe(log: PushLog) -> Observations:
+    """Return the push rows of a log that have a pose and move."""
+    s = log.samples
+    poses = np.stack([np.asarray(s[c], dtype=np.float64) for c in ("x", "y", "theta")], axis=-1)
+    twists = log.twists()
+    usable = np.isfinite(poses).all(axis=1) & np.isfinite(twists).all(axis=1)
+    if "phase" in s:
+        usable &= np.array([phase == "push" for phase in s["phase"]])
+    rho = log.rig.slider.characteristic_length
+    size = np.linalg.norm(twists * (1, 1, rho), axis=1)
+    if usable.any():
+        usable &= size > _REST * np.median(size[usable])
+    names = [str(name) for name in log.trials["trial"]]
+    rows_of = {name: np.flatnonzero((s["trial"] == name) & usable) for name in names}
+    seconds = np.asarray(s["t"], dtype=np.float64)
+    # blocks of rows whose means are the rows of the diagnosis, by trial
+    blocks: list[tuple[int, np.ndarray]] = []
+    ends: dict[int, tuple[FloatArray, FloatArray]] = {}
+    for k, rows in enumerate(rows_of.values()):
+        ordered = rows[np.argsort(seconds[rows], kind="stable")]
+        if len(ordered):
+            blocks += [(k, part) for part in np.array_split(ordered, min(len(ordered), _MOST_ROWS))]
+            continue
+        # a log that only has the slider before and after the push: one row for all of it
+        mine = np.flatnonzero((s["trial"] == names[k]) & np.isfinite(poses).all(axis=1) & np.isfinite(seconds))
+        if len(mine) >= 2:
+            mine = mine[np.argsort(seconds[mine], kind="stable")]
+            first, last = mine[0], mine[-1]
+            offset = compose(inverse(poses[first]), poses[last])
+            offset[2] = wrap_angle(offset[2])
+            spent = float(seconds[last] - seconds[first])
+            if spent > 0 and np.abs(offset).max() > 0:
+                ends[len(blocks)] = compose(poses[first], exp(log_of(offset) / 2)), log_of(offset) / spent
+                blocks.append((k, np.flatnonzero(s["trial"] == names[k])))
+    trial = np.array([k for k, _ in blocks], dtype=int)
+
+    def means(values: FloatArray) -> FloatArray:
+        result = np.full((len(blocks), values.shape[1]), np.nan)
+        for i, (_, part) in enumerate(blocks):
+            known = np.isfinite(values[part]).all(axis=1)
+            if known.any():
+                result[i] = values[part][known].mean(axis=0)
+        return result
+
+    def columns(*wanted: str) -> FloatArray:
+        if not set(wanted) <= set(s):
+            return np.full((len(blocks), len(wanted)), np.nan)
+        return means(np.stack([np.asarray(s[c], dtype=np.float64) for c in wanted], axis=-1))
+
+    time, pose, twist = columns("t")[:, 0], means(poses), means(twists)
+    for i, (middle, motion) in ends.items():
+        pose[i], twist[i] = middle, motion
+    pusher, wrench = columns("px", "py", "ptheta"), columns("fx", "fy", "tau")
+    # a sensor that reads nothing at all tells nothing of the load
+    wrench[~np.abs(wrench).any(axis=1)] = np.nan
+    normal, place, gap, slip = _fingers(log, trial, time, pose, twist, pusher, columns("c1x", "c1y", "c2x", "c2y"))
+    begun = np.asarray(log.trials["start_time"], dtype=np.float64)
+    rank = np.argsort(np.argsort(begun, kind="stable"), kind="stable") / max(1, len(names) - 1)
+    group = [str(g) for g in log.trials["group"]] if "group" in log.trials else [""] * len(names)
+    return Observations(
+        names, trial, rank[trial], time, pose, twist, _rates(trial, time, twist), wrench, pusher,
+        normal, place, gap, slip, group,
+    )  # fmt: skip
+
+
+def _rates(trial: np.ndarray, time: FloatArray, values: FloatArray) -> FloatArray:
+    """Rates of change (n, k) of values (n, k) within trials, by differences over the neighbouring rows."""
+    result = np.zeros_like(values)
+    for k in np.unique(trial):
+        rows = np.flatnonzero(trial == k)
+        if len(rows) < 2 or (np.diff(time[rows]) <= 0).any():
+            continue
+        result[rows] = np.gradient(values[rows], time[rows], axis=0)
+    return result
+
+
+def _fingers(
+    log: PushLog,
+    trial: np.ndarray,
+    time: FloatArray,
+    pose: FloatArray,
+    twist: FloatArray,
+    pusher: FloatArray,
+    logged: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Normals, places, gaps and slip of the fingers, from the pusher's poses, else from the contact points that are logged."""
+    n = len(pose)
+    normal, place = np.full((n, 2, 2), np.nan), np.full((n, 2, 2), np.nan)
+    gap, slip = np.full((n, 2), np.nan), np.full(n, np.nan)
+    if log.rig.contact_kind == "held":
+        return normal, place, gap, slip
+    outline = log.rig.slider.vertices
+    points = logged.reshape(n, 2, 2)
+    radius = log.rig.finger_radius
+    known = np.isfinite(pusher).all(axis=1)
+    two = log.rig.contact_kind == "two-point"
+    both = np.isfinite(points).all(axis=(1, 2))
+    if known.any() and radius is not None and (not two or both.any()):
+        half = float(np.median(np.linalg.norm(points[both, 0] - points[both, 1], axis=1))) / 2 if two else 0.0
+        places = np.array(((0.0, half), (0.0, -half))) if two else np.zeros((1, 2))
+        relative = compose(inverse(pose[known]), pusher[known])
+        centers = transform_points(relative, places)
+        for k in range(len(places)):
+            near, inward, away = nearest(outline, centers[:, k])
+            gap[known, k], normal[known, k], place[known, k] = away - radius, inward, near
+        touching = np.abs(gap) < _TOUCH
+        seen = np.asarray(np.isfinite(points).all(axis=2))
+        if seen.any():
+            # a logged contact point belongs to the finger whose place is nearest; fingers without one are open
+            owned = np.zeros_like(touching)
+            for c in range(2):
+                away = np.linalg.norm(np.nan_to_num(place, nan=np.inf) - points[:, None, c], axis=2)
+                away[~np.isfinite(away)] = np.inf
+                rows_seen = np.flatnonzero(seen[:, c])
+                owned[rows_seen, away[rows_seen].argmin(axis=1)] = True
+            touching &= owned
+        for k in range(2):
+            gap[~touching[:, k], k] = np.nan
+            normal[~touching[:, k], k], place[~touching[:, k], k] = np.nan, np.nan
+    elif np.isfinite(points).any():
+        for k in range(2):
+            there = np.isfinite(points[:, k]).all(axis=1)
+            if there.any():
+                near, inward, _ = nearest(outline, points[there, k])
+                normal[there, k], place[there, k] = inward, near
+    # along the outline, from the places of neighbouring rows; rolling moves the contact too, which the turn of the pusher tells
+    for t in np.unique(trial):
+        rows = np.flatnonzero(trial == t)
+        for k in (0, 1):
+            good = rows[np.isfinite(place[rows, k]).all(axis=1)]
+            if len(good) < 3 or (np.diff(time[good]) <= 0).any():
+                continue
+            rate = np.gradient(place[good, k], time[good], axis=0)
+            tangent = np.stack((-normal[good, k, 1], normal[good, k, 0]), axis=-1)
+            along = (rate * tangent).sum(axis=1)
+            if radius:
+                turn = np.gradient(np.unwrap(pusher[good, 2]) - np.unwrap(pose[good, 2]), time[good])
+                along = along - radius * turn if np.isfinite(turn).all() else along
+            # the slider slips against the finger the other way round
+            slip[good] = np.where(np.isfinite(slip[good]), 0.5 * (slip[good] - along), -along)
+    return normal, place, gap, slip
+
+
+def nearest(outline: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Nearest places (n, 2) of an outline to points (n, 2), inward normals (n, 2), and distances (n,), negative inside."""
+    ring = shapely.LinearRing(outline)
+    where = shapely.line_locate_point(ring, shapely.points(points))
+    near = shapely.get_coordinates(shapely.line_interpolate_point(ring, where))
+    inside = shapely.contains_xy(shapely.Polygon(outline), *points.T)
+    offset = near - points
+    away = np.linalg.norm(offset, axis=1)
+    # at an edge its normal; at corners the direction to the centre
+    lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
+    ends = np.cumsum(lengths)
+    edge = np.clip(np.searchsorted(ends, where, side="right"), 0, len(outline) - 1)
+    along = (np.roll(outline, -1, axis=0) - outline) / lengths[:, None]
+    inward = np.stack((-along[edge, 1], along[edge, 0]), axis=-1)
+    start = ends[edge] - lengths[edge]
+    corner = (np.abs(where - start) < 1e-9) | (np.abs(where - ends[edge]) < 1e-9)
+    use = corner & (away > 1e-9) & ~inside
+    inward[use] = offset[use] / away[use, None]
+    return near, inward, np.where(inside, -away, away)
+
+
+def contact_velocity(observations: Observations, finger: int) -> FloatArray:
+    """Velocity (n, 2) in B of the slider's point at a finger."""
+    v, p = observations.twist, observations.place[:, finger]
+    return np.stack((v[:, 0] - v[:, 2] * p[:, 1], v[:, 1] + v[:, 2] * p[:, 0]), axis=-1)
+
+
+def heading(observations: Observations) -> FloatArray:
+    """Direction (n,) of motion over the table, rad in W."""
+    o = observations
+    return wrap_angle(o.pose[:, 2] + np.arctan2(o.twist[:, 1], o.twist[:, 0]))

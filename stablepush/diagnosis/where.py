@@ -1,0 +1,154 @@
+"""Where the gap lies: what the residuals of the nominal simulation follow, on trials that were not used to learn it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stablepush._arrays import FloatArray
+from stablepush.diagnosis.observations import heading
+from stablepush.diagnosis.system import System
+from stablepush.se2 import rotate_vectors
+
+#: Permutations of whole trials behind a p-value, and false discoveries that are let through.
+_PERMUTATIONS, _FALSE = 1999, 0.05
+#: Ridge on standardised features.
+_RIDGE = 3.0
+_FOLDS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Share of a component's residual variance (between trials, held out) that follows a covariate, and how probable that is by
+    chance."""
+
+    channel: str
+    component: str
+    covariate: str
+    share: float
+    p_value: float
+
+
+def covariates(system: System) -> dict[str, FloatArray]:
+    """Features (n, q) of the rows by covariate."""
+    o = system.observations
+    angle, body = heading(o), np.arctan2(o.twist[:, 1], o.twist[:, 0])
+    x, y = o.pose[:, 0], o.pose[:, 1]
+    speed = np.log(np.maximum(o.speed, 1e-6))
+    turn = o.twist[:, 2] * system.rho / np.maximum(o.speed, 1e-6)
+    turn = np.clip(turn, -5, 5)
+    return {
+        "world heading": np.stack([f(k * angle) for k in (1, 2) for f in (np.cos, np.sin)], axis=-1),
+        "body direction": np.stack([f(k * body) for k in (1, 2) for f in (np.cos, np.sin)], axis=-1),
+        "place": np.stack((x, y, x * x, x * y, y * y), axis=-1),
+        "order": np.stack((o.order, o.order**2), axis=-1),
+        "speed": np.stack((speed, speed**2), axis=-1),
+        "acceleration": o.acceleration[:, :2],
+        "rotation centre": np.stack((turn, turn**2, np.abs(turn)), axis=-1),
+        "slider heading": np.stack((np.cos(o.pose[:, 2]), np.sin(o.pose[:, 2])), axis=-1),
+    }
+
+
+def localise(system: System, residual: FloatArray, seed: int = 0) -> list[Finding]:
+    """Return what the residual wrenches (n, 3) follow, false discoveries controlled (Benjamini and Hochberg 1995)."""
+    o = system.observations
+    world = rotate_vectors(o.pose[:, 2], residual[:, :2])
+    along = residual[:, :2] / np.maximum(np.linalg.norm(o.wrench[:, :2], axis=1, keepdims=True), 1e-9)
+    size = (along * o.wrench[:, :2] / np.maximum(np.linalg.norm(o.wrench[:, :2], axis=1, keepdims=True), 1e-9)).sum(axis=1)
+    components = {
+        "fx body": residual[:, 0],
+        "fy body": residual[:, 1],
+        "tau": residual[:, 2],
+        "fx world": world[:, 0],
+        "fy world": world[:, 1],
+        "size": size,
+    }
+    trials, rows = np.unique(o.trial, return_inverse=True)
+    if len(trials) < 2 * _FOLDS:
+        return []
+    rng = np.random.default_rng(seed)
+    folds = rng.permutation(len(trials)) % _FOLDS
+    orders = np.array([np.arange(len(trials)), *(rng.permutation(len(trials)) for _ in range(_PERMUTATIONS))])
+
+    def means(values: FloatArray) -> FloatArray:
+        counts = np.bincount(rows)
+        return np.stack([np.bincount(rows, values[:, k]) / counts for k in range(values.shape[1])], axis=-1)
+
+    targets = means(np.stack(list(components.values()), axis=-1))
+    targets = targets - targets.mean(axis=0)
+    found: list[Finding] = []
+    for covariate, features in covariates(system).items():
+        x = means(features)
+        x = (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-12)
+        x = np.concatenate((np.ones((len(x), 1)), x), axis=1)
+        # what a permutation of trials does to the predictions is linear in the targets
+        smooth = np.zeros((len(x), len(x)))
+        for k in range(_FOLDS):
+            test, train = folds == k, folds != k
+            ridge = _RIDGE * np.eye(x.shape[1])
+            ridge[0, 0] = 1e-9
+            smooth[np.ix_(test, train)] = x[test] @ np.linalg.solve(x[train].T @ x[train] + ridge, x[train].T)
+        y = targets[orders]
+        left = ((y - smooth @ y) ** 2).sum(axis=1)
+        table = 1 - left / np.maximum((y**2).sum(axis=1), 1e-30)
+        for k, component in enumerate(components):
+            p = float((table[:, k] >= table[0, k]).mean())
+            found.append(Finding("wrench", component, covariate, float(np.clip(table[0, k], 0.0, 1.0)), p))
+    found.sort(key=lambda f: (f.p_value, -f.share))
+    kept = 0
+    for rank, finding in enumerate(found, start=1):
+        if finding.p_value <= _FALSE * rank / len(found):
+            kept = rank
+    return sorted((f for f in found[:kept] if f.share > 0), key=lambda f: -f.share)
+
+
+def flexible_share(system: System, whitened: FloatArray, seed: int = 0) -> tuple[float, float]:
+    """Share of what is left of the wrenches, beyond noise, that a Gaussian process of place, heading, order and speed could
+    explain, on held-out trials, and its p-value by permuting trials.
+
+    ``whitened`` (n, 3): residuals in units of the noise.
+    """
+    o = system.observations
+    trials, rows = np.unique(o.trial, return_inverse=True)
+    if len(trials) < 20:
+        return 0.0, 1.0
+    rng = np.random.default_rng(seed)
+    # along the measured load, which is what friction that varies changes; rows are inputs of their own, trials are left out as
+    # a whole
+    load = o.wrench[:, :2]
+    target = (whitened[:, :2] * load / np.maximum(np.linalg.norm(load, axis=1, keepdims=True), 1e-9)).sum(axis=1)
+    target = np.clip(target - np.median(target), -8, 8)
+    angle = heading(o)
+    inputs = {
+        "place": (o.pose[:, :2], (0.03, 0.1)),
+        "heading": (np.stack((np.cos(angle), np.sin(angle)), axis=-1), (0.3, 0.8)),
+        "order": (o.order[:, None], (0.1, 0.3)),
+        "speed": (np.log(np.maximum(o.speed, 1e-6))[:, None], (0.3, 1.0)),
+    }
+    folds = (rng.permutation(len(trials)) % _FOLDS)[rows]
+    best, p_best = 0.0, 1.0
+    for points, lengths in inputs.values():
+        for length in lengths:
+            gaps = ((points[:, None] - points[None]) ** 2).sum(axis=2)
+            kernel = np.exp(-gaps / (2 * length**2))
+            smooth = np.zeros_like(kernel)
+            for k in range(_FOLDS):
+                test, train = folds == k, folds != k
+                inner = kernel[np.ix_(train, train)] + 1.0 * np.eye(train.sum())
+                smooth[np.ix_(test, train)] = kernel[np.ix_(test, train)] @ np.linalg.inv(inner)
+
+            def share(y: FloatArray, smooth: FloatArray = smooth) -> float:
+                return float(1 - ((y - smooth @ y) ** 2).sum() / max(float((y**2).sum()), 1e-30))
+
+            true = share(target)
+            if true <= best:
+                continue
+            below = 0
+            for _ in range(39):
+                # whole trials change places: their rows keep together as far as numbers of rows allow
+                order = rng.permutation(len(trials))
+                shuffled = np.concatenate([target[rows == k] for k in order])
+                below += share(shuffled) >= true
+            best, p_best = true, (1 + below) / 40
+    return best, p_best

@@ -1,0 +1,137 @@
+"""Plans carried out on a rig: in the open, or planned anew where the slider has left them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from stablepush._arrays import FloatArray, check_number
+from stablepush.errors import InputError
+from stablepush.path import PlanResult
+from stablepush.planar import transport_twist
+from stablepush.planning import plan, planner_names
+from stablepush.problem import PlanningProblem
+from stablepush.pushing import Pusher
+from stablepush.se2 import compose, inverse, transform_points
+from stablepush.virtual_rig import Command, Execution, VirtualRig
+
+#: Contact points farther (m) from the outline than this are none.
+_OFF_OUTLINE = 1e-4
+
+
+def plan_commands(problem: PlanningProblem, result: PlanResult, radius: float) -> list[Command]:
+    """Return the commands of a plan, one for each push: the pusher goes where the plan has it, wherever the slider is.
+
+    ``radius`` (m) of the fingers; their centres stay behind the contact points by it.
+    """
+    commands: list[Command] = []
+    for push in result.pushes:
+        contact = problem.contacts[push.contact]
+        pusher = Pusher.of_contact(contact, radius)
+        docked = pusher.docked(contact)
+        twist = transport_twist(push.twist, inverse(docked))
+        turning = abs(push.twist[2]) > 1e-9
+        commands.append(
+            Command(
+                place=compose(push.start, docked),
+                motion=[(twist, push.duration)],
+                start=problem.start if not commands else None,
+                speed=float(problem.push_speed(push.twist)),
+                cor=np.array((-push.twist[1], push.twist[0])) / push.twist[2] if turning else None,
+                sense=float(np.sign(push.twist[2])) if turning else math.nan,
+                angle=float(push.twist[2] * push.duration),
+                pusher=pusher,
+            )
+        )
+    return commands
+
+
+def execute_plan(
+    rig: VirtualRig,
+    problem: PlanningProblem,
+    result: PlanResult,
+    *,
+    rows: int = 7,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Execution:
+    """Carry out a plan in the open: a trial for each push, the slider going on from where the last one left it."""
+    _require_plan(problem, result)
+    return rig.execute(plan_commands(problem, result, rig.pusher.radius), rows=rows, seed=seed, progress=progress)
+
+
+def execute_closed_loop(
+    rig: VirtualRig,
+    problem: PlanningProblem,
+    result: PlanResult,
+    tolerance: float,
+    *,
+    rows: int = 7,
+    seed: int = 0,
+    attempts: int = 20,
+    progress: Callable[[str], None] | None = None,
+) -> Execution:
+    """Carry out a plan, and plan anew from where the slider is whenever it lies farther off the plan after a push.
+
+    ``tolerance`` (m): how far any point of the outline may be from where the plan has it. The pusher lets go before a new plan
+    and docks at its first contact. Ends at the end of a plan, when there is no plan, or after ``attempts`` of them.
+    """
+    _require_plan(problem, result)
+    limit = check_number(tolerance, "tolerance", above=0.0)
+    commands = plan_commands(problem, result, rig.pusher.radius)
+    pushes = list(result.pushes)
+    session = rig.session(rows=rows, seed=seed)
+    made = 0
+    for attempt in range(attempts + 1):
+        for command, push in zip(commands, pushes, strict=True):
+            pose = session.push(command if made else replace(command, start=problem.start)).poses[-1]
+            made += 1
+            if progress is not None:
+                progress(f"plan {attempt + 1}, push {made}")
+            miss = transform_points(pose, problem.slider.vertices) - transform_points(push.end, problem.slider.vertices)
+            if float(np.hypot(*miss.T).max()) > limit:
+                break
+        else:
+            break
+        if attempt == attempts:
+            break
+        here = replace_start(problem, pose)
+        again = plan(here, result.planner if result.planner in planner_names() else "cor-lattice", seed=seed)
+        if not again.solved:
+            break
+        commands = plan_commands(here, again, rig.pusher.radius)
+        commands[0] = replace(commands[0], start=None)
+        pushes = list(again.pushes)
+    return session.done()
+
+
+def replace_start(problem: PlanningProblem, start: FloatArray) -> PlanningProblem:
+    """Return a problem that starts elsewhere."""
+    p = problem
+    return PlanningProblem(
+        p.slider, p.surface, p.contacts, start, p.goal, p.obstacles, p.bounds, p.pusher, p.tolerance, p.speed, p.switch_cost,
+        p.min_margin
+    )  # fmt: skip
+
+
+def _require_plan(problem: PlanningProblem, result: PlanResult) -> None:
+    if not result.solved or not result.pushes:
+        raise InputError(f"plan: expected a solved plan with pushes, its status is {result.status}")
+    for number, push in enumerate(result.pushes):
+        if push.duration <= 0 or not push.twist.any():
+            raise InputError(f"plan: segments: push {number + 1}: expected a duration > 0 s and a twist that is not zero")
+        if not 0 <= push.contact < len(problem.contacts):
+            raise InputError(f"plan: expected contacts from 0 to {len(problem.contacts) - 1}, got {push.contact}")
+        contact = problem.contacts[push.contact]
+        if len(contact.points) > 2:
+            raise InputError(f"contacts[{push.contact}]: expected one or two points to simulate, got {len(contact.points)}")
+        away = shapely.distance(shapely.LinearRing(problem.slider.vertices), shapely.points(contact.points))
+        if away.max() > _OFF_OUTLINE:
+            raise InputError(
+                f"contacts[{push.contact}].points: expected points on the slider's outline, "
+                f"one is {1000 * away.max():.3g} mm away from it"
+            )

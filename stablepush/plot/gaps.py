@@ -1,0 +1,82 @@
+"""Pictures of the gap between simulation and reality."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stablepush.diagnosis import GapReport
+from stablepush.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, OBSTACLE, PUSHER, canvas, legend
+from stablepush.se2 import rotate_vectors
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def plot_residuals(report: GapReport) -> Figure:
+    """Draw the forces that the nominal simulation lacks, as arrows over the table, with what is left after mending."""
+    figure, axes = canvas((8.0, 6.6))
+    for key, word, color in (("before", "nominal", PUSHER), ("after", "mended", COUNTER_CLOCKWISE)):
+        force = rotate_vectors(report.poses[:, 2], report.residuals[key][:, :2])
+        axes.quiver(*report.poses[:, :2].T, *force.T, color=color, angles="xy", width=0.0025, scale=_scale(report), label=word)
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.set_title("Measured less predicted force, over the table")
+    legend(axes, columns=2)
+    return figure
+
+
+def _scale(report: GapReport) -> float:
+    size = float(np.quantile(np.linalg.norm(report.residuals["before"][:, :2], axis=1), 0.95))
+    extent = float(np.ptp(report.poses[:, :2], axis=0).max())
+    return max(size, 1e-9) / max(0.12 * extent, 1e-9)
+
+
+def plot_residuals_against(report: GapReport) -> Figure:
+    """Draw the residual force, along and across the measured one, against heading and over the log, before and after mending."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 5.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(2, 2, sharey="row")
+    load = report.loads[:, :2] / np.maximum(np.linalg.norm(report.loads[:, :2], axis=1, keepdims=True), 1e-9)
+    across = np.stack((-load[:, 1], load[:, 0]), axis=-1)
+    for row, (direction, name) in enumerate(((load, "along the load [N]"), (across, "across it [N]"))):
+        for column, (values, label) in enumerate(
+            ((np.degrees(report.headings), "heading of the motion [deg in W]"), (report.orders, "place in the log"))
+        ):
+            axes = panels[row, column]
+            for key, color, marker in (("before", PUSHER, "o"), ("after", COUNTER_CLOCKWISE, ".")):
+                residual = (report.residuals[key][:, :2] * direction).sum(axis=1)
+                axes.plot(
+                    values,
+                    residual,
+                    linestyle="none",
+                    marker=marker,
+                    markersize=3,
+                    color=color,
+                    label="nominal" if key == "before" else "mended",
+                )
+            axes.axhline(0.0, color=OBSTACLE, linewidth=0.8)
+            axes.grid(visible=True, color="0.9", linewidth=0.6)
+            if row == 1:
+                axes.set_xlabel(label)
+        panels[row, 0].set_ylabel(name)
+    panels[0, 0].legend(frameon=False, fontsize=9)
+    return figure
+
+
+def plot_effects(report: GapReport) -> Figure:
+    """Draw how probable each effect of the catalogue is; those that the log cannot show are grey."""
+    figure, axes = canvas((8.0, 4.8), equal=False)
+    entries = report.ranking[::-1]
+    colors = [
+        (COUNTER_CLOCKWISE if e["effect"] in report.named else CLOCKWISE) if e["identifiable"] else "#BBBBBB" for e in entries
+    ]
+    axes.barh([e["effect"] for e in entries], [e["probability"] for e in entries], color=colors)
+    axes.set_xlim(0, 1)
+    axes.set_xlabel("probability")
+    axes.set_title("Effects: named blue, others orange, not to be seen in this log grey")
+    return figure

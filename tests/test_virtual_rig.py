@@ -1,0 +1,256 @@
+import math
+
+import numpy as np
+import pytest
+from conftest import small_scene, three_feet, triangle
+
+import stablepush as sp
+from stablepush.effects import CATALOGUE, REFERENCE_SPEED, parse_effect
+from stablepush.se2 import compose, inverse
+from stablepush.virtual_rig import random_pushes
+
+LOAD = 3.5
+#: A value in the middle of the range of each effect.
+MIDDLE = {
+    "anisotropy-world": "ratio=1.2,direction=0.5",
+    "anisotropy-object": "ratio=1.2,direction=0.5",
+    "speed-dependence": "slope=0.07",
+    "spatial-variation": "gradient=0.5/-0.3",
+    "drift": "rate=-0.15",
+    "pressure-shift": "offset=0.005/0.002",
+    "pressure-spread": "scale=0.8",
+    "tilt": "slope=0.02/-0.01",
+    "inertia": "mass=1.2",
+    "contact-friction": "mu=0.35",
+    "contact-geometry": "radius=0.009",
+    "force-bias": "force=0.2/-0.1",
+    "force-rotation": "angle=0.1",
+    "frame-offset": "offset=0.003/-0.002",
+    "latency": "delay=0.1",
+    "model-capacity": "facets=4",
+}
+NOMINAL = {
+    "anisotropy-world": "ratio=1",
+    "anisotropy-object": "ratio=1,direction=0.3",
+    "speed-dependence": "slope=0",
+    "spatial-variation": "gradient=0/0",
+    "drift": "rate=0",
+    "pressure-shift": "offset=0/0",
+    "pressure-spread": "scale=1",
+    "tilt": "slope=0/0",
+    "inertia": "mass=0",
+    "contact-friction": "mu=0.6",
+    "contact-geometry": "radius=0.005",
+    "force-bias": "force=0/0",
+    "force-rotation": "angle=0",
+    "frame-offset": "offset=0/0",
+    "latency": "delay=0",
+}
+#: Effects that change only what is logged.
+SENSING = ("force-bias", "force-rotation", "frame-offset", "latency")
+
+
+def rig(*effects, polynomial=False, two=False, **options):
+    slider = sp.Slider(triangle().vertices, mass=1.2, support=three_feet())
+    surface = sp.IdealLimitSurface(three_feet(), LOAD)
+    if polynomial:
+        v = np.random.default_rng(0).normal(size=(60, 3)) * (1, 1, 15)
+        surface = sp.fit_limit_surface(surface.wrench(v), v).surface
+    pusher = sp.Pusher.two_fingers(0.05, 0.005) if two else sp.Pusher.finger(0.005)
+    return sp.VirtualRig(slider, surface, 0.6, pusher, [parse_effect(e) for e in effects], **options)
+
+
+def campaign(two=False, count=12, **options):
+    made = rig(two=two)
+    return random_pushes(made.slider, made.pusher, count, groups=2, repeats=2, **options)
+
+
+def wrenches(execution):
+    """Of the rows of pushes: how far the pusher is from the slider at first depends on its radius."""
+    pushed = execution.log.samples["phase"] == "push"
+    return np.stack([execution.log.samples[name][pushed] for name in ("fx", "fy", "tau")], axis=-1)
+
+
+def test_the_catalogue_is_that_of_the_contract():
+    assert list(CATALOGUE) == list(MIDDLE)
+    for kind in CATALOGUE.values():
+        assert kind.parameters
+        assert all(p.unit and p.low < p.high for p in kind.parameters)
+
+
+@pytest.mark.parametrize(
+    ("id", "polynomial"),
+    (
+        *((id, False) for id in MIDDLE),
+        *((id, True) for id in ("spatial-variation", "pressure-shift", "drift", "tilt", "latency")),
+    ),
+)
+def test_every_effect_changes_the_log_and_none_at_its_nominal_value(id, polynomial):
+    commands = campaign(two=id in ("contact-geometry",), count=6)
+    two = id in ("contact-geometry",)
+    plain = rig(polynomial=polynomial, two=two).execute(commands)
+    middle = rig(f"{id}:{MIDDLE[id]}", polynomial=polynomial, two=two).execute(commands)
+    change = np.abs(wrenches(middle) - wrenches(plain)).max()
+    shift = max(float(np.abs(a.poses[-1] - b.poses[-1]).max()) for a, b in zip(plain.traces, middle.traces, strict=True))
+    assert max(change, 100 * shift) > 1e-3
+    if id in SENSING:
+        assert shift == 0
+    if id in NOMINAL:
+        same = rig(f"{id}:{NOMINAL[id]}", polynomial=polynomial, two=two).execute(commands)
+        np.testing.assert_allclose(wrenches(same), wrenches(plain), atol=2e-6)
+        for a, b in zip(plain.traces, same.traces, strict=True):
+            np.testing.assert_allclose(a.poses, b.poses, atol=1e-6)
+
+
+def test_sensing_effects_mean_what_they_say():
+    commands = campaign()
+    plain = rig().execute(commands)
+    world = lambda e: np.stack(  # noqa: E731
+        [
+            np.cos(e.log.samples["theta"]) * e.log.samples["fx"] - np.sin(e.log.samples["theta"]) * e.log.samples["fy"],
+            np.sin(e.log.samples["theta"]) * e.log.samples["fx"] + np.cos(e.log.samples["theta"]) * e.log.samples["fy"],
+        ],
+        axis=-1,
+    )
+    biased = rig("force-bias:force=0.2/-0.1").execute(commands)
+    np.testing.assert_allclose(world(biased) - world(plain), np.tile((0.2, -0.1), (len(world(plain)), 1)), atol=1e-9)
+    turned = world(rig("force-rotation:angle=0.1").execute(commands))
+    c, s = math.cos(0.1), math.sin(0.1)
+    np.testing.assert_allclose(turned, world(plain) @ np.array(((c, s), (-s, c))), atol=1e-9)
+    offset = rig("frame-offset:offset=0.003/-0.002").execute(commands)
+    seen = np.stack([offset.log.samples[n] for n in ("x", "y", "theta")], axis=-1)
+    true = np.stack([plain.log.samples[n] for n in ("x", "y", "theta")], axis=-1)
+    np.testing.assert_allclose(compose(inverse(true), seen), np.tile((0.003, -0.002, 0), (len(true), 1)), atol=2e-5)
+    # the torque about the tracked origin
+    f = wrenches(plain)
+    np.testing.assert_allclose(wrenches(offset)[:, 2], f[:, 2] - (0.003 * f[:, 1] + 0.002 * f[:, 0]), atol=2e-4)
+
+
+def test_late_poses_are_those_of_before():
+    commands = campaign(count=4, speeds=(0.02, 0.02))
+    plain, late = rig().execute(commands, rows=200), rig("latency:delay=0.15").execute(commands, rows=200)
+    for name in plain.log.trials["trial"]:
+        rows = plain.log.rows(name)
+        t, x, lag = plain.log.samples["t"][rows], plain.log.samples["x"][rows], late.log.samples["x"][rows]
+        inside = (t > t[5] + 0.2) & (t < t[-1])
+        np.testing.assert_allclose(lag[inside], np.interp(t[inside] - 0.15, t, x), atol=3e-5)
+
+
+def test_drift_runs_over_the_trials_and_scatter_over_repeats():
+    commands = campaign(count=11)
+    plain, drifted = rig().execute(commands), rig("drift:rate=-0.3").execute(commands)
+    for k, (a, b) in enumerate(zip(plain.traces, drifted.traces, strict=True)):
+        sizes = np.linalg.norm(b.wrenches[-1]), np.linalg.norm(a.wrenches[-1])
+        assert sizes[0] == pytest.approx((1 - 0.3 * k / 10) * sizes[1], rel=1e-6)
+    scattered = rig(scatter=0.05).execute(commands, seed=1)
+    ratios = [
+        np.linalg.norm(b.wrenches[-1]) / np.linalg.norm(a.wrenches[-1])
+        for a, b in zip(plain.traces, scattered.traces, strict=True)
+    ]
+    assert 0.01 < np.std(np.log(ratios)) < 0.12
+
+
+def test_logs_are_read_back_and_repeat_for_a_seed(tmp_path):
+    commands = campaign(two=True)
+    made = rig("drift:rate=-0.1", two=True, noise=sp.Noise(0.03, 1e-4, 2e-3), outliers=0.1)
+    execution = made.execute(commands, seed=5)
+    sp.write_pushlog(execution.log, tmp_path / "log")
+    log = sp.read_pushlog(tmp_path / "log")
+    assert len(log) == len(commands)
+    assert log.rig.contact_kind == "two-point"
+    assert log.rig.finger_radius == 0.005
+    assert log.rig.support_friction == pytest.approx(LOAD / (1.2 * 9.81))
+    assert set(log.samples["phase"]) == {"rest", "approach", "push"}
+    assert set(np.unique(log.trials["stable"])) <= {0.0, 1.0}
+    loads, twists, names = log.pairs()
+    assert len(names) == len(commands) and np.isfinite(loads).all() and np.isfinite(twists).all()
+    rest = log.samples["phase"] == "rest"
+    assert np.abs(log.samples["fx"][rest]).max() < 1.0
+    assert np.isnan(log.samples["c1x"][rest]).all()
+    again = made.execute(commands, seed=5)
+    for name, values in execution.log.samples.items():
+        np.testing.assert_array_equal(values, again.log.samples[name])
+    other = made.execute(commands, seed=6)
+    assert not np.array_equal(execution.log.samples["fx"], other.log.samples["fx"])
+
+
+def test_a_batch_is_the_same_for_any_number_of_processes():
+    noisy = rig("drift:rate=-0.1", noise=sp.Noise(0.03, 1e-4, 2e-3))
+    jobs = [(noisy, campaign(count=5), seed) for seed in range(3)]
+    alone, together = sp.execute_batch(jobs, workers=1), sp.execute_batch(jobs, workers=2)
+    for a, b in zip(alone, together, strict=True):
+        for name, values in a.log.samples.items():
+            np.testing.assert_array_equal(values, b.log.samples[name])
+    assert not np.array_equal(alone[0].log.samples["fx"], alone[1].log.samples["fx"])
+
+
+def test_a_campaign_varies_what_it_should():
+    commands = random_pushes(rig(two=True).slider, rig(two=True).pusher, 40, seed=1, groups=3, repeats=4)
+    assert len(commands) == 40
+    groups = [c.group for c in commands]
+    assert sorted(set(groups)) == ["", "1", "2", "3"]
+    assert all(groups.count(g) == 4 for g in "123")
+    assert groups != sorted(groups)
+    speeds = np.array([c.speed for c in commands])
+    assert speeds.min() < 0.01
+    assert speeds.max() > 0.04
+    assert {np.isnan(c.sense) for c in commands} == {True, False}
+    with pytest.raises(sp.InputError, match="at least"):
+        random_pushes(rig().slider, rig().pusher, 5)
+    with pytest.raises(sp.InputError, match="fits"):
+        random_pushes(rig().slider, sp.Pusher.two_fingers(1.0, 0.005))
+
+
+def test_a_plan_on_the_nominal_rig_ends_where_it_should():
+    problem = small_scene()
+    result = sp.plan(problem)
+    contact = problem.contacts[0]
+    made = sp.VirtualRig(problem.slider, problem.surface, contact.mu, sp.Pusher.of_contact(contact, 0.005))
+    execution = sp.execute_plan(made, problem, result)
+    np.testing.assert_allclose(execution.final_pose, result.pushes[-1].end, atol=1e-9)
+    assert (execution.log.trials["stable"] == 1).all()
+    assert len(execution.log) == len(result.pushes)
+
+
+def test_planning_anew_brings_a_slider_home_that_left_its_plan():
+    """The pressure is not where the plan believes it to be: pushes near the edge of the stable set slip."""
+    problem = small_scene(min_margin=0.02)
+    result = sp.plan(problem)
+    contact = problem.contacts[0]
+    effects = [parse_effect("pressure-shift:offset=-0.008/0.006")]
+    made = sp.VirtualRig(problem.slider, problem.surface, contact.mu, sp.Pusher.of_contact(contact, 0.005), effects)
+    opened = sp.execute_plan(made, problem, result)
+    closed = sp.execute_closed_loop(made, problem, result, 0.01)
+
+    def miss(execution):
+        return float(np.hypot(*(execution.final_pose[:2] - problem.goal[:2])))
+
+    assert len(closed.log) > len(opened.log)
+    assert miss(opened) > 0.05
+    assert miss(closed) < 0.011
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    (
+        (lambda: rig("drift:rate=0.1", "drift:rate=0.2"), "given twice"),
+        (lambda: rig("gravity:g=3"), "expected one of"),
+        (lambda: rig("drift:rate=a"), "expected numbers"),
+        (lambda: rig("drift"), "drift:rate"),
+        (lambda: rig("tilt:slope=0.1"), "expected 2"),
+        (lambda: rig("anisotropy-world:ratio=0.5"), ">= 1"),
+        (lambda: rig("pressure-spread:scale=0"), "> 0"),
+        (lambda: rig("latency:delay=nan"), "latency: delay"),
+        (lambda: rig("drift:rate=0.1,rate=0.2"), "given twice"),
+        (lambda: rig("drift:rate"), "param=value"),
+        (lambda: rig(outliers=-1), "outliers"),
+        (lambda: rig().execute([sp.Command(np.zeros(3), [])]), "where the slider starts"),
+    ),
+)
+def test_bad_input(make, words):
+    with pytest.raises(sp.InputError, match=words):
+        make()
+
+
+def test_reference_speed_is_stated():
+    assert REFERENCE_SPEED == 0.02
