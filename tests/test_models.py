@@ -211,3 +211,17 @@ def test_models_survive_their_file(name, tmp_path):
     again = sp.load_model(tmp_path / "m.json")
     twists = random_twists(20, surface.characteristic_length)
     np.testing.assert_allclose(again.wrench(twists), surface.wrench(twists), rtol=1e-9)
+
+
+def test_surfaces_can_be_sent_to_another_process():
+    import pickle
+
+    rng = np.random.default_rng(0)
+    ideal = sp.IdealLimitSurface(sp.SupportDistribution.ring(0.05, 6), 3.0)
+    twists = rng.normal(size=(30, 3)) * (1, 1, 20)
+    fitted = sp.fit_limit_surface(ideal.wrench(twists), twists).surface
+    for surface in (ideal, fitted):
+        again = pickle.loads(pickle.dumps(surface))
+        np.testing.assert_array_equal(again.wrench(twists), surface.wrench(twists))
+    assert dict(again.provenance) == dict(fitted.provenance)
+    assert dict(again.certificate) == dict(fitted.certificate)

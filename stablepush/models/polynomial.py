@@ -101,6 +101,12 @@ class PolynomialLimitSurface:
         object.__setattr__(self, "_gradient", read_only(gradient_operator(degree) @ a))
         object.__setattr__(self, "_hessian", read_only(hessian_operator(degree) @ a))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # read-only views of mappings cannot be sent to another process
+        certificate = None if self.certificate is None else dict(self.certificate)
+        given = (self.covariance, self.ensemble, dict(self.provenance))
+        return _rebuilt, (self.coefficients, self.degree, self.characteristic_length, self.force_unit, certificate, *given)
+
     @property
     def exponents(self) -> NDArray[np.int64]:
         """Exponents (m, 3) of ``fx``, ``fy`` and ``tau/rho``, in the order of the coefficients."""
@@ -171,3 +177,26 @@ class PolynomialLimitSurface:
 
     def _normalized(self, wrenches: ArrayLike) -> FloatArray:
         return normalize_wrench(check_vectors(wrenches, "wrenches", 3), self.characteristic_length)
+
+
+def _rebuilt(
+    coefficients: FloatArray,
+    degree: int,
+    rho: float,
+    force_unit: str,
+    certificate: Mapping[str, Any] | None,
+    covariance: FloatArray | None,
+    ensemble: FloatArray | None,
+    provenance: Mapping[str, Any],
+) -> PolynomialLimitSurface:
+    """The surface that was sent to this process."""
+    return PolynomialLimitSurface(
+        coefficients,
+        degree,
+        rho,
+        force_unit=force_unit,
+        certificate=certificate,
+        covariance=covariance,
+        ensemble=ensemble,
+        provenance=provenance,
+    )
