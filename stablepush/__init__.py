@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from stablepush.all_pressure import WorstPressure, all_pressure_region, worst_pressure
     from stablepush.check import CheckReport, check_plan
+    from stablepush.commands import Command, contact_push, poke, random_pushes, read_commands
     from stablepush.comparison import RegionPlan, certified_share, compare_regions
     from stablepush.conservative import lynch_mason_region
     from stablepush.contact import PushContact, WrenchCone
@@ -60,7 +61,7 @@ if TYPE_CHECKING:
     from stablepush.sliding import EigenDirections, Slide, eigen_directions, simulate_free_sliding, sliding_basins
     from stablepush.support import SupportDistribution
     from stablepush.trajectory import Trajectory, load_trajectory, sample_plan, save_trajectory
-    from stablepush.virtual_rig import Command, Execution, VirtualRig, execute_batch, random_pushes
+    from stablepush.virtual_rig import Execution, VirtualRig, execute_batch
 
 __version__ = "0.1.0"
 
@@ -68,6 +69,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "all_pressure": ("WorstPressure", "all_pressure_region", "worst_pressure"),
     "check": ("CheckReport", "check_plan"),
+    "commands": ("Command", "contact_push", "poke", "random_pushes", "read_commands"),
     "comparison": ("RegionPlan", "certified_share", "compare_regions"),
     "conservative": ("lynch_mason_region",),
     "contact": ("PushContact", "WrenchCone"),
@@ -107,7 +109,7 @@ _HOMES = {
     "slider": ("Slider",),
     "sliding": ("EigenDirections", "Slide", "eigen_directions", "simulate_free_sliding", "sliding_basins"),
     "support": ("SupportDistribution",),
-    "virtual_rig": ("Command", "Execution", "VirtualRig", "execute_batch", "random_pushes"),
+    "virtual_rig": ("Execution", "VirtualRig", "execute_batch"),
     "trajectory": ("Trajectory", "load_trajectory", "sample_plan", "save_trajectory"),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
@@ -168,6 +170,7 @@ __all__ = [
     "chance_region",
     "check_plan",
     "compare_regions",
+    "contact_push",
     "diagnose",
     "eigen_directions",
     "ellipsoid_from_pressure",
@@ -190,6 +193,7 @@ __all__ = [
     "plan",
     "plan_commands",
     "planner_names",
+    "poke",
     "poke_candidates",
     "poke_outcome",
     "probability_map",
@@ -197,6 +201,7 @@ __all__ = [
     "random_pushes",
     "rank_contacts",
     "rank_pokes",
+    "read_commands",
     "read_pushlog",
     "sample_plan",
     "save_model",

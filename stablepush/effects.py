@@ -25,7 +25,8 @@ class Parameter:
     """One parameter of an effect.
 
     ``size`` numbers; ``nominal`` value of each (None: that of the rig), and the range ``low`` to ``high`` in which rigs are
-    found; ``least``: values below make no sense.
+    found; ``least`` and ``most``: values beyond make no sense; ``above``: nor does ``least`` itself; ``whole``: only whole
+    numbers do.
     """
 
     name: str
@@ -35,7 +36,18 @@ class Parameter:
     high: float
     size: int = 1
     least: float = -LARGEST_MAGNITUDE
+    most: float = LARGEST_MAGNITUDE
     above: bool = False
+    whole: bool = False
+
+    def check(self, value: float) -> None:
+        """Refuse a value that makes no sense."""
+        low = value <= self.least if self.above else value < self.least
+        if math.isfinite(value) and not low and value <= self.most and (float(value).is_integer() or not self.whole):
+            return
+        floor = "" if self.least <= -LARGEST_MAGNITUDE else f" {'>' if self.above else '>='} {self.least:g}"
+        kind = "whole number" if self.whole else "number"
+        raise InputError(f"{self.name}: expected a {kind}{floor} of at most {self.most:g}, got {value:g}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +107,10 @@ def _kinds() -> tuple[EffectKind, ...]:
             (Parameter("scale", "1", 1.0, 0.7, 1.4, least=0.0, above=True),),
         ),
         EffectKind(
-            "tilt", "the table is not level", "support", (Parameter("slope", "rad in W", 0.0, -0.05, 0.05, 2, least=-0.5),)
+            "tilt",
+            "the table is not level",
+            "support",
+            (Parameter("slope", "rad in W", 0.0, -0.05, 0.05, 2, least=-0.5, most=0.5),),
         ),
         EffectKind("inertia", "the push is not quasi-static", "inertia", (Parameter("mass", "kg", 0.0, 0.0, 3.0, least=0.0),)),
         EffectKind(
@@ -138,7 +153,10 @@ def _kinds() -> tuple[EffectKind, ...]:
             "model-capacity",
             "the nominal surface cannot take the measured shape",
             "support",
-            (Parameter("facets", "support points", None, 3.0, 8.0, least=2.0),),
+            (
+                Parameter("facets", "support points", None, 3.0, 8.0, least=3.0, most=1000.0, whole=True),
+                Parameter("degree", "degree of the polynomial", None, 2.0, 6.0, least=2.0, most=6.0, whole=True),
+            ),
         ),
     )
 
@@ -164,17 +182,17 @@ class Effect:
             if name not in known:
                 raise InputError(f"effect {id}: expected the parameters {', '.join(known)}, got {name!r}")
             parameter = known[name]
-            numbers = tuple(float(x) for x in (given if isinstance(given, Iterable) else (given,)))
+            try:
+                numbers = tuple(float(x) for x in (given if isinstance(given, Iterable) else (given,)))
+            except (TypeError, ValueError):
+                raise InputError(f"effect {id}: {name}: expected {parameter.size} number(s), got {given!r}") from None
             if len(numbers) != parameter.size:
                 raise InputError(f"effect {id}: {name}: expected {parameter.size} number(s), got {len(numbers)}")
             for value in numbers:
-                low = value <= parameter.least if parameter.above else value < parameter.least
-                if not math.isfinite(value) or abs(value) > LARGEST_MAGNITUDE or low:
-                    sign = ">" if parameter.above else ">="
-                    floor = "" if parameter.least <= -LARGEST_MAGNITUDE else f" {sign} {parameter.least:g}"
-                    raise InputError(
-                        f"effect {id}: {name}: expected a number{floor} of at most {LARGEST_MAGNITUDE:g}, got {value:g}"
-                    )
+                try:
+                    parameter.check(value)
+                except InputError as error:
+                    raise InputError(f"effect {id}: {error}") from None
             checked[name] = numbers
         object.__setattr__(self, "id", id)
         object.__setattr__(self, "values", MappingProxyType(checked))

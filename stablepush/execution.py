@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -10,14 +9,13 @@ import numpy as np
 import shapely
 
 from stablepush._arrays import FloatArray, check_number
+from stablepush.commands import Command, contact_push
 from stablepush.errors import InputError
 from stablepush.path import PlanResult
-from stablepush.planar import transport_twist
 from stablepush.planning import plan, planner_names
 from stablepush.problem import PlanningProblem
-from stablepush.pushing import Pusher
-from stablepush.se2 import compose, inverse, transform_points
-from stablepush.virtual_rig import Command, Execution, VirtualRig
+from stablepush.se2 import transform_points
+from stablepush.virtual_rig import Execution, VirtualRig
 
 #: Contact points farther (m) from the outline than this are none.
 _OFF_OUTLINE = 1e-4
@@ -28,26 +26,18 @@ def plan_commands(problem: PlanningProblem, result: PlanResult, radius: float) -
 
     ``radius`` (m) of the fingers; their centres stay behind the contact points by it.
     """
-    commands: list[Command] = []
-    for push in result.pushes:
-        contact = problem.contacts[push.contact]
-        pusher = Pusher.of_contact(contact, radius)
-        docked = pusher.docked(contact)
-        twist = transport_twist(push.twist, inverse(docked))
-        turning = abs(push.twist[2]) > 1e-9
-        commands.append(
-            Command(
-                place=compose(push.start, docked),
-                motion=[(twist, push.duration)],
-                start=problem.start if not commands else None,
-                speed=float(problem.push_speed(push.twist)),
-                cor=np.array((-push.twist[1], push.twist[0])) / push.twist[2] if turning else None,
-                sense=float(np.sign(push.twist[2])) if turning else math.nan,
-                angle=float(push.twist[2] * push.duration),
-                pusher=pusher,
-            )
+    return [
+        contact_push(
+            problem.contacts[push.contact],
+            push.twist,
+            push.duration,
+            radius=radius,
+            pose=push.start,
+            put=number == 0,
+            speed=float(problem.push_speed(push.twist)),
         )
-    return commands
+        for number, push in enumerate(result.pushes)
+    ]
 
 
 def execute_plan(
@@ -118,7 +108,21 @@ def replace_start(problem: PlanningProblem, start: FloatArray) -> PlanningProble
     )  # fmt: skip
 
 
+def require_contacts(problem: PlanningProblem) -> None:
+    """Refuse contacts that the rig cannot push with: more than two points, or points away from the outline."""
+    outline = shapely.LinearRing(problem.slider.vertices)
+    for number, contact in enumerate(problem.contacts):
+        if len(contact.points) > 2:
+            raise InputError(f"contacts[{number}]: expected one or two points to simulate, got {len(contact.points)}")
+        away = shapely.distance(outline, shapely.points(contact.points))
+        if away.max() > _OFF_OUTLINE:
+            raise InputError(
+                f"contacts[{number}].points: expected points on the slider's outline, one is {1000 * away.max():.3g} mm away"
+            )
+
+
 def _require_plan(problem: PlanningProblem, result: PlanResult) -> None:
+    require_contacts(problem)
     if not result.solved or not result.pushes:
         raise InputError(f"plan: expected a solved plan with pushes, its status is {result.status}")
     for number, push in enumerate(result.pushes):
@@ -126,12 +130,3 @@ def _require_plan(problem: PlanningProblem, result: PlanResult) -> None:
             raise InputError(f"plan: segments: push {number + 1}: expected a duration > 0 s and a twist that is not zero")
         if not 0 <= push.contact < len(problem.contacts):
             raise InputError(f"plan: expected contacts from 0 to {len(problem.contacts) - 1}, got {push.contact}")
-        contact = problem.contacts[push.contact]
-        if len(contact.points) > 2:
-            raise InputError(f"contacts[{push.contact}]: expected one or two points to simulate, got {len(contact.points)}")
-        away = shapely.distance(shapely.LinearRing(problem.slider.vertices), shapely.points(contact.points))
-        if away.max() > _OFF_OUTLINE:
-            raise InputError(
-                f"contacts[{push.contact}].points: expected points on the slider's outline, "
-                f"one is {1000 * away.max():.3g} mm away from it"
-            )

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 
 from stablepush._arrays import BoolArray, FloatArray, check_array, check_number, read_only
@@ -29,12 +30,15 @@ from stablepush.contact import PushContact
 from stablepush.errors import ConvergenceError, InputError
 from stablepush.models import IdealLimitSurface, LimitSurface, PolynomialLimitSurface
 from stablepush.planar import point_velocity
+from stablepush.se2 import compose, inverse, transform_points
 from stablepush.slider import Slider
 
 #: Names of the modes of a contact, by number. Left: the slider slips to the left of the inward normal, seen from the pusher.
 MODES = ("open", "sticking", "left", "right")
 #: Radius (m) of a finger that is said to have none: it rounds corners.
 _POINT = 1e-6
+#: How deep (m) a finger without a radius may be in the slider: contacts are kept that deep.
+_POINT_DEPTH = 2e-4
 #: Steps that a push may have.
 _MOST_STEPS = 20_000_000
 
@@ -264,22 +268,21 @@ def push_twist(
     pose : array-like, shape (3,)
         Of B in W; it counts where friction depends on place or direction.
     """
-    from stablepush import _pushing
+    from stablepush import _contact_law
     from stablepush._table import Motion
 
     table = _friction(friction).compiled()
     pushed = check_array(pusher_twist, "pusher_twist", (3,))
     x, y, theta = check_array(pose, "pose", (3,))
     count = len(contact.points)
-    if count > _pushing.MOST_CONTACTS:
-        raise InputError(f"contact.points: expected at most {_pushing.MOST_CONTACTS}, got {count}")
-    touch = _touch(_pushing.MOST_CONTACTS)
+    if count > _contact_law.MOST_CONTACTS:
+        raise InputError(f"contact.points: expected at most {_contact_law.MOST_CONTACTS}, got {count}")
+    touch, answer, work = _contact_law.new_touch(), _contact_law.new_answer(), _contact_law.new_work()
     touch.number[0] = count
     touch.point[:count], touch.normal[:count] = contact.points, contact.normals
     touch.velocity[:count] = point_velocity(pushed, contact.points)
-    answer, work = _rooms(_pushing.MOST_CONTACTS)
     at = Motion(x, y, math.cos(theta), math.sin(theta), 0.0, 0.0, 0.0, 1.0)
-    _pushing.respond(table, at, touch, np.array(pushed), contact.mu, table.rho, 1.0, True, answer, work)
+    _contact_law.respond(table, at, touch, np.array(pushed), contact.mu, table.rho, 1.0, True, answer, work)
     modes = [MODES[m] for m in answer.mode[:count]]
     return PushAnswer(answer.twist, answer.load, answer.force[:count].copy(), modes, int(answer.found[0]))
 
@@ -318,12 +321,13 @@ def simulate_push(
     scale : float
         Friction over its nominal value.
     """
-    from stablepush import _pushing
+    from stablepush import _contact_law, _pushing
 
     table = _friction(friction).compiled(check_number(scale, "scale", above=0.0))
     begin, docked = check_array(start, "start", (3,)), check_array(place, "place", (3,))
-    twists = np.array([check_array(v, "motion", (3,)) for v, _ in motion]).reshape(-1, 3)
-    durations = np.array([check_number(d, "motion", at_least=0.0) for _, d in motion])
+    pieces = _pieces(motion)
+    twists = np.array([twist for twist, _ in pieces]).reshape(-1, 3)
+    durations = np.array([duration for _, duration in pieces])
     kept = durations > 0
     twists, durations = twists[kept], durations[kept]
     way = check_number(step, "step", above=0.0)
@@ -341,27 +345,35 @@ def simulate_push(
     modes, times, jams = np.zeros((total, 2), dtype=np.int64), np.zeros(total), np.zeros(total, dtype=np.bool_)
     outline, length = np.array(slider.vertices), float(table.rho)
     friction_mu = check_number(mu, "mu", at_least=0.0)
+    _require_outside(slider, pusher, begin, docked)
     _pushing.run(
         table, outline, body, friction_mu, np.array(begin), np.array(docked), np.ascontiguousarray(twists), durations, counts,
         length, poses, pushers, moves, loads, points, modes, forces, times, jams,
+        _contact_law.new_touch(), _contact_law.new_touch(), _contact_law.new_answer(), _contact_law.new_work(),
     )  # fmt: skip
     return PushTrace(np.concatenate(((0.0,), times)), poses, pushers, moves, loads, points, modes, forces, jams)
 
 
+def _pieces(motion: Sequence[tuple[ArrayLike, float]]) -> list[tuple[FloatArray, float]]:
+    try:
+        pairs = [(twist, duration) for twist, duration in motion]
+    except (TypeError, ValueError):
+        raise InputError("motion: expected pairs of a twist (3,) and a duration in s") from None
+    return [(check_array(v, "motion", (3,)), check_number(d, "motion", at_least=0.0)) for v, d in pairs]
+
+
+def _require_outside(slider: Slider, pusher: Pusher, start: FloatArray, place: FloatArray) -> None:
+    """Refuse fingers whose centres lie in the slider: the contact law would let them pass through it."""
+    if pusher.flat:
+        return
+    centers = transform_points(compose(inverse(start), place), pusher.fingers)
+    inside = shapely.contains_xy(shapely.Polygon(slider.vertices), *centers.T)
+    if not inside.any():
+        return
+    depth = float((inside * shapely.distance(shapely.LinearRing(slider.vertices), shapely.points(centers))).max())
+    if depth > max(0.0, _POINT_DEPTH - pusher.radius):
+        raise InputError(f"place: expected fingers outside of the slider, one has its centre {1000 * depth:.3g} mm inside")
+
+
 def _friction(friction: TableFriction | LimitSurface) -> TableFriction:
     return friction if isinstance(friction, TableFriction) else TableFriction(friction)
-
-
-def _touch(room: int):  # type: ignore[no-untyped-def]
-    from stablepush._pushing import Touch
-
-    count, finger = np.zeros(1, dtype=np.int64), np.zeros(room, dtype=np.int64)
-    return Touch(count, np.zeros((room, 2)), np.zeros((room, 2)), np.zeros(room), np.zeros((room, 2)), finger)
-
-
-def _rooms(room: int):  # type: ignore[no-untyped-def]
-    from stablepush._pushing import Answer, Work
-
-    modes, found = np.zeros(room, dtype=np.int64), np.zeros(1, dtype=np.int64)
-    answer = Answer(np.zeros(3), np.zeros(3), np.zeros((room, 2)), modes, found)
-    return answer, Work(np.zeros(3), np.zeros(3), np.zeros((room, 2)), np.zeros((2, 3)))

@@ -16,7 +16,7 @@ from stablepush.path import PlanResult, Push
 from stablepush.planar import cor_from_twist
 from stablepush.problem import PlanningProblem
 from stablepush.pushing import Pusher, PushTrace
-from stablepush.se2 import transform_points
+from stablepush.se2 import compose, exp, transform_points
 from stablepush.slider import Slider
 from stablepush.sliding import Slide
 from stablepush.trajectory import pusher_on_the_way
@@ -25,6 +25,10 @@ from stablepush.trajectory import pusher_on_the_way
 _TRANSFER_POSES = 121
 #: Rows of a motion that a page has, at most.
 _MOTION_ROWS = 601
+#: Places that the page has for a planned push.
+_PUSH_PLACES = 21
+#: Rows that each push of several has, at least.
+_FEWEST_ROWS = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,34 +55,64 @@ def report_html(title: str, lead: str, sections: Sequence[Section]) -> str:
 
 def plan_html(problem: PlanningProblem, result: PlanResult, title: str = "Plan of stable pushes") -> str:
     """Return the animation of a plan as one HTML page that needs no network."""
-    data = json.dumps(_plan_data(problem, result), allow_nan=False)
-    # inside a script element only these could end it or open a comment
-    return _render("plan.html", title=title, data=data.replace("<", "\\u003c"))
+    key = "Blue crosses are counter-clockwise rotation centres, orange ones clockwise."
+    label = "The slider and its pusher among obstacles"
+    return _render("plan.html", title=title, label=label, key=key, data=_script(_plan_data(problem, result)))
 
 
 def push_html(slider: Slider, pusher: Pusher, trace: PushTrace, title: str = "A push") -> str:
     """Return the animation of a simulated push as one HTML page that needs no network: poses, modes, rotation centres."""
-    rows = np.unique(np.linspace(0, len(trace.t) - 1, _MOTION_ROWS).round().astype(int))
-    moves = np.minimum(rows, len(trace.twists) - 1)
-    entries = _motion_rows(slider, trace.t[rows], trace.poses[rows], trace.twists[moves])
-    for entry, row, move in zip(entries, rows, moves, strict=True):
-        entry["pusher"], entry["modes"] = trace.pushers[row].tolist(), trace.modes[move].tolist()
-    places = transform_points(trace.pushers, pusher.fingers).reshape(-1, 2)
-    return _motion_page(slider, entries, pusher.fingers.tolist(), pusher.radius, pusher.flat, places, title)
+    return _motion_page(slider, _push_rows(slider, pusher, trace, _MOTION_ROWS), title)
+
+
+def execution_html(
+    problem: PlanningProblem,
+    pushers: Sequence[Pusher],
+    traces: Sequence[PushTrace],
+    result: PlanResult | None = None,
+    title: str = "Pushes on a simulated rig",
+) -> str:
+    """Return the animation of pushes carried out one after the other, in the scene of a problem.
+
+    ``pushers`` and ``traces``: of each push; ``result``: the plan that was followed.
+    """
+    rows: list[dict[str, Any]] = []
+    share = max(_FEWEST_ROWS, 4 * _MOTION_ROWS // max(1, len(traces)))
+    begin = 0.0
+    for number, (pusher, trace) in enumerate(zip(pushers, traces, strict=True)):
+        for entry in _push_rows(problem.slider, pusher, trace, share):
+            rows.append({**entry, "t": begin + entry["t"], "push": number})
+        begin = rows[-1]["t"]
+    return _motion_page(problem.slider, rows, title, problem, result)
 
 
 def slide_html(slider: Slider, slide: Slide, title: str = "A free slide") -> str:
     """Return the animation of a free slide as one HTML page that needs no network."""
-    rows = np.unique(np.linspace(0, len(slide.t) - 1, _MOTION_ROWS).round().astype(int))
     twists = np.concatenate((slide.twists[:-1], slide.direction[None]))
-    entries = _motion_rows(slider, slide.t[rows], slide.poses[rows], twists[rows])
-    return _motion_page(slider, entries, [], 0.0, False, np.zeros((0, 2)), title)
+    chosen = _spread(len(slide.t), _MOTION_ROWS)
+    return _motion_page(slider, _motion_rows(slider, slide.t[chosen], slide.poses[chosen], twists[chosen]), title)
+
+
+def _spread(count: int, most: int) -> np.ndarray:
+    """Rows spread evenly over ``count``, first and last among them."""
+    return np.unique(np.linspace(0, count - 1, most).round().astype(int))
+
+
+def _push_rows(slider: Slider, pusher: Pusher, trace: PushTrace, most: int) -> list[dict[str, Any]]:
+    chosen = _spread(len(trace.t), most)
+    # what happens from a pose on; the last one keeps what happened before it
+    moves = np.minimum(chosen, len(trace.twists) - 1)
+    entries = _motion_rows(slider, trace.t[chosen], trace.poses[chosen], trace.twists[moves])
+    for entry, row, move in zip(entries, chosen, moves, strict=True):
+        entry["fingers"] = transform_points(trace.pushers[row], pusher.fingers).tolist()
+        entry["modes"], entry["flat"], entry["radius"] = trace.modes[move].tolist(), pusher.flat, pusher.radius
+    return entries
 
 
 def _motion_rows(slider: Slider, t: FloatArray, poses: FloatArray, twists: FloatArray) -> list[dict[str, Any]]:
     entries: list[dict[str, Any]] = []
     for now, pose, twist in zip(t, poses, twists, strict=True):
-        entry: dict[str, Any] = {"t": float(now), "pose": pose.tolist()}
+        entry: dict[str, Any] = {"t": float(now), "pose": pose.tolist(), "push": 0}
         # centres far away would only squeeze the picture
         if abs(twist[2]) * 3 * slider.radius > np.hypot(twist[0], twist[1]):
             center, _ = cor_from_twist(twist)
@@ -90,26 +124,47 @@ def _motion_rows(slider: Slider, t: FloatArray, poses: FloatArray, twists: Float
 def _motion_page(
     slider: Slider,
     rows: list[dict[str, Any]],
-    fingers: list[list[float]],
-    radius: float,
-    flat: bool,
-    places: FloatArray,
     title: str,
+    problem: PlanningProblem | None = None,
+    result: PlanResult | None = None,
 ) -> str:
-    outlines = transform_points(np.array([row["pose"] for row in rows]), slider.vertices).reshape(-1, 2)
-    points = np.concatenate((outlines, places))
-    low, high = points.min(axis=0), points.max(axis=0)
+    corners = transform_points(np.array([row["pose"] for row in rows]), slider.vertices).reshape(-1, 2)
+    obstacles = [] if problem is None else list(problem.obstacles)
+    bounds = None if problem is None or problem.bounds is None else problem.bounds
+    fingers = [np.array(row["fingers"]) for row in rows if "fingers" in row]
+    points = np.concatenate([corners, *fingers, *obstacles, *([] if bounds is None else [bounds.reshape(2, 2)])])
     room = 0.3 * slider.radius
     data = {
         "slider": slider.vertices.tolist(),
-        "fingers": fingers,
-        "radius": radius,
-        "flat": flat,
-        "frame": [*(low - room).tolist(), *(high + room).tolist()],
+        "radius": max((row["radius"] for row in rows if "radius" in row), default=0.0),
+        "frame": [*(points.min(axis=0) - room).tolist(), *(points.max(axis=0) + room).tolist()],
+        "bounds": None if bounds is None else bounds.tolist(),
+        "obstacles": [o.tolist() for o in obstacles],
+        "first": rows[0]["pose"],
+        "last": rows[-1]["pose"] if problem is None or result is None else problem.goal.tolist(),
+        "planned": [] if result is None else _planned_way(result),
+        "pushes": 1 + rows[-1]["push"],
         "rows": rows,
     }
-    text = json.dumps(data, allow_nan=False).replace("<", "\\u003c")
-    return _render("motion.html", title=title, data=text)
+    key = "Line: way of the centre of mass; dotted: rotation centre."
+    if fingers:
+        key += " Fingers: green sticks, orange slips, grey is open."
+    if result is not None:
+        key += " Dashed: the plan and its goal."
+    label = "The slider as it moves over the table"
+    return _render("motion.html", title=title, label=label, key=key, data=_script(data))
+
+
+def _planned_way(result: PlanResult) -> list[list[float]]:
+    """Places of the body origin along the pushes of a plan."""
+    times = np.linspace(0.0, 1.0, _PUSH_PLACES)[:, None]
+    ways = [compose(push.start, exp(times * push.duration * push.twist))[:, :2] for push in result.pushes]
+    return [place for way in ways for place in way.tolist()]
+
+
+def _script(data: dict[str, Any]) -> str:
+    """JSON for a script element: inside one only "<" could end it or open a comment."""
+    return json.dumps(data, allow_nan=False).replace("<", "\\u003c")
 
 
 def _plan_data(problem: PlanningProblem, result: PlanResult) -> dict[str, Any]:
@@ -143,8 +198,8 @@ def _plan_data(problem: PlanningProblem, result: PlanResult) -> dict[str, Any]:
         "pusher": None if problem.pusher is None else problem.pusher.tolist(),
         "obstacles": [o.tolist() for o in problem.obstacles],
         "bounds": None if problem.bounds is None else problem.bounds.tolist(),
-        "start": problem.start.tolist(),
-        "goal": problem.goal.tolist(),
+        "first": problem.start.tolist(),
+        "last": problem.goal.tolist(),
         "frame": _frame(problem, result).tolist(),
         "segments": segments,
     }

@@ -28,6 +28,8 @@ from stablepush.models import IdealLimitSurface, LimitSurface
 from stablepush.planar import cor_from_twist, unit
 from stablepush.slider import Slider
 
+#: Turns of the body that are followed: each takes some 25 ms.
+_MOST_TURNS = 1000
 #: Speed at which a slide counts as over, of the first speed; what it still travels is the square of that.
 _OVER = 1e-8
 #: Support points this much slower than the slider, in the norm of U, have friction in proportion to their speed.
@@ -115,6 +117,7 @@ class _Body:
     def __init__(self, surface: LimitSurface, slider: Slider, mu: float | None, gravity: float) -> None:
         if slider.mass is None or slider.mass <= 0:
             raise InputError("slider.mass: expected a mass > 0 in kg, which free sliding needs")
+        check_number(gravity, "gravity", above=0.0)
         self.surface, self.mass = surface, slider.mass
         self.inertia = slider.mass * slider.radius_of_gyration**2
         self.roots = np.sqrt((self.mass, self.mass, self.inertia))
@@ -122,7 +125,7 @@ class _Body:
         if surface.force_unit == "mu*N":
             if mu is None:
                 raise InputError("mu: expected the friction of the support, since the forces of the model are in units of mu*N")
-            self.load = check_number(mu, "mu", at_least=0.0) * self.mass * check_number(gravity, "gravity", above=0.0)
+            self.load = check_number(mu, "mu", at_least=0.0) * self.mass * gravity
         self._points = self._loads = np.zeros((0, 2))
         if isinstance(surface, IdealLimitSurface):
             self._points, self._loads = surface.support.points, surface.loads
@@ -221,6 +224,12 @@ def simulate_free_sliding(
     # in units of the first speed and of the time that the largest deceleration takes to stop it
     strongest = float(np.linalg.norm(body.pull(np.concatenate((np.eye(3), scaled[None] / speed))), axis=1).max())
     unit_time = speed / strongest if strongest > 0 else limit
+    turns = abs(float(first[2])) * min(unit_time, limit) / (2 * np.pi)
+    if turns > _MOST_TURNS:
+        raise InputError(
+            f"duration: the body turns some {turns:.0f} times, of which {_MOST_TURNS} can be followed: expected a time in s to "
+            f"cut the slide at, of at most {_MOST_TURNS / turns * min(unit_time, limit):.4g}"
+        )
 
     def rate(_: float, state: FloatArray) -> FloatArray:
         u, shrink = state[:3], np.exp(state[3])

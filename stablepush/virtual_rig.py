@@ -5,79 +5,45 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
-from itertools import pairwise
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
 
 from stablepush._arrays import FloatArray, check_number
+from stablepush._log_book import LogBook
+from stablepush.commands import AWAY, Command
 from stablepush.effects import REFERENCE_SPEED, Effect, principal
 from stablepush.errors import InputError
-from stablepush.logs.pushlog import Noise, PushLog, Rig, freeze
+from stablepush.logs.pushlog import Noise, PushLog, Rig
 from stablepush.models import IdealLimitSurface, LimitSurface
-from stablepush.planar import wrench_from_force
 from stablepush.pushing import Pusher, PushTrace, TableFriction, simulate_push
-from stablepush.se2 import compose, inverse, rotate_vectors, transform_points, wrap_angle
+from stablepush.se2 import compose, inverse, transform_points
 from stablepush.slider import Slider
 from stablepush.support import SupportDistribution
 
-#: Readings whose mean is a row.
-_READINGS = 16
-#: How far (m) the pusher of a campaign is from the slider at first.
-_AWAY = 2e-3
-#: Rest before a push, in s.
-_REST = 0.2
-#: Noise of the moment (N·m per N of force noise), and of the pusher's pose against the slider's.
-_MOMENT, _PUSHER = 0.015, 0.2
-#: An outlier is so many times as far off as the noise.
-_OUTLIER = 10.0
-#: A push was stable if the slider moved no more than this against the pusher, in m and rad, after the first tenth of it.
-_STUCK = (1e-3, 0.02)
 #: Effects that act on points under the slider.
 _ON_POINTS = (
     *("anisotropy-world", "anisotropy-object", "speed-dependence", "spatial-variation"),
-    *("pressure-shift", "pressure-spread", "model-capacity"),
+    *("pressure-shift", "pressure-spread"),
 )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Command:
-    """What a pusher is told to do.
-
-    Attributes
-    ----------
-    place : array, shape (3,)
-        First pose of the pusher's frame in W.
-    motion : sequence of (twist (3,), duration)
-        Of the pusher in its frame: m/s, rad/s; s.
-    start : array, shape (3,), optional
-        Where the slider is put in W; None leaves it where it lies.
-    group : str
-        The same for commands that repeat; blank if none does.
-    speed, cor, sense, angle
-        What is written down: m/s, COR (2,) in B and sense if it turns, angle turned in rad.
-    pusher : Pusher, optional
-        If it differs from the rig's.
-    """
-
-    place: FloatArray
-    motion: Sequence[tuple[FloatArray, float]]
-    start: FloatArray | None = None
-    group: str = ""
-    speed: float = math.nan
-    cor: FloatArray | None = None
-    sense: float = math.nan
-    angle: float = math.nan
-    pusher: Pusher | None = None
+#: Motions whose loads stand for a surface when another kind of surface takes its place.
+_MOTIONS = 200
+#: Fingers deeper (m) in the slider than this start farther back; steps of that way; places looked at along a flat edge.
+_DEEP, _BACK_STEP, _EDGE_PLACES = 1e-6, 2.5e-4, 21
+#: Speed (m/s) of a pusher on its way to a push that does not move.
+_WAY_SPEED = 0.02
+#: Models of the degrees that a support may follow instead of the nominal surface.
+_MODELS = {2: "quadratic", 4: "poly4-cvx", 6: "poly6-cvx"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Execution:
-    """A log, and what really happened in each of its trials."""
+    """A log, and what really happened in each of its trials, with the pusher as it really was."""
 
     log: PushLog
     traces: list[PushTrace]
+    pushers: list[Pusher]
 
     @property
     def final_pose(self) -> FloatArray:
@@ -125,10 +91,13 @@ class VirtualRig:
     gravity: float = 9.81
     step: float = 2.5e-4
     _by_id: dict[str, Effect] = field(init=False, repr=False)
+    _friction: TableFriction = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         by_id: dict[str, Effect] = {}
         for effect in self.effects:
+            if not isinstance(effect, Effect):
+                raise InputError(f"effects: expected effects, as of parse_effect, got {effect!r}")
             if effect.id in by_id:
                 raise InputError(f"effects: expected every effect once, {effect.id} is given twice")
             by_id[effect.id] = effect
@@ -136,19 +105,52 @@ class VirtualRig:
         if check_number(self.outliers, "outliers", at_least=0.0) > 1:
             raise InputError(f"outliers: expected a share from 0 to 1, got {self.outliers:g}")
         check_number(self.scatter, "scatter", at_least=0.0)
+        check_number(self.mu, "mu", at_least=0.0)
+        check_number(self.gravity, "gravity", above=0.0)
+        check_number(self.step, "step", above=0.0)
+        if self.support_friction is not None:
+            check_number(self.support_friction, "support_friction", above=0.0)
         if self.surface.force_unit == "mu*N" and (self.support_friction is None or not self.slider.mass):
             raise InputError(
                 "surface: its forces are in units of mu*N: expected the friction of the support and the slider's mass"
             )
-        if "tilt" in by_id and not self.slider.mass:
-            raise InputError("effect tilt: expected a slider with a mass")
+        if "tilt" in by_id:
+            self._require_rest()
+        object.__setattr__(self, "_friction", self._make_friction())
 
+    def _require_rest(self) -> None:
+        """Refuse a slope on which the slider would not stay."""
+        pull = self._pull()
+        if not self.slider.mass:
+            raise InputError("effect tilt: expected a slider with a mass")
+        angles = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
+        size = float(np.hypot(*pull)) / self._load()
+        loads = size * np.stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))), axis=-1)
+        if float(np.max(self.surface.value(loads))) >= 1.0:
+            raise InputError(
+                f"effect tilt: slope: expected one on which friction holds the slider, it pulls with {np.hypot(*pull):.4g} N"
+            )
+
+    def _load(self) -> float:
+        """Newtons in the unit of the surface's forces."""
+        if self.surface.force_unit != "mu*N":
+            return 1.0
+        return float(self.support_friction or 0.0) * float(self.slider.mass or 0.0) * self.gravity
+
+    def _pull(self) -> FloatArray:
+        """Force (2,) in N in W that a slope of the table makes."""
+        if "tilt" not in self._by_id:
+            return np.zeros(2)
+        return float(self.slider.mass or 0.0) * self.gravity * np.array(self._by_id["tilt"].vector("slope"))
+
+    @property
     def friction(self) -> TableFriction:
-        """Return the friction of the table with all effects of the support and of inertia."""
-        by_id, surface = self._by_id, self.surface
-        load = 1.0
-        if surface.force_unit == "mu*N":
-            load = float(self.support_friction or 0.0) * float(self.slider.mass or 0.0) * self.gravity
+        """Friction of the table with all effects of the support and of inertia."""
+        return self._friction
+
+    def _make_friction(self) -> TableFriction:
+        by_id, load = self._by_id, self._load()
+        surface = self._of_other_shape(load)
         points: IdealLimitSurface | None = None
         changed: IdealLimitSurface | None = None
         if isinstance(surface, IdealLimitSurface):
@@ -162,9 +164,6 @@ class VirtualRig:
                 tables[i] = principal(by_id[id].number("ratio") or 1.0, by_id[id].number("direction") or 0.0)
         slope = by_id["speed-dependence"].number("slope") if "speed-dependence" in by_id else 0.0
         gradient = by_id["spatial-variation"].vector("gradient") if "spatial-variation" in by_id else (0.0, 0.0)
-        pull = np.zeros(2)
-        if "tilt" in by_id:
-            pull = float(self.slider.mass or 0.0) * self.gravity * np.array(by_id["tilt"].vector("slope"))
         mass = (by_id["inertia"].number("mass") or 0.0) if "inertia" in by_id else 0.0
         inertia = (mass, mass * self.slider.radius_of_gyration**2)
         return TableFriction(
@@ -177,28 +176,53 @@ class VirtualRig:
             gradient or (0.0, 0.0),
             slope or 0.0,
             REFERENCE_SPEED,
-            pull,
+            self._pull(),
             inertia,
         )
 
+    def _of_other_shape(self, load: float) -> LimitSurface:
+        """The nominal surface, or the one of another kind that comes nearest to it: a few support points, or a polynomial."""
+        if "model-capacity" not in self._by_id:
+            return self.surface
+        effect = self._by_id["model-capacity"]
+        facets, degree = effect.number("facets"), effect.number("degree")
+        if (facets is None) == (degree is None):
+            raise InputError("effect model-capacity: expected either facets or degree")
+        if degree is not None:
+            if degree not in _MODELS:
+                raise InputError(f"effect model-capacity: degree: expected one of {', '.join(map(str, _MODELS))}, got {degree:g}")
+            from stablepush.identify import fit_limit_surface
+
+            loads, twists = _samples(self.surface, load)
+            rho = self.surface.characteristic_length
+            return fit_limit_surface(loads, twists, model=_MODELS[int(degree)], characteristic_length=rho).surface
+        ideal = self.surface if isinstance(self.surface, IdealLimitSurface) else _as_points(self.surface, self.slider, load)
+        # as many even feet on a circle, about the same centre, as far from it on average
+        count = int(facets or 0)
+        points, weights = ideal.support.points, ideal.support.weights
+        angles = 2 * np.pi * (np.arange(count) + 0.25) / count
+        radius = math.sqrt(float(weights @ ((points - ideal.support.center) ** 2).sum(axis=1) / weights.sum()))
+        feet = ideal.support.center + radius * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+        return IdealLimitSurface(
+            SupportDistribution(feet, np.ones(count)), ideal.friction_load, self.surface.characteristic_length
+        )
+
     def _moved_pressure(self, surface: IdealLimitSurface) -> IdealLimitSurface:
-        """The support with its pressure moved, spread, or on few points."""
+        """The support with its pressure moved or spread."""
         by_id, support = self._by_id, surface.support
-        points, weights = support.points, support.weights
-        if "model-capacity" in by_id:
-            facets = by_id["model-capacity"].number("facets") or 3
-            angles = 2 * np.pi * (np.arange(round(facets)) + 0.25) / round(facets)
-            radius = math.sqrt(float(weights @ ((points - support.center) ** 2).sum(axis=1)))
-            points = support.center + radius * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
-            weights = np.ones(len(points))
-        center = weights @ points / weights.sum()
+        points, center = support.points, support.center
         if "pressure-spread" in by_id:
             points = center + (by_id["pressure-spread"].number("scale") or 1.0) * (points - center)
         if "pressure-shift" in by_id:
-            points = points + np.array(by_id["pressure-shift"].vector("offset"))
+            offset = np.array(by_id["pressure-shift"].vector("offset"))
+            points = points + offset
+            if not shapely.Polygon(self.slider.vertices).convex_hull.contains(shapely.Point(center + offset)):
+                raise InputError("effect pressure-shift: offset: expected a centre of pressure that stays under the slider")
         if points is support.points:
             return surface
-        return IdealLimitSurface(SupportDistribution(points, weights), surface.friction_load, surface.characteristic_length)
+        return IdealLimitSurface(
+            SupportDistribution(points, support.weights), surface.friction_load, surface.characteristic_length
+        )
 
     def session(self, *, rows: int = 7, seed: int = 0, trials: int | None = None) -> Session:
         """Begin a log: commands are carried out one by one. ``trials``: how many there will be, over which friction drifts."""
@@ -227,10 +251,12 @@ class Session:
 
     def __init__(self, rig: VirtualRig, rows: int, seed: int, trials: int | None) -> None:
         self._rig, self._rng = rig, np.random.default_rng(seed)
-        self._book = _LogBook(rig, self._rng, rows)
-        self._friction = rig.friction()
+        self._book = _log_book(rig, self._rng, rows)
+        self._friction = rig.friction
         self._traces: list[PushTrace] = []
+        self._pushers: list[Pusher] = []
         self._last = max(1, (100 if trials is None else trials) - 1)
+        self._two = True
         by_id = rig._by_id
         mu = by_id["contact-friction"].number("mu") if "contact-friction" in by_id else None
         radius = by_id["contact-geometry"].number("radius") if "contact-geometry" in by_id else None
@@ -238,162 +264,92 @@ class Session:
         self._drift = (by_id["drift"].number("rate") or 0.0) if "drift" in by_id else 0.0
 
     def push(self, command: Command) -> PushTrace:
-        """Carry out one command."""
-        nominal = command.pusher or self._rig.pusher
+        """Carry out one command.
+
+        Where the pusher would start inside the slider, which is not where the command expects it, it comes from farther back
+        along its own x axis instead.
+        """
+        rig = self._rig
+        nominal = command.pusher or rig.pusher
         pusher = nominal if self._radius is None else Pusher(nominal.fingers, self._radius, nominal.flat)
         start = command.start
         if start is None:
             if not self._traces:
                 raise InputError("commands: expected the first one to say where the slider starts")
             start = self._traces[-1].poses[-1]
+        place, motion = _from_outside(rig.slider, start, pusher, command)
         done = len(self._traces)
-        scale = (1 + self._drift * done / self._last) * math.exp(self._rig.scatter * float(self._rng.normal()))
+        scale = (1 + self._drift * done / self._last) * math.exp(rig.scatter * float(self._rng.normal()))
         trace = simulate_push(
-            self._friction,
-            self._rig.slider,
-            pusher,
-            self._mu,
-            start,
-            command.place,
-            command.motion,
-            step=self._rig.step,
-            scale=max(scale, 1e-9),
+            self._friction, rig.slider, pusher, self._mu, start, place, motion, step=rig.step, scale=max(scale, 1e-9)
         )
         self._traces.append(trace)
-        self._book.write(str(done + 1), command, trace, nominal)
+        self._pushers.append(pusher)
+        self._two &= len(nominal.fingers) == 2
+        self._book.write(command, trace, nominal)
         return trace
 
     def done(self) -> Execution:
         """Return the log."""
-        return Execution(self._book.log(), self._traces)
+        if not self._traces:
+            raise InputError("commands: expected at least one push")
+        log = self._book.log()
+        kind = "two-point" if self._two else "point"
+        return Execution(PushLog(replace(log.rig, contact_kind=kind), log.trials, log.samples), self._traces, self._pushers)
 
 
-class _LogBook:
-    """Rows as the sensors of a rig see them."""
-
-    def __init__(self, rig: VirtualRig, rng: np.random.Generator, rows: int) -> None:
-        self._rig, self._rng, self._rows = rig, rng, rows
-        self._time = 0.0
-        self._samples: dict[str, list[object]] = {}
-        self._trials: dict[str, list[object]] = {}
-        by_id = rig._by_id
-
-        def of(id: str, name: str, size: int) -> FloatArray:
-            return np.array(by_id[id].vector(name) if id in by_id else (0.0,) * size)
-
-        self._bias, self._angle = of("force-bias", "force", 2), float(of("force-rotation", "angle", 1)[0])
-        self._offset, self._delay = of("frame-offset", "offset", 2), float(of("latency", "delay", 1)[0])
-        self._outline = shapely.LinearRing(rig.slider.vertices)
-
-    def write(self, trial: str, command: Command, trace: PushTrace, pusher: Pusher) -> None:
-        end = float(trace.t[-1])
-        touched = np.flatnonzero((trace.modes > 0).any(axis=1))
-        # rows of the push begin when the fingers have met the slider; before that the pusher is on its way
-        begin = float(trace.t[touched[0] + 1]) if len(touched) and touched[0] > 0 else 0.0
-        edges = np.linspace(begin, end, self._rows + 1)
-        self._row(trial, np.linspace(-_REST, 0, _READINGS + 2)[1:-1], trace, pusher, "rest")
-        if begin > 0:
-            self._row(trial, np.linspace(0, begin, _READINGS + 2)[1:-1], trace, pusher, "approach")
-        for a, b in pairwise(edges):
-            self._row(trial, a + (b - a) * (np.arange(_READINGS) + 0.5) / _READINGS, trace, pusher, "push")
-        cor = (math.nan, math.nan) if command.cor is None else command.cor
-        stable = math.nan if len(pusher.fingers) < 2 else float(_stayed(trace))
-        values = {
-            "trial": trial,
-            "start_time": round(self._time, 6),
-            "group": command.group,
-            "speed": command.speed,
-            "cor_x": float(cor[0]),
-            "cor_y": float(cor[1]),
-            "sense": command.sense,
-            "angle": command.angle,
-            "stable": stable,
-        }
-        for name, value in values.items():
-            self._trials.setdefault(name, []).append(value)
-        self._time += end + _REST + 5.0
-
-    def _row(self, trial: str, times: FloatArray, trace: PushTrace, pusher: Pusher, phase: str) -> None:
-        """One row: the mean of readings at times (s after the push began) of poses, forces and the moment at the pusher."""
-        rig, rng, noise = self._rig, self._rng, self._rig.noise or Noise(0.0, 0.0, 0.0)
-        true, pushers = _at(trace.t, trace.poses, times), _at(trace.t, trace.pushers, times)
-        seen = _at(trace.t, trace.poses, times - self._delay)
-        seen = compose(seen, np.column_stack((np.tile(self._offset, (len(times), 1)), np.zeros(len(times)))))
-        step = np.clip(np.searchsorted(trace.t, times, side="right") - 1, 0, len(trace.wrenches) - 1)
-        loads = np.where((times >= 0)[:, None], trace.wrenches[step], 0.0)
-        force = rotate_vectors(true[:, 2], loads[:, :2])
-        arm = true[:, :2] - pushers[:, :2]
-        moment = float((loads[:, 2] + arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).mean())
-        odd = _OUTLIER if rng.random() < rig.outliers else 1.0
-        measured = rotate_vectors(self._angle, force.mean(axis=0)) + self._bias + noise.force * odd * rng.normal(size=2)
-        moment += _MOMENT * noise.force * odd * float(rng.normal())
-        spread = np.array((noise.position, noise.position, noise.angle))
-        pose = seen.mean(axis=0) + odd * spread * rng.normal(size=3)
-        place = pushers.mean(axis=0) + _PUSHER * spread * rng.normal(size=3)
-        load = np.array((*rotate_vectors(-pose[2], measured), 0.0))
-        load[2] = moment + float(wrench_from_force(place[:2] - pose[:2], measured)[2])
-        touching = np.full((2, 2), math.nan)
-        if phase == "push":
-            touching = self._touching(pose, place, pusher, trace.modes[step])
-        values = dict(zip(("t", "x", "y", "theta"), (float(times.mean()) + _REST, *pose), strict=True))
-        values |= dict(zip(("fx", "fy", "tau"), load, strict=True))
-        values |= dict(zip(("c1x", "c1y", "c2x", "c2y"), touching.ravel(), strict=True))
-        values |= dict(zip(("px", "py", "ptheta"), place, strict=True))
-        self._samples.setdefault("trial", []).append(trial)
-        for name, value in values.items():
-            self._samples.setdefault(name, []).append(float(value))
-        self._samples.setdefault("phase", []).append(phase)
-
-    def _touching(self, pose: FloatArray, place: FloatArray, pusher: Pusher, modes: np.ndarray) -> FloatArray:
-        """Contact points (2, 2) in the tracked frame as a laboratory computes them: where the outline is nearest to each
-        finger."""
-        result = np.full((2, 2), math.nan)
-        centers = transform_points(compose(inverse(pose), place), pusher.fingers)
-        for k, center in enumerate(centers):
-            if 2 * (modes[:, k] > 0).sum() > len(modes):
-                # the tracked frame may not be B: the outline is drawn in it as if it were
-                near = self._outline.interpolate(self._outline.project(shapely.Point(center)))
-                result[k] = near.x, near.y
-        return result
-
-    def log(self) -> PushLog:
-        rig = self._rig
-        mass = rig.slider.mass
-        support = rig.support_friction
-        if support is None and isinstance(rig.surface, IdealLimitSurface) and mass:
-            support = rig.surface.friction_load / (mass * rig.gravity)
-        slider = rig.slider
-        if slider.support is None and isinstance(rig.surface, IdealLimitSurface):
+def _log_book(rig: VirtualRig, rng: np.random.Generator, rows: int) -> LogBook:
+    """A log whose rig is the nominal one, and sensors that err as the rig's do."""
+    support, slider = rig.support_friction, rig.slider
+    if isinstance(rig.surface, IdealLimitSurface):
+        if support is None and slider.mass:
+            support = rig.surface.friction_load / (slider.mass * rig.gravity)
+        if slider.support is None:
             slider = Slider(slider.vertices, slider.mass, rig.surface.support)
-        kind = "two-point" if all(value == value for value in self._trials["stable"]) else "point"  # noqa: PLR0124
-        nominal = Rig(slider, kind, support, rig.mu, rig.gravity, rig.pusher.radius, rig.noise)
-        dropped = {name for name in ("c1x", "c1y", "c2x", "c2y") if not np.isfinite(np.array(self._samples[name], float)).any()}
-        samples = {name: values for name, values in self._samples.items() if name not in dropped}
-        return PushLog(nominal, freeze(self._trials), freeze(samples))
+    nominal = Rig(slider, "point", support, rig.mu, rig.gravity, rig.pusher.radius, rig.noise)
+
+    def of(id: str, name: str, size: int) -> FloatArray:
+        return np.array(rig._by_id[id].vector(name) if id in rig._by_id else (0.0,) * size)
+
+    bias, offset = of("force-bias", "force", 2), of("frame-offset", "offset", 2)
+    angle, delay = float(of("force-rotation", "angle", 1)[0]), float(of("latency", "delay", 1)[0])
+    return LogBook(nominal, rng, rows, rig.noise or Noise(0.0, 0.0, 0.0), rig.outliers, bias, angle, offset, delay)
 
 
-def _at(t: FloatArray, poses: FloatArray, times: FloatArray) -> FloatArray:
-    """Poses (n, 3) at times; the first before the push."""
-    return np.stack([np.interp(times, t, poses[:, k]) for k in range(3)], axis=-1)
+def _from_outside(
+    slider: Slider, start: FloatArray, pusher: Pusher, command: Command
+) -> tuple[FloatArray, Sequence[tuple[FloatArray, float]]]:
+    """First pose of the pusher and its motion: those of the command, or from as far back as it takes to be outside."""
 
+    places = pusher.fingers
+    if pusher.flat:
+        shares = np.linspace(0.0, 1.0, _EDGE_PLACES)[:, None]
+        places = (1 - shares) * places[0] + shares * places[1]
+    ring, face = shapely.LinearRing(slider.vertices), shapely.Polygon(slider.vertices)
 
-def _stayed(trace: PushTrace) -> bool:
-    """Whether the slider kept its place against the pusher, once they had met."""
-    relative = compose(inverse(trace.pushers), trace.poses)
-    touched = np.flatnonzero((trace.modes > 0).any(axis=1))
-    if not len(touched):
-        return False
-    first = touched[0] + (len(relative) - touched[0]) // 10
-    moved = relative[first:] - relative[min(first, len(relative) - 1)]
-    turn = np.abs(wrap_angle(moved[:, 2])).max()
-    return bool(np.hypot(moved[:, 0], moved[:, 1]).max() <= _STUCK[0] and turn <= _STUCK[1])
+    def depth(back: FloatArray) -> FloatArray:
+        """How deep (n,) in m the pusher would be in the slider, so far back (n,)."""
+        behind = np.stack((-back, np.zeros_like(back), np.zeros_like(back)), axis=-1)
+        centers = transform_points(compose(compose(inverse(start), command.place), behind), places)
+        away = shapely.distance(ring, shapely.points(centers))
+        inside = shapely.contains_xy(face, centers[..., 0], centers[..., 1])
+        return np.asarray((pusher.radius + np.where(inside, away, -away)).max(axis=1))
+
+    if depth(np.zeros(1))[0] <= _DEEP or not len(command.motion):
+        return command.place, command.motion
+    reach = 2 * slider.radius + 2 * float(np.abs(pusher.fingers).max()) + pusher.radius
+    back = np.arange(0.0, reach + float(np.hypot(*(command.place[:2] - start[:2]))), _BACK_STEP)
+    inside = np.flatnonzero(depth(back) > 0)
+    clear = float(back[inside[-1]]) + AWAY if len(inside) else AWAY
+    first = np.asarray(command.motion[0][0])
+    x, y = pusher.fingers.T
+    speed = float(np.hypot(first[0] - first[2] * y, first[1] + first[2] * x).max()) or _WAY_SPEED
+    return compose(command.place, (-clear, 0.0, 0.0)), [(np.array((speed, 0.0, 0.0)), clear / speed), *command.motion]
 
 
 def _as_points(surface: LimitSurface, slider: Slider, load: float) -> IdealLimitSurface:
     """Support points that stand for a limit surface: the slider's own, else pressures on a grid that fit it."""
-    rng = np.random.default_rng(0)
-    twists = rng.normal(size=(200, 3)) / (1.0, 1.0, surface.characteristic_length)
-    loads = surface.wrench(twists) * (load if surface.force_unit == "mu*N" else 1.0)
+    loads, twists = _samples(surface, load)
     if slider.support is not None:
         # with the load that explains most of the surface
         one = IdealLimitSurface(slider.support, 1.0, surface.characteristic_length)
@@ -404,6 +360,12 @@ def _as_points(surface: LimitSurface, slider: Slider, load: float) -> IdealLimit
     from stablepush.identify import fit_pressure_grid
 
     return fit_pressure_grid(loads, twists, slider).surface
+
+
+def _samples(surface: LimitSurface, load: float) -> tuple[FloatArray, FloatArray]:
+    """Loads (n, 3) in N and twists of motions in all directions."""
+    twists = np.random.default_rng(0).normal(size=(_MOTIONS, 3)) / (1.0, 1.0, surface.characteristic_length)
+    return surface.wrench(twists) * load, twists
 
 
 def execute_batch(
@@ -435,80 +397,3 @@ def execute_batch(
 def _execute_job(job: tuple[VirtualRig, Sequence[Command], int, int]) -> Execution:
     rig, commands, seed, rows = job
     return rig.execute(commands, rows=rows, seed=seed)
-
-
-def random_pushes(
-    slider: Slider,
-    pusher: Pusher,
-    count: int = 60,
-    *,
-    seed: int = 0,
-    groups: int = 4,
-    repeats: int = 4,
-    speeds: tuple[float, float] = (0.004, 0.06),
-    ways: tuple[float, float] = (0.02, 0.05),
-    turning: float = 0.5,
-    field: float = 0.3,
-) -> list[Command]:
-    """Return a campaign of pushes that tells causes apart: varied faces, places, headings, speeds and poses, in random order.
-
-    Parameters
-    ----------
-    slider, pusher
-    count : int
-        Pushes in all.
-    seed : int
-    groups, repeats : int
-        So many of the commands are made ``repeats`` times each, which tells how far repeats scatter.
-    speeds, ways : tuple of float
-        Ranges of the speed (m/s, evenly in its logarithm) and of the way (m) of the faster finger after it meets the slider.
-    turning : float
-        Share of pushes with two fingers that turn about a centre.
-    field : float
-        Side (m) of the square of the table, about the origin of W, in which the slider is put.
-    """
-    rng = np.random.default_rng(seed)
-    if count < 1 or groups < 0 or repeats < 1 or groups * repeats > count:
-        raise InputError(f"count: expected at least groups * repeats = {groups * repeats} pushes, got {count}")
-    half = float(np.abs(pusher.fingers[:, 1]).max()) + pusher.radius
-    ends = [slider.edge(e) for e in range(len(slider.vertices))]
-    lengths = np.array([float(np.linalg.norm(b - a)) for a, b in ends])
-    room = np.maximum(lengths - 2.2 * half, 0.0)
-    if not room.any():
-        raise InputError("pusher: expected one that fits on an edge of the slider")
-
-    def one(group: str) -> Command:
-        edge = int(rng.choice(len(ends), p=room / room.sum()))
-        start, end = ends[edge]
-        along = (end - start) / lengths[edge]
-        normal = np.array((-along[1], along[0]))
-        middle = start + along * (lengths[edge] / 2 + room[edge] * rng.uniform(-0.5, 0.5))
-        angle = math.atan2(normal[1], normal[0])
-        docked = np.array((*(middle - pusher.radius * normal), angle))
-        pose = np.array((*rng.uniform(-field / 2, field / 2, 2), rng.uniform(-np.pi, np.pi)))
-        speed = float(np.exp(rng.uniform(*np.log(speeds))))
-        way = float(rng.uniform(*ways))
-        heading = float(rng.uniform(-0.5, 0.5))
-        twist, cor, sense = np.array((math.cos(heading), math.sin(heading), 0.0)), None, math.nan
-        if len(pusher.fingers) == 2 and rng.random() < turning:
-            # a centre beside the fingers, seen from them: the push turns as it goes
-            sense = float(rng.choice((-1.0, 1.0)))
-            beside = np.array((rng.uniform(-0.05, 0.05), sense * np.exp(rng.uniform(np.log(0.05), np.log(0.5)))))
-            twist = np.array((sense * beside[1], -sense * beside[0], sense))
-            cor = transform_points(docked, beside[None])[0]
-        x, y = pusher.fingers.T
-        fastest = float(np.hypot(twist[0] - twist[2] * y, twist[1] + twist[2] * x).max())
-        twist = twist * (speed / fastest)
-        time = way / speed
-        # from two millimetres away straight to the face, then up to speed in four parts, then on
-        pieces = [(np.array((speed / 4, 0.0, 0.0)), _AWAY / (speed / 4))]
-        pieces += [(twist * share, 0.05 * time / share) for share in (0.25, 0.5, 0.75)]
-        pieces.append((twist, 0.85 * time))
-        turn = float(twist[2]) * time
-        place = compose(compose(pose, docked), (-_AWAY, 0.0, 0.0))
-        return Command(place, pieces, pose, group, speed, cor, sense, turn if cor is not None else math.nan)
-
-    repeated = [one(str(g + 1)) for g in range(groups)]
-    commands = [command for command in repeated for _ in range(repeats)]
-    commands += [one("") for _ in range(count - len(commands))]
-    return [commands[i] for i in rng.permutation(len(commands))]

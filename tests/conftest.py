@@ -92,3 +92,38 @@ def small_scene(**changes: object) -> sp.PlanningProblem:
         "min_margin": 0.02,
     }
     return sp.PlanningProblem(**{**settings, **changes})  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="session")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Files for all commands; tests copy what they break."""
+    from stablepush.cli import main
+    from stablepush.demo import demo_pokes, demo_slider
+    from stablepush.files import write_json
+    from stablepush.formats import contact_to_json, slider_to_json
+    from stablepush.problem import save_scene
+
+    folder = tmp_path_factory.mktemp("rig with ünicode")
+    sp.write_pushlog(demo_pokes(12), folder / "log")
+    assert main(["fit", str(folder / "log"), "-o", str(folder / "model.json")]) == 0
+    contact = sp.PushContact.on_edge(demo_slider(), 0, 0.16 / 3, 0.05, 0.9)
+    write_json(folder / "contact.json", contact_to_json(contact))
+    write_json(folder / "slider.json", slider_to_json(demo_slider()))
+    (folder / "cors.csv").write_text("name,cor_x,cor_y,sense\nfar,-2,0,1\nnear,0,0.01,1\nright,2,0,-1\n")
+    save_scene(small_scene(), folder / "scene.json")
+    assert main(["plan", str(folder / "scene.json"), "-o", str(folder / "plan.json")]) == 0
+    return folder
+
+
+def one_line(capsys: pytest.CaptureFixture[str], arguments: list[object], *words: object) -> None:
+    """The command exits with 2 and one line on standard error that holds the words."""
+    from stablepush.cli import main
+
+    code = main([str(a) for a in arguments])
+    captured = capsys.readouterr()
+    assert code == 2, captured
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1, captured.err
+    assert captured.err.startswith("stablepush: error: ")
+    for word in words:
+        assert str(word) in captured.err, captured.err

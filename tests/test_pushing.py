@@ -323,6 +323,9 @@ def test_inertia_takes_its_force_to_speed_up():
         (lambda: simulate_push(uniform(), square(), Pusher.finger(), -0.1, (0, 0, 0), (0, 0, 0), []), "mu"),
         (lambda: simulate_push(uniform(), square(), Pusher.finger(), 0.1, (0, 0, 0), (0, 0), []), "place"),
         (lambda: simulate_push(uniform(), square(), Pusher.finger(), 0.1, (0, 0, 0), (0, 0, 0), [((1, 0, 0), 1e6)]), "step"),
+        (lambda: simulate_push(uniform(), square(), Pusher.finger(), 0.1, (0, 0, 0), (0, 0, 0), []), "inside"),
+        (lambda: simulate_push(uniform(), square(), Pusher.finger(), 0.1, (0, 0, 0), (-1, 0, 0), [(1, 0, 0)]), "motion"),
+        (lambda: simulate_push(uniform(), square(), Pusher.finger(), 0.1, (0, 0, 0), (-1, 0, 0), 3), "motion"),
     ),
 )
 def test_bad_input(make, words):

@@ -176,6 +176,8 @@ def test_finer_tolerance_changes_nothing_that_counts(monkeypatch):
         ({"duration": -1.0}, "duration"),
         ({"variant": "moon"}, "variant: expected body or paper"),
         ({"samples": 1}, "samples: expected at least 2"),
+        ({"gravity": -1}, "gravity"),
+        ({"slider": sp.Slider(SQUARE, 1e6), "twist": (0.1, 0, 9.0)}, "duration: the body turns some .* times"),
     ),
 )
 def test_bad_input(change, words):
@@ -188,3 +190,8 @@ def test_a_body_at_rest_stays():
     result = sp.simulate_free_sliding(uniform(), square(), (0, 0, 0), pose=(1, 2, 3))
     assert result.at_rest
     np.testing.assert_array_equal(result.poses, [(1, 2, 3)])
+
+
+def test_eigen_directions_refuse_gravity_that_pulls_up():
+    with pytest.raises(sp.InputError, match="gravity"):
+        sp.eigen_directions(uniform(), square(), gravity=-1)

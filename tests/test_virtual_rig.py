@@ -1,13 +1,16 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 from conftest import small_scene, three_feet, triangle
 
 import stablepush as sp
+from stablepush.commands import random_pushes
 from stablepush.effects import CATALOGUE, REFERENCE_SPEED, parse_effect
-from stablepush.se2 import compose, inverse
-from stablepush.virtual_rig import random_pushes
+from stablepush.pushing import simulate_push
+from stablepush.se2 import compose, inverse, transform_points
 
 LOAD = 3.5
 #: A value in the middle of the range of each effect.
@@ -201,6 +204,60 @@ def test_a_campaign_varies_what_it_should():
         random_pushes(rig().slider, sp.Pusher.two_fingers(1.0, 0.005))
 
 
+def test_a_support_of_another_degree_is_simulated():
+    """The slider then follows the ellipsoid nearest to its feet: further from them than the quartic."""
+    commands = campaign(count=6)
+    plain, quartic, round_one = (
+        rig(*effects).execute(commands) for effects in ((), ("model-capacity:degree=4",), ("model-capacity:degree=2",))
+    )
+    near, far = (np.abs(wrenches(e) - wrenches(plain)).mean() for e in (quartic, round_one))
+    assert 1e-3 < near < far
+
+
+def test_a_push_is_stable_from_where_all_fingers_touch():
+    """Fingers that meet the face one after the other turn the slider first, which is no slip."""
+    made = rig(two=True)
+    straight = sp.poke(made.slider, made.pusher, 0, 0.05, start=(0, 0, 0), way=0.05)
+    assert made.execute([straight]).log.trials["stable"][0] == 1
+    askew = sp.Command(compose(straight.place, (-0.003, 0, 0.02)), [*straight.motion, *straight.motion], np.zeros(3))
+    execution = made.execute([askew])
+    met = np.flatnonzero((execution.traces[0].modes > 0).all(axis=1))[0]
+    assert met > 0.02 * len(execution.traces[0].modes)
+    assert np.abs(execution.traces[0].poses[met, 2]) > 5e-3
+    assert execution.log.trials["stable"][0] == 1
+    beside = sp.poke(made.slider, made.pusher, 0, 0.05, start=(0, 0, 0), cor=(0.0, 0.06), sense=1.0, way=0.01)
+    assert made.execute([beside]).log.trials["stable"][0] == 0
+    assert made.execute([replace(straight, motion=straight.motion[:1])]).log.trials["stable"][0] == 0
+
+
+def test_a_pusher_that_would_start_inside_the_slider_comes_from_behind():
+    made = rig(two=True)
+    command = sp.poke(made.slider, made.pusher, 0, 0.05, start=(0, 0, 0), way=0.02)
+    displaced = replace(command, start=np.array((0.0, -0.03, 0.4)))
+    trace = made.execute([displaced]).traces[0]
+    first = shapely.Polygon(transform_points(trace.poses[0], made.slider.vertices))
+    centers = transform_points(trace.pushers[0], made.pusher.fingers)
+    assert min(first.distance(shapely.Point(c)) for c in centers) > made.pusher.radius
+    last = shapely.Polygon(transform_points(trace.poses[-1], made.slider.vertices))
+    centers = transform_points(trace.pushers[-1], made.pusher.fingers)
+    assert min(last.distance(shapely.Point(c)) for c in centers) > made.pusher.radius - 1e-6
+    # the pusher ends where it was told to
+    end = simulate_push(made.friction, made.slider, made.pusher, 0.6, (0, 0.3, 0), command.place, command.motion).pushers[-1]
+    np.testing.assert_allclose(trace.pushers[-1], end, atol=1e-12)
+    with pytest.raises(sp.InputError, match="inside"):
+        simulate_push(made.friction, made.slider, made.pusher, 0.6, (0, -0.03, 0), command.place, command.motion)
+
+
+def test_a_flat_edge_inside_the_slider_comes_from_behind():
+    made = rig()
+    edge = sp.Pusher.edge(0.05)
+    command = sp.poke(made.slider, edge, 0, 0.05, start=(0, 0, 0), way=0.02)
+    trace = made.execute([replace(command, start=np.array((0.0, -0.03, 0.4)))]).traces[0]
+    line = shapely.LineString(transform_points(trace.pushers[0], edge.fingers))
+    assert not line.intersects(shapely.Polygon(transform_points(trace.poses[0], made.slider.vertices)))
+    assert (trace.modes > 0).any()
+
+
 def test_a_plan_on_the_nominal_rig_ends_where_it_should():
     problem = small_scene()
     result = sp.plan(problem)
@@ -244,6 +301,16 @@ def test_planning_anew_brings_a_slider_home_that_left_its_plan():
         (lambda: rig("drift:rate=0.1,rate=0.2"), "given twice"),
         (lambda: rig("drift:rate"), "param=value"),
         (lambda: rig(outliers=-1), "outliers"),
+        (lambda: rig("model-capacity:facets=3,degree=4"), "either"),
+        (lambda: rig("model-capacity:degree=5"), "2, 4, 6"),
+        (lambda: rig("tilt:slope=0.4/0"), "friction holds"),
+        (lambda: rig("tilt:slope=0.6/0"), "at most 0.5"),
+        (lambda: rig("pressure-shift:offset=0.2/0"), "under the slider"),
+        (lambda: sp.Effect("drift", {"rate": "x"}), "rate: expected"),
+        (lambda: sp.Effect("drift", {"rate": None}), "rate: expected"),
+        (lambda: sp.VirtualRig(triangle(), sp.IdealLimitSurface(three_feet(), 1), 0.5, sp.Pusher(), ["drift"]), "effects"),
+        (lambda: rig().execute([]), "at least one"),
+        (lambda: sp.poke(rig().slider, rig().pusher, 5, 0.05, start=(0, 0, 0)), "edge"),
         (lambda: rig().execute([sp.Command(np.zeros(3), [])]), "where the slider starts"),
     ),
 )

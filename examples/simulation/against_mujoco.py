@@ -16,7 +16,7 @@ import numpy as np
 
 import stablepush as sp
 from stablepush.planar import transport_twist, twist_from_cor
-from stablepush.se2 import inverse, wrap_angle
+from stablepush.se2 import inverse, transform_points, wrap_angle
 
 GRAVITY = 9.81
 
@@ -146,7 +146,21 @@ def main() -> None:
     ours_ms, theirs_ms = 1000 * library / len(found), 1000 * mujoco / len(found)
     print(f"time for a push: {ours_ms:.2f} ms here, {theirs_ms:.0f} ms in MuJoCo, {mujoco / library:.0f} times")
     worst = np.argsort(-off)[:5]
-    print("largest:", ", ".join(f"push {i}: {1000 * off[i]:.2f} mm" for i in worst))
+    print("largest: " + ", ".join(f"push {i}: {1000 * off[i]:.2f} mm{margin(int(i))}" for i in worst))
+
+
+def margin(seed: int) -> str:
+    """How far the first motion of a push by two fingers is from the boundary of the stable set, in words: next to it a little
+    decides whether a finger comes loose."""
+    push = random_push(seed)
+    pusher, docked = push["pusher"], push["docked"]
+    if len(pusher.fingers) < 2:
+        return ""
+    points = transform_points(docked, pusher.fingers) + (pusher.radius, 0.0)
+    contact = sp.PushContact(points, ((1.0, 0.0), (1.0, 0.0)), push["grip"])
+    support = sp.SupportDistribution(push["feet"], push["weights"])
+    oracle = sp.StabilityOracle(sp.IdealLimitSurface(support, 1.0), contact)
+    return f" (margin {np.degrees(oracle.margin(transport_twist(push['twist'], docked)[None])[0]):.2f} deg)"
 
 
 if __name__ == "__main__":

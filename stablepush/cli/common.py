@@ -54,6 +54,12 @@ def require_distinct(*paths: Path | None) -> None:
             raise InputError(f"{path}: expected different files to write, it is named twice")
 
 
+def require_outside(path: Path, folder: Path) -> None:
+    """Refuse to write a file into a folder that is read, or replaced as a whole."""
+    if folder.resolve() in (path.resolve(), *path.resolve().parents):
+        raise InputError(f"{path}: expected a place outside of {folder}")
+
+
 def require_seed(seed: int) -> None:
     if not 0 <= seed < 2**32:
         raise InputError(f"--seed: expected a whole number from 0 to 4294967295, got {seed}")

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stablepush.cli.common import Progress, about, require_distinct, require_file, require_folder
-from stablepush.errors import InputError
+from stablepush.cli.common import Progress, about, require_distinct, require_file, require_folder, require_outside
 
 if TYPE_CHECKING:
     from stablepush.diagnosis import GapReport
@@ -34,8 +33,8 @@ def diagnose(
         require_folder(mended)
     require_distinct(answer, html, mended)
     for path in (answer, html, mended):
-        if path is not None and log.resolve() in (path.resolve(), *path.resolve().parents):
-            raise InputError(f"{path}: expected a place outside of the log that is read")
+        if path is not None:
+            require_outside(path, log)
     data = read_pushlog(log)
     with about(log), Progress("diagnose") as step:
         report = run(data, name=str(log), progress=step.describe)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,15 +16,27 @@ from stablepush.cli.common import (
     require_distinct,
     require_file,
     require_folder,
+    require_outside,
     require_seed,
     whole_number,
 )
 from stablepush.errors import InputError
 
+if TYPE_CHECKING:
+    from stablepush.path import PlanResult
+    from stablepush.problem import PlanningProblem
+    from stablepush.virtual_rig import Execution
+
 
 def simulate(
     scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
-    plan_file: Annotated[Path, typer.Argument(metavar="PLAN", help="plan/1 file, solved.")],
+    plan_file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PLAN",
+            help="plan/1 file, solved; or a CSV list of pokes (edge, along) or of rotations (cor_x, cor_y, sense, angle).",
+        ),
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="pushlog/1 folder to write.")],
     effect: Annotated[
         list[str] | None,
@@ -51,12 +63,12 @@ def simulate(
         float | None,
         typer.Option(parser=number, metavar="METRES", help="Plan again when the slider is farther off the plan after a push."),
     ] = None,
+    view: Annotated[Path | None, typer.Option(help="Animation of what happened as an HTML page.")] = None,
 ) -> None:
-    """Execute a plan on a simulated rig, with effects that the plan knows nothing of, and log it."""
-    import numpy as np
-
+    """Execute a plan, or a list of pushes, on a simulated rig, with effects that the plan knows nothing of, and log it."""
+    from stablepush.commands import read_commands
     from stablepush.effects import parse_effect
-    from stablepush.execution import execute_closed_loop, execute_plan
+    from stablepush.execution import execute_closed_loop, execute_plan, require_contacts
     from stablepush.logs import Noise, write_pushlog
     from stablepush.path import load_plan
     from stablepush.problem import load_scene
@@ -71,49 +83,87 @@ def simulate(
         value = number(text)
         _require(f"--noise: {name}", value, text)
         deviations.append(value)
-    for option, given in (
-        ("--finger-radius", finger_radius),
-        ("--mu", mu),
-        ("--outliers", outliers),
-        ("--scatter", scatter),
-        ("--replan", replan),
-    ):
-        if given is not None:
-            _require(option, given, f"{given:g}")
+    for option, given in (("--finger-radius", finger_radius), ("--outliers", outliers), ("--scatter", scatter)):
+        _require(option, given, f"{given:g}")
+    for option, positive in (("--mu", mu), ("--replan", replan)):
+        if positive is not None and not 0 < positive <= 1e6:
+            raise InputError(f"{option}: expected a number > 0, got {positive:g}")
+    if outliers > 1:
+        raise InputError(f"--outliers: expected a share from 0 to 1, got {outliers:g}")
     effects = [parse_effect(text) for text in effect or []]
     require_folder(output)
-    problem, result = load_scene(scene), load_plan(plan_file)
+    if view is not None:
+        require_file(view)
+        require_outside(view, output)
+    listed = plan_file.suffix.lower() == ".csv"
+    if listed and replan is not None:
+        raise InputError("--replan: expected a plan to follow, not a list of pushes")
+    problem = load_scene(scene)
+    if problem.surface.force_unit == "mu*N" and mu is None:
+        raise InputError(f"--mu: expected the friction of the support, since the model's forces in {scene} are in units of mu*N")
     contact = problem.contacts[0]
-    spread = None if not any(deviations) else Noise(*deviations)
     with about(scene):
-        rig = VirtualRig(
-            problem.slider,
-            problem.surface,
-            contact.mu,
-            Pusher.of_contact(contact, finger_radius) if len(contact.points) <= 2 else Pusher.finger(finger_radius),
-            effects,
-            spread,
-            outliers,
-            scatter,
-            mu,
-        )
-    with about(plan_file), Progress("simulate", len(result.pushes)) as step:
-        if replan is None:
-            execution = execute_plan(rig, problem, result, rows=rows, seed=seed, progress=step.to)
-        else:
-            execution = execute_closed_loop(rig, problem, result, replan, rows=rows, seed=seed, progress=step.describe)
+        require_contacts(problem)
+    spread = Noise(*deviations) if any(deviations) else None
+    pusher = Pusher.of_contact(contact, finger_radius)
+    rig = VirtualRig(problem.slider, problem.surface, contact.mu, pusher, effects, spread, outliers, scatter, mu)
+    if listed:
+        commands = read_commands(plan_file, problem, finger_radius)
+        with about(scene), Progress("simulate") as step:
+            execution = rig.execute(commands, rows=rows, seed=seed, progress=step.to)
+        result = None
+    else:
+        result = load_plan(plan_file)
+        with about(plan_file), Progress("simulate") as step:
+            if replan is None:
+                execution = execute_plan(rig, problem, result, rows=rows, seed=seed, progress=step.to)
+            else:
+                execution = execute_closed_loop(rig, problem, result, replan, rows=rows, seed=seed, progress=step.describe)
     write_pushlog(execution.log, output)
+    if view is not None:
+        from stablepush.files import write_atomically
+        from stablepush.report import execution_html
+
+        write_atomically(view, execution_html(problem, execution.pushers, execution.traces, result))
+    print(f"{output}: {_outcome(execution, None if result is None else problem)}")
+    if result is not None:
+        _remark(problem, result, plan_file)
+
+
+def _outcome(execution: Execution, problem: PlanningProblem | None) -> str:
+    """What happened in a line; ``problem``: whose goal the slider was to reach."""
+    import numpy as np
+
+    log = execution.log
+    words = [f"{len(log)} pushes"]
+    stable = np.asarray(log.trials["stable"])
+    if np.isfinite(stable).any():
+        words[0] += f", {int(np.nansum(stable))} of {int(np.isfinite(stable).sum())} stuck all the way"
     x, y, theta = execution.final_pose
-    miss = np.hypot(*(execution.final_pose[:2] - problem.goal[:2]))
-    turn = math.degrees(abs(math.remainder(theta - float(problem.goal[2]), 2 * math.pi)))
-    stuck = execution.log.trials["stable"]
+    if problem is not None:
+        miss = float(np.hypot(*(execution.final_pose[:2] - problem.goal[:2])))
+        turn = math.degrees(abs(math.remainder(float(theta) - float(problem.goal[2]), 2 * math.pi)))
+        words.append(
+            f"the slider ends at x {x:.4f} m, y {y:.4f} m, theta {math.degrees(theta):.2f} deg, "
+            f"{1000 * miss:.1f} mm and {turn:.2f} deg from the goal"
+        )
+    missed = sum(not (trace.modes > 0).any() for trace in execution.traces)
     jams = sum(bool(trace.jammed.any()) for trace in execution.traces)
-    jammed = f"; {jams} pushes jammed" if jams else ""
-    missed = f"{1000 * miss:.1f} mm and {turn:.2f} deg from the goal"
-    print(
-        f"{output}: {len(execution.log)} pushes, {int(np.nansum(stuck))} stuck all the way; the slider ends at "
-        f"x {x:.4f} m, y {y:.4f} m, theta {math.degrees(theta):.2f} deg, {missed}{jammed}"
-    )
+    for count, what in ((missed, "never touched the slider"), (jams, "jammed")):
+        if count:
+            words.append(f"{count} {what}")
+    return "; ".join(words)
+
+
+def _remark(problem: PlanningProblem, result: PlanResult, path: Path) -> None:
+    """Say so where a plan is not one that the scene's own check lets through."""
+    import sys
+
+    from stablepush.check import check_plan
+
+    report = check_plan(problem, result)
+    if not report.valid:
+        print(f"{path}: note: the plan does not pass the check: {report.objections[0]}", file=sys.stderr)
 
 
 def _require(option: str, value: float, text: str) -> None:

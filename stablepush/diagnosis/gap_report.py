@@ -16,6 +16,7 @@ from stablepush.diagnosis.observations import heading, observe
 from stablepush.diagnosis.system import IN_GAPS, SIZES, System, Values, surface_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise
 from stablepush.effects import CATALOGUE
+from stablepush.errors import InputError
 from stablepush.logs import PushLog
 from stablepush.models import IdealLimitSurface
 
@@ -128,6 +129,8 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     GapReport
         A log of fewer than two pushes in which the slider moves gets the verdict ``"none"`` with a note that says so.
     """
+    if not isinstance(log, PushLog):
+        raise InputError(f"log: expected a PushLog, as of read_pushlog, got {type(log).__name__}")
     said = progress or (lambda _: None)
     said("reading")
     observations = observe(log)

@@ -29,13 +29,7 @@ _OUTLINES = 6
 def plot_slide(slider: Slider, slide: Slide, title: str | None = None) -> Figure:
     """Draw a free slide in W (m): first and last outline, some between, the way of the centre of mass and of the COR."""
     figure, axes = canvas((7.5, 6.8))
-    for row in np.linspace(0, len(slide.t) - 1, _OUTLINES + 2).round().astype(int)[1:-1]:
-        ring = shapely.Polygon(transform_points(slide.poses[row], slider.vertices))
-        fill(axes, ring, facecolor="none", edgecolor=SLIDER, linewidth=0.9, linestyle=":")
-    for row, word, color in ((0, "first pose", START), (-1, "last pose", GOAL)):
-        ring = shapely.Polygon(transform_points(slide.poses[row], slider.vertices))
-        fill(axes, ring, facecolor="none", edgecolor=color, linewidth=2.2, label=word)
-    axes.plot(*slide.poses[:, :2].T, color="black", linewidth=1.4, label="way of the centre of mass")
+    _motion(axes, slider, slide.poses)
     # the twist of the last row is zero: its direction is kept apart
     twists = np.concatenate((slide.twists[:-1], slide.direction[None]))
     cors, _ = cor_from_twist(twists)
@@ -64,16 +58,11 @@ def plot_slide(slider: Slider, slide: Slide, title: str | None = None) -> Figure
 def plot_push(slider: Slider, pusher: Pusher, trace: PushTrace, title: str | None = None) -> Figure:
     """Draw a push in W (m) with the modes of its contacts: where the fingers stick, slip or are open."""
     figure, axes = canvas((7.5, 6.8))
-    for row in np.linspace(0, len(trace.t) - 1, _OUTLINES + 2).round().astype(int)[1:-1]:
-        ring = shapely.Polygon(transform_points(trace.poses[row], slider.vertices))
-        fill(axes, ring, facecolor="none", edgecolor=SLIDER, linewidth=0.9, linestyle=":")
-    for row, word, color in ((0, "first pose", START), (-1, "last pose", GOAL)):
-        ring = shapely.Polygon(transform_points(trace.poses[row], slider.vertices))
-        fill(axes, ring, facecolor="none", edgecolor=color, linewidth=2.2, label=word)
+    _motion(axes, slider, trace.poses)
+    for row in (0, -1):
         for center in transform_points(trace.pushers[row], pusher.fingers):
             disc = shapely.Point(center).buffer(max(pusher.radius, 0.01 * slider.radius))
             fill(axes, disc, facecolor=PUSHER, edgecolor="none", alpha=0.7)
-    axes.plot(*trace.poses[:, :2].T, color="black", linewidth=1.4, label="way of the centre of mass")
     places = transform_points(trace.pushers[1:], pusher.fingers)
     for numbers, word, color in (
         ((1,), "finger sticks", GOAL),
@@ -120,6 +109,17 @@ def plot_wrench_paths(surface: LimitSurface, wrenches: Mapping[str, ArrayLike], 
     axes.set_title(title or "Loads on the limit surface")
     axes.legend(loc="upper left", frameon=False)
     return figure
+
+
+def _motion(axes: Axes, slider: Slider, poses: FloatArray) -> None:
+    """Outlines along poses (n, 3), and the way of the centre of mass."""
+    for row in np.linspace(0, len(poses) - 1, _OUTLINES + 2).round().astype(int)[1:-1]:
+        ring = shapely.Polygon(transform_points(poses[row], slider.vertices))
+        fill(axes, ring, facecolor="none", edgecolor=SLIDER, linewidth=0.9, linestyle=":")
+    for row, word, color in ((0, "first pose", START), (-1, "last pose", GOAL)):
+        ring = shapely.Polygon(transform_points(poses[row], slider.vertices))
+        fill(axes, ring, facecolor="none", edgecolor=color, linewidth=2.2, label=word)
+    axes.plot(*poses[:, :2].T, color="black", linewidth=1.4, label="way of the centre of mass")
 
 
 def _words(axes: Axes) -> list[str]:
