@@ -156,7 +156,7 @@ def margin(seed: int) -> str:
     pusher, docked = push["pusher"], push["docked"]
     if len(pusher.fingers) < 2:
         return ""
-    points = transform_points(docked, pusher.fingers) + (pusher.radius, 0.0)
+    points = transform_points(docked, pusher.fingers) + np.array((pusher.radius, 0.0))
     contact = sp.PushContact(points, ((1.0, 0.0), (1.0, 0.0)), push["grip"])
     support = sp.SupportDistribution(push["feet"], push["weights"])
     oracle = sp.StabilityOracle(sp.IdealLimitSurface(support, 1.0), contact)
