@@ -4,7 +4,7 @@ from conftest import IDEALS, POLYNOMIALS, power_form, random_twists, surface_zoo
 
 import stablepush as sp
 from stablepush.models.monomials import hessian_operator, monomials
-from stablepush.planar import angle_between, cor_from_twist, normalize_twist, normalize_wrench, unit
+from stablepush.planar import angle_between, cor_from_twist, normalize_twist, normalize_wrench, twist_from_cor, unit
 
 ZOO = surface_zoo()
 
@@ -225,3 +225,19 @@ def test_surfaces_can_be_sent_to_another_process():
         np.testing.assert_array_equal(again.wrench(twists), surface.wrench(twists))
     assert dict(again.provenance) == dict(fitted.provenance)
     assert dict(again.certificate) == dict(fitted.certificate)
+
+
+def test_coincident_and_idle_support_points_change_nothing():
+    """A point that carries nothing, or half of another in the same place but for rounding, is no point of its own."""
+    rng = np.random.default_rng(3)
+    points, weights = rng.uniform(-0.05, 0.05, (6, 2)), rng.uniform(0.2, 1.0, 6)
+    plain = sp.IdealLimitSurface(sp.SupportDistribution(points, weights), 3.0, 0.04)
+    twice = np.concatenate((points, points + 1e-17, points * (1 + 1e-15), rng.uniform(-0.05, 0.05, (4, 2))))
+    shares = np.concatenate((0.25 * weights, 0.5 * weights, 0.25 * weights, np.zeros(4)))
+    rich = sp.IdealLimitSurface(sp.SupportDistribution(twice, shares), 3.0, 0.04)
+    # loads of turns about support points and near them, where a point rests
+    pivots = points + rng.normal(0, 1e-4, (200, 1, 2))
+    twists = np.concatenate((twist_from_cor(points, 1), twist_from_cor(pivots.reshape(-1, 2), -1)))
+    loads = plain.wrench(twists) * rng.uniform(0.98, 1.0, (len(twists), 1))
+    np.testing.assert_allclose(rich.value(loads), plain.value(loads), atol=1e-10)
+    np.testing.assert_allclose(rich.twist(loads), plain.twist(loads), atol=1e-6)

@@ -349,4 +349,5 @@ def surface_of(system: System, loads: FloatArray) -> IdealLimitSurface:
         size = np.hypot(vx, vy) + 1e-12
         rows = np.stack((vx / size, vy / size, (x * vy - y * vx) / size / system.rho), axis=1).reshape(-1, len(x))
         positive, _ = nnls(rows, rows @ loads)
-    return IdealLimitSurface(SupportDistribution(system.points, positive), float(positive.sum()), system.rho)
+    carrying = positive > 0
+    return IdealLimitSurface(SupportDistribution(system.points[carrying], positive[carrying]), float(positive.sum()), system.rho)

@@ -12,6 +12,9 @@ from stablepush.errors import ConvergenceError, InputError
 from stablepush.planar import normalize_twist, normalize_wrench, unit
 from stablepush.support import SupportDistribution
 
+#: Support points this close, in units of the characteristic length, are one.
+_COINCIDENT = 1e-9
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IdealLimitSurface:
@@ -90,14 +93,30 @@ class IdealLimitSurface:
         """Twists (n, 3) that minimise ``h(V)`` on ``F·V = 1`` for unit normalised loads (n, 3), and their ``h`` (n,)."""
         from stablepush.models._kernels import TOLERANCE, minimize_power
 
-        points = np.ascontiguousarray(self.support.points / self.characteristic_length)
+        points, loads = _distinct(self.support.points / self.characteristic_length, self.loads)
         twists = np.empty_like(wrenches)
         powers = np.empty(len(wrenches))
         residuals = np.empty(len(wrenches))
-        minimize_power(points, np.array(self.loads), np.ascontiguousarray(wrenches), twists, powers, residuals)
+        minimize_power(points, loads, np.ascontiguousarray(wrenches), twists, powers, residuals)
         if (residuals > TOLERANCE).any():
             raise ConvergenceError(
                 f"slip twist: {int((residuals > TOLERANCE).sum())} of {len(wrenches)} loads did not converge "
                 f"(worst {residuals.max():.1e})"
             )
         return twists, powers
+
+
+def _distinct(points: FloatArray, loads: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (k, 2) that carry a load, those that coincide taken together: of two in one place only one would rest."""
+    from scipy.spatial import cKDTree
+
+    carrying = loads > 0
+    points, loads = np.ascontiguousarray(points[carrying]), np.array(loads[carrying])
+    pairs = cKDTree(points).query_pairs(_COINCIDENT, output_type="ndarray")
+    if not len(pairs):
+        return points, loads
+    first = np.arange(len(points))
+    for a, b in sorted(map(sorted, pairs)):
+        first[b] = first[a]
+    total = np.bincount(first, loads, minlength=len(points))
+    return np.ascontiguousarray(points[total > 0]), np.asarray(total[total > 0], dtype=np.float64)

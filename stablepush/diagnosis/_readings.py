@@ -1,0 +1,102 @@
+"""Compiled: what a sensor at the pusher reads for the motions of a log, with effects, linear in the support's loads."""
+
+from __future__ import annotations
+
+import math
+
+from stablepush._compiled import compiled, inner
+
+#: Speeds (m/s) below which friction depends on speed no more.
+SLOWEST = 1e-5
+
+
+@inner
+def _direction(vx, vy, cos2, sin2, a, b):  # type: ignore[no-untyped-def]
+    """Friction along the direction of a velocity, whose squares over the mean are ``1 ± √(a² + b²)`` along the principal axes, in
+    axes of which (cos2, sin2) is twice the angle; over the geometric mean of the two."""
+    xx, xy = a * cos2 + b * sin2, b * cos2 - a * sin2
+    ax, ay = vx + xx * vx + xy * vy, vy + xy * vx - xx * vy
+    size = math.sqrt(max(1e-12, vx * ax + vy * ay)) * max(1e-3, 1.0 - a * a - b * b) ** 0.25
+    return ax / size, ay / size
+
+
+@compiled
+def read(points, center, inertia, weight, reference, order, pose, twist, acceleration, place, theta, loads, matrix, constant):  # type: ignore[no-untyped-def]
+    """Fill ``constant`` (n, 3) with the readings for friction ``loads`` (k,), in the tracked frame.
+
+    With ``matrix`` (n, 3, k), if it has rows, the readings are split: ``matrix`` takes those for unit loads of each point and
+    ``constant`` what does not depend on loads. ``theta``: anisotropy of the table (2), of the slider (2), speed, gradient (2),
+    drift, shift (2), spread, slope of the table (2), mass, bias (2), angle of the sensor, offset of the frame (2), delay; all 0
+    without effects.
+    """
+    split = matrix.shape[0] > 0
+    for i in range(pose.shape[0]):
+        x, y, angle = pose[i, 0], pose[i, 1], pose[i, 2]
+        vx, vy, w = twist[i, 0], twist[i, 1], twist[i, 2]
+        c, s = math.cos(angle), math.sin(angle)
+        measured_c, measured_s = c, s
+        delay = theta[19]
+        if delay != 0.0:
+            # where the slider is now, from the pose and the motion of a little before
+            turn = w * delay
+            half = turn / 2
+            shrink = math.sin(half) / half if abs(half) > 1e-12 else 1.0
+            ca, sa = shrink * math.cos(half), shrink * math.sin(half)
+            dx, dy = delay * (ca * vx - sa * vy), delay * (sa * vx + ca * vy)
+            x, y, angle = x + c * dx - s * dy, y + s * dx + c * dy, angle + turn
+            c, s = math.cos(angle), math.sin(angle)
+            vx, vy, w = vx + delay * acceleration[i, 0], vy + delay * acceleration[i, 1], w + delay * acceleration[i, 2]
+        ox, oy = theta[17], theta[18]
+        x, y = x - c * ox + s * oy, y - s * ox - c * oy
+        vx, vy = vx + w * oy, vy - w * ox
+        cos2, sin2 = c * c - s * s, 2 * c * s
+        scale = 1.0 + theta[7] * order[i]
+        # from a load at the origin of B to the reading: turned into W, moved to the sensor, turned by it, moved to the tracked
+        # origin, turned into the tracked frame
+        arm_x, arm_y = x - place[i, 0], y - place[i, 1]
+        back_x, back_y = place[i, 0] - pose[i, 0], place[i, 1] - pose[i, 1]
+        cs, ss = math.cos(theta[16]), math.sin(theta[16])
+        fx = fy = tau = 0.0
+        for k in range(points.shape[0]):
+            px = center[0] + (1.0 + theta[10]) * (points[k, 0] - center[0]) + theta[8]
+            py = center[1] + (1.0 + theta[10]) * (points[k, 1] - center[1]) + theta[9]
+            ux, uy = vx - w * py, vy + w * px
+            speed = math.sqrt(ux * ux + uy * uy + 1e-18)
+            ex, ey = ux / speed, uy / speed
+            if theta[0] != 0.0 or theta[1] != 0.0:
+                ex, ey = _direction(ex, ey, cos2, sin2, theta[0], theta[1])
+            if theta[2] != 0.0 or theta[3] != 0.0:
+                ex, ey = _direction(ex, ey, 1.0, 0.0, theta[2], theta[3])
+            share = scale
+            if theta[4] != 0.0:
+                share *= 1.0 + theta[4] * math.log(max(speed, SLOWEST) / reference)
+            if theta[5] != 0.0 or theta[6] != 0.0:
+                share *= 1.0 + theta[5] * (x + c * px - s * py) + theta[6] * (y + s * px + c * py)
+            ex, ey = share * ex, share * ey
+            if split:
+                matrix[i, 0, k], matrix[i, 1, k], matrix[i, 2, k] = ex, ey, px * ey - py * ex
+            else:
+                fx += loads[k] * ex
+                fy += loads[k] * ey
+                tau += loads[k] * (px * ey - py * ex)
+        # the slope pulls, and the mass that speeds up holds back
+        fx -= weight * (c * theta[11] + s * theta[12])
+        fy -= weight * (-s * theta[11] + c * theta[12])
+        mass = theta[13]
+        fx += mass * (acceleration[i, 0] - w * vy)
+        fy += mass * (acceleration[i, 1] + w * vx)
+        tau += mass * inertia * acceleration[i, 2]
+        for k in range(-1, points.shape[0] if split else 0):
+            if k >= 0:
+                fx, fy, tau = matrix[i, 0, k], matrix[i, 1, k], matrix[i, 2, k]
+            gx, gy = c * fx - s * fy, s * fx + c * fy
+            moment = tau + arm_x * gy - arm_y * gx
+            gx, gy = cs * gx - ss * gy, ss * gx + cs * gy
+            if k < 0:
+                gx, gy = gx + theta[14], gy + theta[15]
+            tau = moment + back_x * gy - back_y * gx
+            fx, fy = measured_c * gx + measured_s * gy, -measured_s * gx + measured_c * gy
+            if k < 0:
+                constant[i, 0], constant[i, 1], constant[i, 2] = fx, fy, tau
+            else:
+                matrix[i, 0, k], matrix[i, 1, k], matrix[i, 2, k] = fx, fy, tau
