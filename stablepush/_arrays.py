@@ -104,3 +104,10 @@ def _check_magnitude(array: FloatArray, name: str) -> FloatArray:
 
 def _shape_text(shape: tuple[int | None, ...]) -> str:
     return "(" + ", ".join("n" if length is None else str(length) for length in shape) + ")"
+
+
+def check_seed(seed: Any) -> int:
+    """Return a seed for numpy's generators."""
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**32:
+        raise InputError(f"seed: expected a whole number from 0 to 4294967295, got {seed!r}")
+    return int(seed)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 from numba import njit
 from numba.core import event
+from numba.core.caching import FunctionCache
+from numba.core.dispatcher import Dispatcher
 
 #: Multiply-adds may be fused, which only makes them more accurate; nothing else of fast maths, for NaN must stay NaN.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
@@ -16,10 +19,7 @@ _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "n
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile on first call; keep the machine code on disk unless no place can be written."""
-    try:
-        return njit(cache=True, **_OPTIONS)(function)  # type: ignore[no-any-return]
-    except RuntimeError:  # numba found neither the package nor the user's cache folder writable
-        return njit(**_OPTIONS)(function)  # type: ignore[no-any-return]
+    return _kept(njit(**_OPTIONS)(function))  # type: ignore[no-any-return]
 
 
 def inner(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -27,10 +27,38 @@ def inner(function: Callable[..., Any]) -> Callable[..., Any]:
 
     Calling it from Python crashes the process.
     """
-    try:
-        return njit(cache=True, no_cpython_wrapper=True, **_OPTIONS)(function)  # type: ignore[no-any-return]
-    except RuntimeError:
-        return njit(no_cpython_wrapper=True, **_OPTIONS)(function)  # type: ignore[no-any-return]
+    return _kept(njit(no_cpython_wrapper=True, **_OPTIONS)(function))  # type: ignore[no-any-return]
+
+
+def _kept(dispatcher: Any) -> Any:
+    if hasattr(dispatcher, "_cache"):  # not if compiling is turned off
+        # numba found neither the package nor the user's cache folder writable: no code is kept then
+        with suppress(RuntimeError):
+            dispatcher._cache = _Cache(dispatcher.py_func)
+    return dispatcher
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]
+    """Machine code on disk, not used once a file has changed from which a function comes that it calls: numba itself looks at the
+    function's own file only."""
+
+    def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
+        return (*super()._index_key(sig, codegen), _stamps(self._py_func))
+
+
+def _stamps(function: Any) -> tuple[tuple[str, int, int], ...]:
+    """Name, time of change (ns) and size of the other files that a function's compiled helpers come from."""
+    files: set[str] = set()
+    todo, seen = [function], {function.__module__}
+    while todo:
+        for value in todo.pop().__globals__.values():
+            helper = getattr(value, "py_func", None) if isinstance(value, Dispatcher) else None
+            if helper is not None and helper.__module__ not in seen:
+                seen.add(helper.__module__)
+                files.add(helper.__code__.co_filename)
+                todo.append(helper)
+    stats = [(Path(name).name, Path(name).stat()) for name in sorted(files)]
+    return tuple((name, stat.st_mtime_ns, stat.st_size) for name, stat in stats)
 
 
 class _Builds(event.Listener):  # type: ignore[misc]

@@ -5,8 +5,9 @@ penetrates, ``g_i = n_i·(v(p_i) - u_i) >= 0`` with ``u_i`` the pusher's velocit
 sticking ones keep ``v = u`` with ``f`` in the friction cone; sliding ones have ``f`` on the edge of the cone against the slip.
 
 ``F`` is monotone (the gradient of a convex power), so each combination of modes that is possible in the plane leaves at most one
-number to be found: the turn about a sticking contact (the torque about it vanishes and grows with the turn), the slip of a single
-contact (the force turns monotonically from where it sticks to the edge of its cone), or the slip of two contacts at once.
+number to be found: the turn about a sticking contact (the torque about it vanishes and grows with the turn), the slip of a
+single contact (the force turns monotonically from where it sticks to the edge of its cone), or where on the line of twists that
+close two contacts these slip, both or one of them.
 """
 
 from __future__ import annotations
@@ -54,12 +55,13 @@ class Answer(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Room for what is tried: twist (3,), load (3,), forces (k, 2), a line of twists (2, 3), edges of cones (2 k, 3), shares
-    (3,)."""
+    """Room for what is tried: twist (3,), load (3,), forces (k, 2) and modes (k,), a line of twists (2, 3), edges of cones
+    (2 k, 3), shares (3,)."""
 
     twist: FloatArray
     load: FloatArray
     force: FloatArray
+    mode: np.ndarray
     line: FloatArray
     rays: FloatArray
     shares: FloatArray
@@ -80,7 +82,8 @@ def new_answer() -> Answer:
 def new_work() -> Work:
     """Return room for what is tried."""
     k = MOST_CONTACTS
-    return Work(np.zeros(3), np.zeros(3), np.zeros((k, 2)), np.zeros((2, 3)), np.zeros((2 * k, 3)), np.zeros(3))
+    modes = np.zeros(k, np.int64)
+    return Work(np.zeros(3), np.zeros(3), np.zeros((k, 2)), modes, np.zeros((2, 3)), np.zeros((2 * k, 3)), np.zeros(3))
 
 
 # Arrays are copied and cleared entry by entry: whole-array statements make the build several times as long.
@@ -309,69 +312,150 @@ def _closing(touch, i, j, pushed, length, dt, line):  # type: ignore[no-untyped-
 
 
 @inner
-def _slip(touch, m, line):  # type: ignore[no-untyped-def]
-    """Slip of a contact to the left of its normal along the direction of a line of twists."""
+def _slip(touch, m, line, s):  # type: ignore[no-untyped-def]
+    """Speed at which the slider slips to the left of a contact's normal at a place of a line of twists."""
     px, py = touch.point[m, 0], touch.point[m, 1]
-    vx, vy = line[1, 0] - line[1, 2] * py, line[1, 1] + line[1, 2] * px
+    w = line[0, 2] + s * line[1, 2]
+    vx = line[0, 0] + s * line[1, 0] - w * py - touch.velocity[m, 0]
+    vy = line[0, 1] + s * line[1, 1] + w * px - touch.velocity[m, 1]
     return touch.normal[m, 0] * vy - touch.normal[m, 1] * vx
 
 
 @inner
-def _load_on_line(table, at, line, s, load):  # type: ignore[no-untyped-def]
-    load_of(table, at, line[0, 0] + s * line[1, 0], line[0, 1] + s * line[1, 1], line[0, 2] + s * line[1, 2], load)
+def _sticks_at(touch, m, line, speed):  # type: ignore[no-untyped-def]
+    """Place of a line of twists at which a contact does not slip; NaN if there is none."""
+    here = _slip(touch, m, line, 0.0)
+    slope = (_slip(touch, m, line, speed) - here) / speed
+    return -here / slope if abs(slope) > 1e-12 else math.nan
+
+
+@inner
+def _both_stick_at(touch, i, j, line, speed, dt):  # type: ignore[no-untyped-def]
+    """Place of a line of twists at which two contacts do not slip; NaN if there is none.
+
+    Where they close gaps in this step they may slip a little meanwhile, no faster than they close.
+    """
+    first, second = _sticks_at(touch, i, line, speed), _sticks_at(touch, j, line, speed)
+    first = second if math.isnan(first) else first
+    second = first if math.isnan(second) else second
+    if math.isnan(first):
+        return 0.0
+    closing = (abs(touch.gap[i]) + abs(touch.gap[j])) / dt
+    return 0.5 * (first + second) if abs(first - second) <= closing + 1e-9 * speed else math.nan
+
+
+@inner
+def _load_on_line(table, at, line, s, twist, load):  # type: ignore[no-untyped-def]
+    for q in range(3):
+        twist[q] = line[0, q] + s * line[1, q]
+    load_of(table, at, twist[0], twist[1], twist[2], load)
+
+
+@inner
+def _sliding_edge(touch, m, slip, tiny, mu, length, work, e):  # type: ignore[no-untyped-def]
+    """Fill row ``e`` of ``work.rays`` with the edge of the cone of a contact that slips, against the slip, and note its mode."""
+    _edge(touch, m, 0.0 if abs(slip) <= tiny else (-mu if slip > 0.0 else mu), length, work.rays, e)
+    work.mode[m] = LEFT if slip > 0.0 else RIGHT
+
+
+@inner
+def _one_of_two_sticks(table, at, touch, a, b, s, speed, mu, length, dt, slack, work):  # type: ignore[no-untyped-def]
+    """Whether contact ``a`` can stick while ``b``, closed too, slips: at the place ``s`` of ``work.line``."""
+    load, rays, shares = work.load, work.rays, work.shares
+    _load_on_line(table, at, work.line, s, work.twist, load)
+    _edge(touch, a, mu, length, rays, 0)
+    _edge(touch, a, -mu, length, rays, 1)
+    _sliding_edge(touch, b, _slip(touch, b, work.line, s), 1e-12 * speed, mu, length, work, 2)
+    if not _shares_of_three(rays, 0, 1, 2, load[0], load[1], load[2] / length, shares):
+        return False
+    if min(shares[0], shares[1], shares[2]) < -1e-9 * math.sqrt(load[0] ** 2 + load[1] ** 2):
+        return False
+    if not _others_open(touch, a, b, work.twist, dt, slack):
+        return False
+    _clear_forces(work.force)
+    for q in range(2):
+        work.force[a, q] = shares[0] * rays[0, q] + shares[1] * rays[1, q]
+        work.force[b, q] = shares[2] * rays[2, q]
+    work.mode[a] = STICKING
+    return True
+
+
+@inner
+def _both_slip(table, at, touch, i, j, origin, way, span, speed, mu, length, dt, slack, work):  # type: ignore[no-untyped-def]
+    """Whether two closed contacts can both slip, somewhere on ``work.line`` from ``origin`` on for ``span`` (or to the far end,
+    if it is not finite) in the direction ``way``, where neither turns its slip round."""
+    line, rays, load, twist = work.line, work.rays, work.load, work.twist
+    far = math.isinf(span)
+    middle = origin + way * (speed if far else 0.5 * span)
+    _sliding_edge(touch, i, _slip(touch, i, line, middle), 1e-12 * speed, mu, length, work, 0)
+    _sliding_edge(touch, j, _slip(touch, j, line, middle), 1e-12 * speed, mu, length, work, 1)
+    # the load lies in the plane of the two edges
+    ax = rays[0, 1] * rays[1, 2] - rays[0, 2] * rays[1, 1]
+    ay = rays[0, 2] * rays[1, 0] - rays[0, 0] * rays[1, 2]
+    az = rays[0, 0] * rays[1, 1] - rays[0, 1] * rays[1, 0]
+    behind, f_behind = 0.0, 0.0
+    for place in range(_PLACES):
+        if far:
+            ahead = speed * 10.0 ** (-6.0 + 10.0 * (place - 1) / (_PLACES - 2)) if place else 0.0
+        else:
+            ahead = span * place / (_PLACES - 1)
+        _load_on_line(table, at, line, origin + way * ahead, twist, load)
+        f_ahead = ax * load[0] + ay * load[1] + az * load[2] / length
+        if place and (f_ahead == 0.0 or (f_ahead > 0.0) != (f_behind > 0.0)):
+            low, high, f_low, f_high, side = behind, ahead, f_behind, f_ahead, 0
+            for turn in range(_MOST_STEPS):
+                slip = _middle(low, high, f_low, f_high, turn)
+                _load_on_line(table, at, line, origin + way * slip, twist, load)
+                value = ax * load[0] + ay * load[1] + az * load[2] / length
+                size = abs(load[0]) + abs(load[1]) + abs(load[2]) / length
+                if abs(value) <= 1e-13 * size or high - low <= 4e-16 * (low + high):
+                    break
+                low, high, f_low, f_high, side = _narrowed(low, high, f_low, f_high, side, slip, value)
+            # shares of the two edges, by least squares
+            aa = ab = bb = af = bf = 0.0
+            for q in range(3):
+                f = load[q] / length if q == 2 else load[q]
+                aa += rays[0, q] * rays[0, q]
+                ab += rays[0, q] * rays[1, q]
+                bb += rays[1, q] * rays[1, q]
+                af += rays[0, q] * f
+                bf += rays[1, q] * f
+            determinant = aa * bb - ab * ab
+            first, second = (af * bb - bf * ab) / determinant, (bf * aa - af * ab) / determinant
+            size = math.sqrt(load[0] ** 2 + load[1] ** 2)
+            if min(first, second) >= -1e-9 * size and _others_open(touch, i, j, twist, dt, slack):
+                _clear_forces(work.force)
+                for q in range(2):
+                    work.force[i, q], work.force[j, q] = first * rays[0, q], second * rays[1, q]
+                return True
+        behind, f_behind = ahead, f_ahead
+    return False
 
 
 @inner
 def _two_slide(table, at, touch, i, j, mu, length, dt, slack, work):  # type: ignore[no-untyped-def]
-    """Twist, load and forces (all in ``work``) with two contacts closed and sliding along ``work.line``; returns 0 if there is
-    none, else +1 or -1 for the way along it."""
-    line, rays, load, twist = work.line, work.rays, work.load, work.twist
-    speed = math.sqrt(line[0, 0] ** 2 + line[0, 1] ** 2 + (length * line[0, 2]) ** 2)
-    for way in (1.0, -1.0):
-        for k in range(2):
-            m = i if k == 0 else j
-            slip = way * _slip(touch, m, line)
-            _edge(touch, m, 0.0 if abs(slip) < 1e-12 else (-mu if slip > 0.0 else mu), length, rays, k)
-        # the load lies in the plane of the two edges
-        ax = rays[0, 1] * rays[1, 2] - rays[0, 2] * rays[1, 1]
-        ay = rays[0, 2] * rays[1, 0] - rays[0, 0] * rays[1, 2]
-        az = rays[0, 0] * rays[1, 1] - rays[0, 1] * rays[1, 0]
-        behind, f_behind = 0.0, 0.0
-        for place in range(_PLACES):
-            ahead = speed * 10.0 ** (-6.0 + 10.0 * (place - 1) / (_PLACES - 2)) if place else 0.0
-            _load_on_line(table, at, line, way * ahead, load)
-            f_ahead = ax * load[0] + ay * load[1] + az * load[2] / length
-            if place and (f_ahead == 0.0 or (f_ahead > 0.0) != (f_behind > 0.0)):
-                low, high, f_low, f_high, side = behind, ahead, f_behind, f_ahead, 0
-                slip = high
-                for turn in range(_MOST_STEPS):
-                    slip = _middle(low, high, f_low, f_high, turn)
-                    _load_on_line(table, at, line, way * slip, load)
-                    value = ax * load[0] + ay * load[1] + az * load[2] / length
-                    size = abs(load[0]) + abs(load[1]) + abs(load[2]) / length
-                    if abs(value) <= 1e-13 * size or high - low <= 4e-16 * (low + high):
-                        break
-                    low, high, f_low, f_high, side = _narrowed(low, high, f_low, f_high, side, slip, value)
-                # shares of the two edges, by least squares
-                aa = ab = bb = af = bf = 0.0
-                for q in range(3):
-                    twist[q] = line[0, q] + way * slip * line[1, q]
-                    f = load[q] / length if q == 2 else load[q]
-                    aa += rays[0, q] * rays[0, q]
-                    ab += rays[0, q] * rays[1, q]
-                    bb += rays[1, q] * rays[1, q]
-                    af += rays[0, q] * f
-                    bf += rays[1, q] * f
-                determinant = aa * bb - ab * ab
-                first, second = (af * bb - bf * ab) / determinant, (bf * aa - af * ab) / determinant
-                size = math.sqrt(load[0] ** 2 + load[1] ** 2)
-                if min(first, second) >= -1e-9 * size and _others_open(touch, i, j, twist, dt, slack):
-                    _clear_forces(work.force)
-                    for q in range(2):
-                        work.force[i, q], work.force[j, q] = first * rays[0, q], second * rays[1, q]
-                    return 1 if way > 0.0 else -1
-            behind, f_behind = ahead, f_ahead
-    return 0
+    """Whether two closed contacts can move on along ``work.line`` with one of them or both slipping; twist, load, forces and
+    modes in ``work``."""
+    line = work.line
+    speed = math.sqrt(line[0, 0] ** 2 + line[0, 1] ** 2 + (length * line[0, 2]) ** 2) + 1e-300
+    # a contact that closes in this step moves along as it does: then not both stop slipping at one place of the line
+    first, second = _sticks_at(touch, i, line, speed), _sticks_at(touch, j, line, speed)
+    apart = abs(first - second) > 1e-9 * speed
+    if apart or math.isnan(first) or math.isnan(second):
+        if not math.isnan(first) and _one_of_two_sticks(table, at, touch, i, j, first, speed, mu, length, dt, slack, work):
+            return True
+        if not math.isnan(second) and _one_of_two_sticks(table, at, touch, j, i, second, speed, mu, length, dt, slack, work):
+            return True
+    first = second if math.isnan(first) else first
+    second = first if math.isnan(second) else second
+    if math.isnan(first):
+        first = second = 0.0
+    low, high = min(first, second), max(first, second)
+    if _both_slip(table, at, touch, i, j, high, 1.0, math.inf, speed, mu, length, dt, slack, work):
+        return True
+    if _both_slip(table, at, touch, i, j, low, -1.0, math.inf, speed, mu, length, dt, slack, work):
+        return True
+    return apart and _both_slip(table, at, touch, i, j, low, 1.0, high - low, speed, mu, length, dt, slack, work)
 
 
 @inner
@@ -426,16 +510,21 @@ def respond(table, at, touch, pushed, mu, length, dt, every, answer, work):  # t
     # all stick: pairs of several
     for i in range(k):
         for j in range(i + 1, k):
-            if not _closing(touch, i, j, pushed, length, dt, line) or not _others_open(touch, i, j, line[0], dt, slack):
+            if not _closing(touch, i, j, pushed, length, dt, line):
                 continue
-            load_of(table, at, line[0, 0], line[0, 1], line[0, 2], load)
+            place = _both_stick_at(touch, i, j, line, speed + length * abs(pushed[2]) + 1e-300, dt)
+            if math.isnan(place):
+                continue
+            _load_on_line(table, at, line, place, twist, load)
+            if not _others_open(touch, i, j, twist, dt, slack):
+                continue
             held = _hold(touch, i, j, False, mu, length, load, work)
             if not held and k > 2 and i == 0 and j == 1:
                 held = _hold(touch, i, j, True, mu, length, load, work)
             if not held:
                 continue
             found += 1
-            if _first_answer(found, line[0], load, answer):
+            if _first_answer(found, twist, load, answer):
                 for m in range(k):
                     answer.force[m, 0], answer.force[m, 1] = force[m, 0], force[m, 1]
                     if force[m, 0] != 0.0 or force[m, 1] != 0.0:
@@ -467,14 +556,13 @@ def respond(table, at, touch, pushed, mu, length, dt, every, answer, work):  # t
             for j in range(i + 1, k):
                 if not _closing(touch, i, j, pushed, length, dt, line):
                     continue
-                way = _two_slide(table, at, touch, i, j, mu, length, dt, slack, work)
-                if way == 0:
+                if not _two_slide(table, at, touch, i, j, mu, length, dt, slack, work):
                     continue
                 found += 1
                 if _first_answer(found, twist, load, answer):
                     for side in range(2):
                         m = i if side == 0 else j
                         answer.force[m, 0], answer.force[m, 1] = force[m, 0], force[m, 1]
-                        answer.mode[m] = LEFT if _slip(touch, m, line) * way > 0.0 else RIGHT
+                        answer.mode[m] = work.mode[m]
                 if not every:
                     return

@@ -25,8 +25,9 @@ _REST, _BETWEEN = 0.2, 5.0
 _MOMENT, _PUSHER = 0.015, 0.2
 #: An outlier is so many times as far off as the noise.
 _OUTLIER = 10.0
-#: A push is called stable if the slider moved no more than this (m, rad) against the pusher once all fingers had met it.
-_STUCK = (1e-3, 0.02)
+#: A push is called stable if the slider moved no more than this against the pusher once all fingers had met it: a share of its
+#: radius, and an angle in rad.
+_STUCK = (0.01, 0.02)
 
 
 class LogBook:
@@ -93,7 +94,7 @@ class LogBook:
                 "cor_y": float(cor[1]),
                 "sense": command.sense,
                 "angle": command.angle,
-                "stable": math.nan if len(pusher.fingers) < 2 else float(_stayed(trace, len(pusher.fingers))),
+                "stable": math.nan if len(pusher.fingers) < 2 else float(self._stayed(trace, len(pusher.fingers))),
             }
         )
         self._time += end + _REST + _BETWEEN
@@ -134,6 +135,18 @@ class LogBook:
             result[closed, k] = shapely.get_coordinates(shapely.line_interpolate_point(self._outline, where))
         return result
 
+    def _stayed(self, trace: PushTrace, fingers: int) -> bool:
+        """Whether the slider kept its place against the pusher from when all fingers had met it."""
+        met = np.flatnonzero((trace.modes[:, :fingers] > 0).all(axis=1))
+        if not len(met):
+            return False
+        # where the first contact is there from the start, so is the first pose
+        first = met[0] + 1 if met[0] else 0
+        relative = compose(inverse(trace.pushers[first:]), trace.poses[first:])
+        moved = relative - relative[0]
+        far = float(np.hypot(moved[:, 0], moved[:, 1]).max()) / self._nominal.slider.radius
+        return far <= _STUCK[0] and float(np.abs(wrap_angle(moved[:, 2])).max()) <= _STUCK[1]
+
     def log(self) -> PushLog:
         """Return the log so far."""
         samples = {name: np.concatenate([part[name] for part in self._samples]) for name in self._samples[0]}
@@ -149,15 +162,3 @@ class LogBook:
 def _at(t: FloatArray, poses: FloatArray, times: FloatArray) -> FloatArray:
     """Poses (..., 3) at times (...); the first before the push."""
     return np.stack([np.interp(times, t, poses[:, k]) for k in range(3)], axis=-1)
-
-
-def _stayed(trace: PushTrace, fingers: int) -> bool:
-    """Whether the slider kept its place against the pusher from when all fingers had met it."""
-    met = np.flatnonzero((trace.modes[:, :fingers] > 0).all(axis=1))
-    if not len(met):
-        return False
-    # where the first contact is there from the start, so is the first pose
-    first = met[0] + 1 if met[0] else 0
-    relative = compose(inverse(trace.pushers[first:]), trace.poses[first:])
-    moved = relative - relative[0]
-    return bool(np.hypot(moved[:, 0], moved[:, 1]).max() <= _STUCK[0] and np.abs(wrap_angle(moved[:, 2])).max() <= _STUCK[1])

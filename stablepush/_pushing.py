@@ -14,6 +14,10 @@ from stablepush._table import Motion
 
 #: How deep (m) a finger without a radius may be in the slider before its contact is lost.
 _DEEP = 2e-4
+#: A finger less deep (m) than this behind an edge touches it wherever it moves.
+_SHALLOW = 1e-6
+#: How far (m) beyond its ends a flat pusher is touched by corners, and how far from corners its ends touch edges.
+_OVERLAP = 1e-9
 
 
 class Pusher(NamedTuple):
@@ -36,19 +40,32 @@ def _add(touch, px, py, nx, ny, gap, finger):  # type: ignore[no-untyped-def]
 
 
 @inner
-def find_touch(outline, pusher, x, y, c, s, qx, qy, qc, qs, reach, touch):  # type: ignore[no-untyped-def]
+def find_touch(outline, pusher, x, y, c, s, qx, qy, qc, qs, pushed, reach, touch):  # type: ignore[no-untyped-def]
     """Find the contacts of a slider at (x, y, c, s) with a pusher at (qx, qy, qc, qs), and those that may close within
-    ``reach``."""
+    ``reach``; ``pushed`` is the twist of a slider that is stuck to the pusher."""
     touch.number[0] = 0
     n = outline.shape[0]
     # the pusher's frame in B
     fx, fy = c * (qx - x) + s * (qy - y), -s * (qx - x) + c * (qy - y)
     fc, fs = c * qc + s * qs, c * qs - s * qc
     radius = pusher.radius
-    deepest = -max(radius, _DEEP)
+    # where a corner of the slider and an end of a flat edge pass each other, it is the corner that touches the edge
+    overlap = _OVERLAP if pusher.half > 0.0 else 0.0
+    deepest = -max(radius, _DEEP, 2.0 * reach)
     for k in range(pusher.fingers.shape[0]):
         a, b = pusher.fingers[k, 0], pusher.fingers[k, 1]
         cx, cy = fx + fc * a - fs * b, fy + fs * a + fc * b
+        # a finger that a step has left a little inside came through the edge that it moves into and is least deep behind
+        ux, uy = pushed[0] - pushed[2] * cy, pushed[1] + pushed[2] * cx
+        shallowest = -math.inf
+        for e in range(n):
+            ax, ay = outline[e, 0], outline[e, 1]
+            ex, ey = outline[(e + 1) % n, 0] - ax, outline[(e + 1) % n, 1] - ay
+            length = math.sqrt(ex * ex + ey * ey)
+            if overlap <= ((cx - ax) * ex + (cy - ay) * ey) / length <= length - overlap:
+                gap = ((cx - ax) * ey - (cy - ay) * ex) / length - radius
+                if gap <= reach and (gap > -_SHALLOW or ex * uy - ey * ux > 0.0):
+                    shallowest = max(shallowest, gap)
         for e in range(n):
             ax, ay = outline[e, 0], outline[e, 1]
             ex, ey = outline[(e + 1) % n, 0] - ax, outline[(e + 1) % n, 1] - ay
@@ -58,9 +75,12 @@ def find_touch(outline, pusher, x, y, c, s, qx, qy, qc, qs, reach, touch):  # ty
             # outside is to the right of an edge
             away = (cx - ax) * ey - (cy - ay) * ex
             gap = away - radius
-            if 0.0 <= along <= length and deepest < gap <= reach:
+            near = overlap <= along <= length - overlap and deepest < gap <= reach
+            if near and (gap > -_SHALLOW or (gap >= shallowest and ex * uy - ey * ux > 0.0)):
                 _add(touch, ax + along * ex, ay + along * ey, -ey, ex, gap, k)
-            # the corner at the end of this edge, if it sticks out
+            # the corner at the end of this edge, if it sticks out; the corners of a flat edge meet edges, or are met by them
+            if radius == 0.0:
+                continue
             ox, oy = outline[(e + 2) % n, 0] - outline[(e + 1) % n, 0], outline[(e + 2) % n, 1] - outline[(e + 1) % n, 1]
             if ex * oy - ey * ox > 0.0 and along > length:
                 dx, dy = outline[(e + 1) % n, 0] - cx, outline[(e + 1) % n, 1] - cy
@@ -73,7 +93,7 @@ def find_touch(outline, pusher, x, y, c, s, qx, qy, qc, qs, reach, touch):  # ty
         for e in range(n):
             gx, gy = outline[e, 0] - fx, outline[e, 1] - fy
             along, across = fc * gx + fs * gy, -fs * gx + fc * gy
-            if abs(across) < pusher.half and deepest < along <= reach:
+            if abs(across) <= pusher.half + overlap and deepest < along <= reach:
                 ax, ay = outline[e, 0] - outline[e - 1, 0], outline[e, 1] - outline[e - 1, 1]
                 bx, by = outline[(e + 1) % n, 0] - outline[e, 0], outline[(e + 1) % n, 1] - outline[e, 1]
                 if ax * by - ay * bx > 0.0:
@@ -168,9 +188,9 @@ def run(  # type: ignore[no-untyped-def]
             lx, ly = ct * vx - st * vy, st * vx + ct * vy
             mx, my, mc, ms, hx, hy, hc, hs = x, y, c, s, qx, qy, qc, qs
             for stage in range(2):
-                find_touch(outline, pusher, mx, my, mc, ms, hx, hy, hc, hs, reach, touch)
-                at = Motion(mx, my, mc, ms, lx, ly, omega, dt)
                 _pushed_twist(mx, my, mc, ms, hx, hy, hc, hs, ux, uy, uw, pushed)
+                find_touch(outline, pusher, mx, my, mc, ms, hx, hy, hc, hs, pushed, reach, touch)
+                at = Motion(mx, my, mc, ms, lx, ly, omega, dt)
                 _velocities(touch, pushed)
                 if stage == 1:
                     # gaps are those of the start, of the same contact

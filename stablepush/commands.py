@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_array, check_number
+from stablepush._arrays import FloatArray, check_array, check_number, check_seed
 from stablepush.contact import PushContact
 from stablepush.errors import InputError
 from stablepush.logs.table import IS_POSITIVE, IS_SENSE, Column, read_table
@@ -43,8 +43,8 @@ class Command:
         The same for commands that repeat; blank if none does.
     speed, cor, sense, angle
         What is written down: m/s, COR (2,) in B and sense if it turns, angle turned in rad.
-    pusher : Pusher, optional
-        If it differs from the rig's.
+    pusher, mu : Pusher, float, optional
+        If they differ from the rig's.
     """
 
     place: FloatArray
@@ -56,6 +56,7 @@ class Command:
     sense: float = math.nan
     angle: float = math.nan
     pusher: Pusher | None = None
+    mu: float | None = None
 
 
 def poke(
@@ -93,8 +94,8 @@ def poke(
     group : str
         The same for repeats.
     """
-    if not 0 <= edge < len(slider.vertices):
-        raise InputError(f"edge: expected one from 0 to {len(slider.vertices) - 1}, got {edge}")
+    if isinstance(edge, bool) or not isinstance(edge, int | np.integer) or not 0 <= edge < len(slider.vertices):
+        raise InputError(f"edge: expected one from 0 to {len(slider.vertices) - 1}, got {edge!r}")
     a, b = slider.edge(edge)
     length = float(np.linalg.norm(b - a))
     if not 0 <= check_number(along, "along") <= length:
@@ -112,6 +113,8 @@ def poke(
     else:
         twist = twist_from_cor(check_array(cor, "cor", (2,)), sense)
         center = transform_points(docked, np.reshape(cor, (1, 2)))[0]
+        if (twist[0] - twist[2] * pusher.fingers[:, 1]).max() <= 0:
+            raise InputError("cor: expected a turn that moves a finger towards the slider")
     twist = twist * (speed / _fastest(pusher, twist))
     time = way / speed
     pieces = [(np.array((speed / 4, 0.0, 0.0)), AWAY / (speed / 4))]
@@ -163,6 +166,7 @@ def contact_push(
         sense=float(np.sign(body[2])) if turning else math.nan,
         angle=float(body[2] * duration),
         pusher=pusher,
+        mu=contact.mu,
     )
 
 
@@ -196,7 +200,17 @@ def random_pushes(
     field : float
         Side (m) of the square of the table, about the origin of W, in which the slider is put.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(check_seed(seed))
+    for name, pair in (("speeds", speeds), ("ways", ways)):
+        low, high = (check_number(value, name, above=0.0) for value in pair)
+        if low > high:
+            raise InputError(f"{name}: expected the smaller number first, got {low:g}, {high:g}")
+    check_number(field, "field", at_least=0.0)
+    if check_number(turning, "turning", at_least=0.0) > 1:
+        raise InputError(f"turning: expected a share from 0 to 1, got {turning:g}")
+    for name, whole in (("count", count), ("groups", groups), ("repeats", repeats)):
+        if isinstance(whole, bool) or not isinstance(whole, int | np.integer):
+            raise InputError(f"{name}: expected a whole number, got {whole!r}")
     if count < 1 or groups < 0 or repeats < 1 or groups * repeats > count:
         raise InputError(f"count: expected at least groups * repeats = {groups * repeats} pushes, got {count}")
     half = float(np.abs(pusher.fingers[:, 1]).max()) + pusher.radius

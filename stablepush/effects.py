@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from stablepush._arrays import LARGEST_MAGNITUDE
+from stablepush._arrays import LARGEST_MAGNITUDE, check_number
 from stablepush.errors import InputError
 
 #: Speed (m/s) at which friction that depends on speed is nominal.
@@ -123,7 +123,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "contact-geometry",
             "finger radius or contact place away from nominal",
             "contact",
-            (Parameter("radius", "m", None, 0.0, 0.02, least=0.0),),
+            (Parameter("radius", "m", None, 0.0, 0.02, least=0.0, most=1.0),),
         ),
         EffectKind(
             "force-bias",
@@ -177,15 +177,15 @@ class Effect:
             raise InputError(f"effect: expected one of {', '.join(CATALOGUE)}, got {id!r}")
         kind = CATALOGUE[id]
         known = {p.name: p for p in kind.parameters}
+        if not isinstance(values, Mapping):
+            raise InputError(f"effect {id}: expected a mapping from parameters to values, got {values!r}")
         checked: dict[str, tuple[float, ...]] = {}
         for name, given in values.items():
             if name not in known:
                 raise InputError(f"effect {id}: expected the parameters {', '.join(known)}, got {name!r}")
             parameter = known[name]
-            try:
-                numbers = tuple(float(x) for x in (given if isinstance(given, Iterable) else (given,)))
-            except (TypeError, ValueError):
-                raise InputError(f"effect {id}: {name}: expected {parameter.size} number(s), got {given!r}") from None
+            several = given if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
+            numbers = tuple(check_number(x, f"effect {id}: {name}", largest=math.inf) for x in several)
             if len(numbers) != parameter.size:
                 raise InputError(f"effect {id}: {name}: expected {parameter.size} number(s), got {len(numbers)}")
             for value in numbers:
@@ -216,6 +216,8 @@ class Effect:
 
 def parse_effect(text: str) -> Effect:
     """Read ``id:param=value,param=value``; the numbers of a vector are separated by slashes, as in ``0.01/0.02``."""
+    if not isinstance(text, str):
+        raise InputError(f"effect: expected a text like drift:rate=-0.1, got {text!r}")
     id, _, rest = text.partition(":")
     values: dict[str, tuple[float, ...]] = {}
     for part in filter(None, rest.split(",")):

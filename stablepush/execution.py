@@ -72,31 +72,33 @@ def execute_closed_loop(
     """
     _require_plan(problem, result)
     limit = check_number(tolerance, "tolerance", above=0.0)
-    commands = plan_commands(problem, result, rig.pusher.radius)
-    pushes = list(result.pushes)
-    session = rig.session(rows=rows, seed=seed)
+    planner = result.planner if result.planner in planner_names() else "cor-lattice"
+    here, followed = problem, result
+    session = rig.session(rows=rows, seed=seed, trials=len(result.pushes))
     made = 0
-    for attempt in range(attempts + 1):
-        for command, push in zip(commands, pushes, strict=True):
-            pose = session.push(command if made else replace(command, start=problem.start)).poses[-1]
+    for number in range(1, attempts + 2):
+        left = False
+        pose = problem.start
+        for command, push in zip(plan_commands(here, followed, rig.pusher.radius), followed.pushes, strict=True):
+            pose = session.push(command if not made else replace(command, start=None)).poses[-1]
             made += 1
             if progress is not None:
-                progress(f"plan {attempt + 1}, push {made}")
+                progress(f"plan {number}, push {made}")
             miss = transform_points(pose, problem.slider.vertices) - transform_points(push.end, problem.slider.vertices)
-            if float(np.hypot(*miss.T).max()) > limit:
+            left = float(np.hypot(*miss.T).max()) > limit
+            # the last plan is followed to its end wherever it leads
+            if left and number <= attempts:
                 break
-        else:
-            break
-        if attempt == attempts:
+        if not left:
+            return replace(session.done(), plans=number)
+        if number > attempts:
             break
         here = replace_start(problem, pose)
-        again = plan(here, result.planner if result.planner in planner_names() else "cor-lattice", seed=seed)
-        if not again.solved:
-            break
-        commands = plan_commands(here, again, rig.pusher.radius)
-        commands[0] = replace(commands[0], start=None)
-        pushes = list(again.pushes)
-    return session.done()
+        again = plan(here, planner, seed=seed)
+        if not again.solved or not again.pushes:
+            return replace(session.done(), plans=number, ended=f"no plan from where the slider was left: {again.status}")
+        followed = again
+    return replace(session.done(), plans=attempts + 1, ended=f"off the plan still after {attempts} new ones")
 
 
 def replace_start(problem: PlanningProblem, start: FloatArray) -> PlanningProblem:

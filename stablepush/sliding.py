@@ -210,8 +210,8 @@ def simulate_free_sliding(
     body = _Body(surface, slider, mu, gravity)
     first = check_array(twist, "twist", (3,))
     start = check_array(pose, "pose", (3,))
-    if samples < 2:
-        raise InputError(f"samples: expected at least 2, got {samples}")
+    if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or samples < 2:
+        raise InputError(f"samples: expected at least 2, got {samples!r}")
     limit = np.inf if duration is None else check_number(duration, "duration", above=0.0)
     if body.load == 0 and np.isinf(limit):
         raise InputError("duration: expected a time in s, since without friction the body never rests")
@@ -257,7 +257,8 @@ def simulate_free_sliding(
         rate, (0.0, 1e4), state, method="LSODA", rtol=_RELATIVE, atol=1e-12, events=(over, cut), dense_output=True
     )
     if solution.status != 1:
-        raise ConvergenceError(f"free sliding: {solution.message}")
+        why = solution.message if solution.status < 0 else "the body does not come to rest in the time that it should take"
+        raise ConvergenceError(f"free sliding: {why}")
     at_rest = len(solution.t_events[0]) > 0
     clock = _even(solution.sol, float(solution.t[-1]), samples)
     states = solution.sol(clock).T

@@ -10,13 +10,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import shapely
 
-from stablepush._arrays import FloatArray, check_number
+from stablepush._arrays import FloatArray, check_number, check_seed
 from stablepush._log_book import LogBook
 from stablepush.commands import AWAY, Command
 from stablepush.effects import REFERENCE_SPEED, Effect, principal
 from stablepush.errors import InputError
 from stablepush.logs.pushlog import Noise, PushLog, Rig
-from stablepush.models import IdealLimitSurface, LimitSurface
+from stablepush.models import IdealLimitSurface, LimitSurface, PolynomialLimitSurface
 from stablepush.pushing import Pusher, PushTrace, TableFriction, simulate_push
 from stablepush.se2 import compose, inverse, transform_points
 from stablepush.slider import Slider
@@ -33,17 +33,26 @@ _MOTIONS = 200
 _DEEP, _BACK_STEP, _EDGE_PLACES = 1e-6, 2.5e-4, 21
 #: Speed (m/s) of a pusher on its way to a push that does not move.
 _WAY_SPEED = 0.02
+#: Steps of the simulation in which the pusher moves as far as the slider's radius.
+_STEPS = 400
+#: Least share of the nominal friction that must be left where a slider is pushed.
+_LEAST_FRICTION = 0.02
 #: Models of the degrees that a support may follow instead of the nominal surface.
 _MODELS = {2: "quadratic", 4: "poly4-cvx", 6: "poly6-cvx"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Execution:
-    """A log, and what really happened in each of its trials, with the pusher as it really was."""
+    """A log, and what really happened in each of its trials, with the pusher as it really was.
+
+    ``plans``: how many plans were followed; ``ended``: why the last one was not followed to its end, blank if it was.
+    """
 
     log: PushLog
     traces: list[PushTrace]
     pushers: list[Pusher]
+    plans: int = 1
+    ended: str = ""
 
     @property
     def final_pose(self) -> FloatArray:
@@ -75,8 +84,8 @@ class VirtualRig:
         ``mu`` of the support: the scale of surfaces in units of ``mu*N``.
     gravity : float
         In m/s².
-    step : float
-        Way of the pusher in a step of the simulation, in m.
+    step : float, optional
+        Way of the pusher in a step of the simulation, in m; a four-hundredth of the slider's radius if not given.
     """
 
     slider: Slider
@@ -89,12 +98,15 @@ class VirtualRig:
     scatter: float = 0.0
     support_friction: float | None = None
     gravity: float = 9.81
-    step: float = 2.5e-4
+    step: float | None = None
     _by_id: dict[str, Effect] = field(init=False, repr=False)
     _friction: TableFriction = field(init=False, repr=False)
+    _slope_share: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         by_id: dict[str, Effect] = {}
+        if not isinstance(self.effects, Sequence):
+            raise InputError(f"effects: expected a sequence of effects, got {self.effects!r}")
         for effect in self.effects:
             if not isinstance(effect, Effect):
                 raise InputError(f"effects: expected effects, as of parse_effect, got {effect!r}")
@@ -104,31 +116,57 @@ class VirtualRig:
         object.__setattr__(self, "_by_id", by_id)
         if check_number(self.outliers, "outliers", at_least=0.0) > 1:
             raise InputError(f"outliers: expected a share from 0 to 1, got {self.outliers:g}")
-        check_number(self.scatter, "scatter", at_least=0.0)
+        if check_number(self.scatter, "scatter", at_least=0.0) > 1:
+            raise InputError(f"scatter: expected a share from 0 to 1, got {self.scatter:g}")
+        if self.noise is not None:
+            for name in ("force", "position", "angle"):
+                check_number(getattr(self.noise, name), f"noise.{name}", at_least=0.0)
+        if self.pusher.flat and "contact-geometry" in by_id:
+            raise InputError("effect contact-geometry: expected fingers, a flat edge has no radius")
         check_number(self.mu, "mu", at_least=0.0)
         check_number(self.gravity, "gravity", above=0.0)
-        check_number(self.step, "step", above=0.0)
+        if self.step is not None:
+            check_number(self.step, "step", above=0.0)
         if self.support_friction is not None:
             check_number(self.support_friction, "support_friction", above=0.0)
         if self.surface.force_unit == "mu*N" and (self.support_friction is None or not self.slider.mass):
             raise InputError(
                 "surface: its forces are in units of mu*N: expected the friction of the support and the slider's mass"
             )
-        if "tilt" in by_id:
-            self._require_rest()
+        object.__setattr__(self, "_slope_share", self._pull_share())
         object.__setattr__(self, "_friction", self._make_friction())
 
-    def _require_rest(self) -> None:
-        """Refuse a slope on which the slider would not stay."""
-        pull = self._pull()
+    def _pull_share(self) -> float:
+        """How much of what the nominal friction holds a slope of the table pulls with."""
+        if "tilt" not in self._by_id:
+            return 0.0
         if not self.slider.mass:
             raise InputError("effect tilt: expected a slider with a mass")
         angles = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
-        size = float(np.hypot(*pull)) / self._load()
+        size = float(np.hypot(*self._pull())) / self._load()
         loads = size * np.stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))), axis=-1)
-        if float(np.max(self.surface.value(loads))) >= 1.0:
+        # H grows with a power of the load
+        degree = self.surface.degree if isinstance(self.surface, PolynomialLimitSurface) else 1
+        share = float(np.max(self.surface.value(loads))) ** (1 / degree)
+        if share >= 1.0:
             raise InputError(
-                f"effect tilt: slope: expected one on which friction holds the slider, it pulls with {np.hypot(*pull):.4g} N"
+                f"effect tilt: slope: expected one on which friction holds the slider, it pulls with {share:.3g} of that"
+            )
+        return share
+
+    def _require_friction(self, pose: FloatArray, scale: float) -> None:
+        """Refuse a place of the table where so little of the friction is left that the slider would not rest."""
+        gradient = np.array(self._by_id["spatial-variation"].vector("gradient") if "spatial-variation" in self._by_id else (0, 0))
+        least = scale * float((1 + transform_points(pose, self.slider.vertices) @ gradient).min())
+        if least < _LEAST_FRICTION:
+            raise InputError(
+                f"effects: expected friction of at least {_LEAST_FRICTION:g} of the nominal one, at x {pose[0]:.3f} m, "
+                f"y {pose[1]:.3f} m it is {least:.3g} of it"
+            )
+        if self._slope_share >= least:
+            raise InputError(
+                f"effect tilt: slope: expected one on which friction holds the slider, it pulls with {self._slope_share:.3g} of "
+                f"what the nominal friction holds; {least:.3g} of it is left"
             )
 
     def _load(self) -> float:
@@ -240,7 +278,10 @@ class VirtualRig:
         it."""
         session = self.session(rows=rows, seed=seed, trials=len(commands))
         for k, command in enumerate(commands):
-            session.push(command)
+            try:
+                session.push(command)
+            except InputError as error:
+                raise InputError(f"push {k + 1}: {error}") from None
             if progress is not None:
                 progress(k + 1, len(commands))
         return session.done()
@@ -250,7 +291,9 @@ class Session:
     """A log in the making: see :meth:`VirtualRig.session`."""
 
     def __init__(self, rig: VirtualRig, rows: int, seed: int, trials: int | None) -> None:
-        self._rig, self._rng = rig, np.random.default_rng(seed)
+        if isinstance(rows, bool) or not isinstance(rows, int | np.integer) or rows < 1:
+            raise InputError(f"rows: expected a whole number >= 1, got {rows!r}")
+        self._rig, self._rng = rig, np.random.default_rng(check_seed(seed))
         self._book = _log_book(rig, self._rng, rows)
         self._friction = rig.friction
         self._traces: list[PushTrace] = []
@@ -260,7 +303,8 @@ class Session:
         by_id = rig._by_id
         mu = by_id["contact-friction"].number("mu") if "contact-friction" in by_id else None
         radius = by_id["contact-geometry"].number("radius") if "contact-geometry" in by_id else None
-        self._mu, self._radius = rig.mu if mu is None else mu, radius
+        self._mu, self._radius = mu, radius
+        self._step = rig.slider.radius / _STEPS if rig.step is None else rig.step
         self._drift = (by_id["drift"].number("rate") or 0.0) if "drift" in by_id else 0.0
 
     def push(self, command: Command) -> PushTrace:
@@ -279,10 +323,15 @@ class Session:
             start = self._traces[-1].poses[-1]
         place, motion = _from_outside(rig.slider, start, pusher, command)
         done = len(self._traces)
-        scale = (1 + self._drift * done / self._last) * math.exp(rig.scatter * float(self._rng.normal()))
-        trace = simulate_push(
-            self._friction, rig.slider, pusher, self._mu, start, place, motion, step=rig.step, scale=max(scale, 1e-9)
-        )
+        if not any(duration > 0 for _, duration in motion):
+            raise InputError("motion: expected at least one piece that lasts")
+        # more pushes than were foreseen go on with the friction of the last
+        share = min(1.0, done / self._last)
+        scale = (1 + self._drift * share) * math.exp(rig.scatter * float(self._rng.normal()))
+        mu = self._mu if self._mu is not None else (rig.mu if command.mu is None else command.mu)
+        rig._require_friction(start, scale)
+        trace = simulate_push(self._friction, rig.slider, pusher, mu, start, place, motion, step=self._step, scale=scale)
+        rig._require_friction(trace.poses[-1], scale)
         self._traces.append(trace)
         self._pushers.append(pusher)
         self._two &= len(nominal.fingers) == 2
@@ -380,6 +429,8 @@ def execute_batch(
     ``workers``: processes; as many as there are cores if not given.
     """
     results: list[Execution] = []
+    if workers is not None and workers < 1:
+        raise InputError(f"workers: expected at least 1, got {workers}")
     if workers == 1 or len(jobs) == 1:
         for job in jobs:
             results.append(_execute_job((*job, rows)))

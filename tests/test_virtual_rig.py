@@ -9,6 +9,7 @@ from conftest import small_scene, three_feet, triangle
 import stablepush as sp
 from stablepush.commands import random_pushes
 from stablepush.effects import CATALOGUE, REFERENCE_SPEED, parse_effect
+from stablepush.planar import twist_from_cor
 from stablepush.pushing import simulate_push
 from stablepush.se2 import compose, inverse, transform_points
 
@@ -49,6 +50,7 @@ NOMINAL = {
     "frame-offset": "offset=0/0",
     "latency": "delay=0",
 }
+EVEN, ROUND = sp.IdealLimitSurface(three_feet(), 1), [parse_effect("contact-geometry:radius=0.01")]
 #: Effects that change only what is logged.
 SENSING = ("force-bias", "force-rotation", "frame-offset", "latency")
 
@@ -66,6 +68,11 @@ def rig(*effects, polynomial=False, two=False, **options):
 def campaign(two=False, count=12, **options):
     made = rig(two=two)
     return random_pushes(made.slider, made.pusher, count, groups=2, repeats=2, **options)
+
+
+def far():
+    """A poke a metre from the origin."""
+    return sp.poke(triangle(), sp.Pusher.finger(0.005), 0, 0.05, start=(1.0, 0.0, 0.0))
 
 
 def wrenches(execution):
@@ -269,6 +276,42 @@ def test_a_plan_on_the_nominal_rig_ends_where_it_should():
     assert len(execution.log) == len(result.pushes)
 
 
+def test_every_contact_has_its_own_friction():
+    """Where friction is unequal, a turn is held by one contact and slips on another like it."""
+    problem = small_scene()
+    slippery = sp.PushContact(problem.contacts[0].points, problem.contacts[0].normals, 0.0)
+    made = sp.VirtualRig(problem.slider, problem.surface, 0.9, sp.Pusher.of_contact(slippery, 0.005))
+    twist = twist_from_cor((-0.3, 0.05), 1) * 0.05
+    rough, smooth = (
+        made.execute([sp.contact_push(c, twist, 3.0, radius=0.005, pose=(0, 0, 0), put=True)])
+        for c in (problem.contacts[0], slippery)
+    )
+    assert rough.log.trials["stable"][0] == 1
+    assert smooth.log.trials["stable"][0] == 0
+
+
+def test_drift_in_the_closed_loop_runs_over_the_plan():
+    problem = small_scene()
+    result = sp.plan(problem)
+    made = sp.VirtualRig(
+        problem.slider, problem.surface, 0.9, sp.Pusher.of_contact(problem.contacts[0], 0.005), [parse_effect("drift:rate=-0.3")]
+    )
+    closed, opened = sp.execute_closed_loop(made, problem, result, 0.5), sp.execute_plan(made, problem, result)
+    assert (closed.plans, closed.ended) == (1, "")
+    np.testing.assert_array_equal(closed.traces[-1].wrenches, opened.traces[-1].wrenches)
+
+
+def test_the_closed_loop_says_why_it_ends():
+    """Without friction at the fingers every push slips, so no number of plans arrives; the last plan is followed to its end."""
+    problem = small_scene()
+    result = sp.plan(problem)
+    pusher, effects = sp.Pusher.of_contact(problem.contacts[0], 0.005), [parse_effect("contact-friction:mu=0")]
+    made = sp.VirtualRig(problem.slider, problem.surface, 0.9, pusher, effects)
+    execution = sp.execute_closed_loop(made, problem, result, 1e-6, attempts=1)
+    assert execution.plans == 2 or "no plan" in execution.ended
+    assert execution.ended
+
+
 def test_planning_anew_brings_a_slider_home_that_left_its_plan():
     """The pressure is not where the plan believes it to be: pushes near the edge of the stable set slip."""
     problem = small_scene(min_margin=0.02)
@@ -301,6 +344,30 @@ def test_planning_anew_brings_a_slider_home_that_left_its_plan():
         (lambda: rig("drift:rate=0.1,rate=0.2"), "given twice"),
         (lambda: rig("drift:rate"), "param=value"),
         (lambda: rig(outliers=-1), "outliers"),
+        (lambda: rig(scatter=2), "scatter"),
+        (lambda: rig(noise=sp.Noise(-1, 0, 0)), "noise.force"),
+        (lambda: rig("contact-geometry:radius=1e6"), "at most 1"),
+        (lambda: sp.VirtualRig(triangle(), sp.IdealLimitSurface(three_feet(), 1), 0.5, sp.Pusher(), None), "effects"),
+        (
+            lambda: sp.VirtualRig(triangle(), EVEN, 0.5, sp.Pusher.edge(0.05), [parse_effect("contact-geometry:radius=0.01")]),
+            "edge",
+        ),
+        (lambda: sp.Effect("drift", [1]), "mapping"),
+        (lambda: sp.Effect("force-bias", {"force": "12"}), "number"),
+        (lambda: parse_effect(None), "text"),
+        (lambda: rig().execute(campaign(), rows=0), "rows"),
+        (lambda: rig().execute(campaign(), seed=-1), "seed"),
+        (lambda: rig().execute([sp.Command(np.zeros(3), [], np.ones(3))]), "push 1: motion"),
+        (lambda: sp.poke(triangle(), sp.Pusher(), 0.5, 0.05, start=(0, 0, 0)), "edge"),
+        (lambda: sp.poke(triangle(), sp.Pusher(), 0, 0.05, start=(0, 0, 0), cor=(0, 0), sense=1), "cor"),
+        (lambda: sp.poke(triangle(), sp.Pusher.two_fingers(0.05), 0, 0.05, start=(0, 0, 0), cor=(0, 0.1), sense=-1), "cor"),
+        (lambda: campaign(speeds=(0, 1)), "speeds"),
+        (lambda: campaign(field=math.nan), "field"),
+        (lambda: campaign(turning=2), "turning"),
+        (lambda: campaign(count=20.5), "count"),
+        (lambda: sp.execute_batch([], workers=0), "workers"),
+        (lambda: rig("spatial-variation:gradient=-3/0").execute([far()]), "push 1: effects: expected friction"),
+        (lambda: rig("tilt:slope=0.25/0", "drift:rate=-0.9").execute([far(), far()]), "push 2: effect tilt"),
         (lambda: rig("model-capacity:facets=3,degree=4"), "either"),
         (lambda: rig("model-capacity:degree=5"), "2, 4, 6"),
         (lambda: rig("tilt:slope=0.4/0"), "friction holds"),

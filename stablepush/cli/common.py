@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -23,12 +24,29 @@ def number(text: str | float) -> float:
         raise typer.BadParameter(f"expected a number, got {text!r}") from None
 
 
+def numbers(option: str, names: Sequence[str], texts: Sequence[str]) -> list[float]:
+    """Parse the values of an option that takes several; the message says which one it is."""
+    found = []
+    for name, text in zip(names, texts, strict=True):
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (math.isfinite(value) and abs(value) <= LARGEST):
+            raise InputError(f"{option}: {name}: expected a finite number of at most {LARGEST:g}, got {text!r}")
+        found.append(value)
+    return found
+
+
 def whole_number(text: str | int) -> int:
     try:
         return int(text)
     except ValueError:
         raise typer.BadParameter(f"expected a whole number, got {text!r}") from None
 
+
+#: Largest magnitude of a number, in SI units.
+LARGEST = 1e6
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="File to write.")]
 Contact = Annotated[Path, typer.Option("--contact", help="Contact of the pusher (JSON).")]
@@ -47,13 +65,6 @@ def about(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: {error}") from None
 
 
-def require_distinct(*paths: Path | None) -> None:
-    given = [path for path in paths if path is not None]
-    for i, path in enumerate(given):
-        if path in given[:i]:
-            raise InputError(f"{path}: expected different files to write, it is named twice")
-
-
 def require_outside(path: Path, folder: Path) -> None:
     """Refuse to write a file into a folder that is read, or replaced as a whole."""
     if folder.resolve() in (path.resolve(), *path.resolve().parents):
@@ -65,11 +76,18 @@ def require_seed(seed: int) -> None:
         raise InputError(f"--seed: expected a whole number from 0 to 4294967295, got {seed}")
 
 
-def require_file(path: Path) -> None:
-    """Refuse an output that cannot be written before any work is done."""
-    if path.is_dir():
-        raise InputError(f"{path}: cannot write: is a directory")
-    _require_parent(path)
+def require_files(*paths: Path | None, read: Sequence[Path | None] = ()) -> None:
+    """Refuse, before any work is done, outputs that cannot be written, that are one and the same, or that are read."""
+    given = [path for path in paths if path is not None]
+    sources = [path.resolve() for path in read if path is not None]
+    for i, path in enumerate(given):
+        if path.is_dir():
+            raise InputError(f"{path}: cannot write: is a directory")
+        _require_parent(path)
+        if path.resolve() in (other.resolve() for other in given[:i]):
+            raise InputError(f"{path}: expected different files to write, it is named twice")
+        if path.resolve() in sources:
+            raise InputError(f"{path}: expected a file to write, it is one that is read")
 
 
 def require_folder(path: Path) -> None:

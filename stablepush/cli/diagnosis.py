@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stablepush.cli.common import Progress, about, require_distinct, require_file, require_folder, require_outside
+from stablepush.cli.common import Progress, about, require_files, require_folder, require_outside
+from stablepush.errors import InputError
 
 if TYPE_CHECKING:
     from stablepush.diagnosis import GapReport
@@ -26,12 +27,11 @@ def diagnose(
     from stablepush.files import write_atomically, write_json
     from stablepush.logs import read_pushlog
 
-    for path in (answer, html):
-        if path is not None:
-            require_file(path)
+    require_files(answer, html)
     if mended is not None:
         require_folder(mended)
-    require_distinct(answer, html, mended)
+        if mended in (answer, html):
+            raise InputError(f"{mended}: expected different places to write, it is named twice")
     for path in (answer, html, mended):
         if path is not None:
             require_outside(path, log)

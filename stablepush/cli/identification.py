@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 
-from stablepush.cli.common import Output, Progress, about, number, require_file, require_folder, require_seed, whole_number
+from stablepush.cli.common import (
+    Output,
+    Progress,
+    about,
+    number,
+    require_files,
+    require_folder,
+    require_outside,
+    require_seed,
+    whole_number,
+)
 from stablepush.errors import InputError
 
 
@@ -87,7 +97,8 @@ def fit(
             f"--com-tolerance: {com_tolerance:g} is of use only where the slider is: {' or '.join(WITH_PRIOR)}, squared loss"
         )
     require_seed(seed)
-    require_file(output)
+    require_files(output)
+    require_outside(output, log)
     pokes = read_pushlog(log)
     loads, twists, names = pokes.pairs()
     if not names:

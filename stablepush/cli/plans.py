@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stablepush.cli.common import Output, Progress, about, number, require_distinct, require_file, require_seed, whole_number
+from stablepush.cli.common import Output, Progress, about, number, require_files, require_seed, whole_number
 from stablepush.errors import InputError
 
 if TYPE_CHECKING:
@@ -74,10 +74,7 @@ def plan(
         raise InputError(f"--margin-weight: expected a number >= 0, got {margin_weight:g}")
     if not 0 < cor_rate:
         raise InputError(f"--cor-rate: expected a number > 0, or inf, got {cor_rate:g}")
-    for path in (output, view, picture):
-        if path is not None:
-            require_file(path)
-    require_distinct(output, view, picture)
+    require_files(output, view, picture, read=(scene,))
     problem = load_scene(scene)
     left = max(0.0, time_limit - (time.perf_counter() - STARTED))
     with Progress("plan") as step, about(scene):
@@ -142,8 +139,7 @@ def compare(
     from stablepush.problem import load_scene
 
     _require_search(planner, time_limit, seed, improve)
-    if table is not None:
-        require_file(table)
+    require_files(table, read=scenes)
     problems = [load_scene(scene) for scene in scenes]
     head = ("duration", "length", "switches", "min_margin_deg", "certified", "planning_time")
     rows: list[list[object]] = []
@@ -187,7 +183,7 @@ def trajectory(
     for name, value in (("--rate", rate), ("--acceleration", acceleration)):
         if value is not None and not (math.isfinite(value) and 0 < value <= 1e6):
             raise InputError(f"{name}: expected a number > 0, got {value:g}")
-    require_file(output)
+    require_files(output, read=(scene, plan_file))
     problem, result = load_scene(scene), load_plan(plan_file)
     with about(plan_file):
         samples = sample_plan(problem, result, rate, acceleration)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from stablepush.cli.common import Contact, Output, Progress, about, number, require_distinct, require_file, whole_number
+from stablepush.cli.common import Contact, Output, Progress, about, number, require_files, whole_number
 from stablepush.errors import InputError, UnsupportedContactError
 
 
@@ -27,7 +27,7 @@ def classify(
     from stablepush.oracle import BOUNDARY_SLACK, StabilityOracle
     from stablepush.planar import twist_from_cor
 
-    require_file(output)
+    require_files(output, read=(model, contact, cors))
     columns = ("cor_x", "cor_y", "sense")
     oracle = StabilityOracle(load_model(model), load_contact(contact))
     table, _ = read_table(cors, required=columns, numbers=columns, filled=columns, rules={"sense": IS_SENSE})
@@ -82,10 +82,7 @@ def draw_map(
             raise InputError(f"{name}: expected a number >= 0, got {value:g}")
     if slider is None and (com_tolerance > 0 or least_mu is not None):
         raise InputError("--com-tolerance, --least-mu: expected --slider with them, as they are for the all-pressure region")
-    for path in (output, regions_file, margins, sphere):
-        if path is not None:
-            require_file(path)
-    require_distinct(output, regions_file, margins, sphere)
+    require_files(output, regions_file, margins, sphere, read=(model, contact, slider))
     surface, fingers = load_model(model), load_contact(contact)
     body = None if slider is None else load_slider(slider)
     if least_mu is not None and least_mu > fingers.mu:
@@ -174,10 +171,7 @@ def contacts(
             raise InputError(f"--width: expected a distance > 0 in m, got {value:g}")
     if not 1 <= places <= 1000:
         raise InputError(f"--places: expected a whole number from 1 to 1000, got {places}")
-    for path in (output, picture):
-        if path is not None:
-            require_file(path)
-    require_distinct(output, picture)
+    require_files(output, picture, read=(model, slider))
     surface, body = load_model(model), load_slider(slider)
     if isinstance(surface, GaussianProcessSurface):
         raise InputError(f"{model}: expected a limit surface; a Gaussian process has no stable region")

@@ -13,8 +13,8 @@ from stablepush.cli.common import (
     Progress,
     about,
     number,
-    require_distinct,
-    require_file,
+    numbers,
+    require_files,
     require_folder,
     require_outside,
     require_seed,
@@ -78,23 +78,23 @@ def simulate(
     require_seed(seed)
     if not 1 <= rows <= 100_000:
         raise InputError(f"--rows: expected a whole number from 1 to 100000, got {rows}")
-    deviations = []
-    for name, text in zip(("N", "M", "RAD"), noise, strict=True):
-        value = number(text)
-        _require(f"--noise: {name}", value, text)
-        deviations.append(value)
-    for option, given in (("--finger-radius", finger_radius), ("--outliers", outliers), ("--scatter", scatter)):
-        _require(option, given, f"{given:g}")
+    deviations = numbers("--noise", ("N", "M", "RAD"), noise)
+    if min(deviations) < 0:
+        raise InputError(f"--noise: expected numbers >= 0, got {' '.join(noise)}")
+    if not 0 <= finger_radius <= 1e6:
+        raise InputError(f"--finger-radius: expected a number >= 0, got {finger_radius:g}")
+    for option, share in (("--outliers", outliers), ("--scatter", scatter)):
+        if not 0 <= share <= 1:
+            raise InputError(f"{option}: expected a share from 0 to 1, got {share:g}")
     for option, positive in (("--mu", mu), ("--replan", replan)):
         if positive is not None and not 0 < positive <= 1e6:
             raise InputError(f"{option}: expected a number > 0, got {positive:g}")
-    if outliers > 1:
-        raise InputError(f"--outliers: expected a share from 0 to 1, got {outliers:g}")
     effects = [parse_effect(text) for text in effect or []]
     require_folder(output)
-    if view is not None:
-        require_file(view)
-        require_outside(view, output)
+    require_files(view, read=(scene, plan_file))
+    for path in (view, scene, plan_file):
+        if path is not None:
+            require_outside(path, output)
     listed = plan_file.suffix.lower() == ".csv"
     if listed and replan is not None:
         raise InputError("--replan: expected a plan to follow, not a list of pushes")
@@ -109,7 +109,7 @@ def simulate(
     rig = VirtualRig(problem.slider, problem.surface, contact.mu, pusher, effects, spread, outliers, scatter, mu)
     if listed:
         commands = read_commands(plan_file, problem, finger_radius)
-        with about(scene), Progress("simulate") as step:
+        with about(plan_file), Progress("simulate") as step:
             execution = rig.execute(commands, rows=rows, seed=seed, progress=step.to)
         result = None
     else:
@@ -119,12 +119,12 @@ def simulate(
                 execution = execute_plan(rig, problem, result, rows=rows, seed=seed, progress=step.to)
             else:
                 execution = execute_closed_loop(rig, problem, result, replan, rows=rows, seed=seed, progress=step.describe)
-    write_pushlog(execution.log, output)
     if view is not None:
         from stablepush.files import write_atomically
         from stablepush.report import execution_html
 
         write_atomically(view, execution_html(problem, execution.pushers, execution.traces, result))
+    write_pushlog(execution.log, output)
     print(f"{output}: {_outcome(execution, None if result is None else problem)}")
     if result is not None:
         _remark(problem, result, plan_file)
@@ -147,6 +147,10 @@ def _outcome(execution: Execution, problem: PlanningProblem | None) -> str:
             f"the slider ends at x {x:.4f} m, y {y:.4f} m, theta {math.degrees(theta):.2f} deg, "
             f"{1000 * miss:.1f} mm and {turn:.2f} deg from the goal"
         )
+    if execution.plans > 1:
+        words.append(f"planned anew {execution.plans - 1} times")
+    if execution.ended:
+        words.append(execution.ended)
     missed = sum(not (trace.modes > 0).any() for trace in execution.traces)
     jams = sum(bool(trace.jammed.any()) for trace in execution.traces)
     for count, what in ((missed, "never touched the slider"), (jams, "jammed")):
@@ -164,11 +168,6 @@ def _remark(problem: PlanningProblem, result: PlanResult, path: Path) -> None:
     report = check_plan(problem, result)
     if not report.valid:
         print(f"{path}: note: the plan does not pass the check: {report.objections[0]}", file=sys.stderr)
-
-
-def _require(option: str, value: float, text: str) -> None:
-    if not 0 <= value <= 1e6:
-        raise InputError(f"{option}: expected a number >= 0, got {text}")
 
 
 def slide(
@@ -194,12 +193,7 @@ def slide(
     from stablepush.logs.table import table_text
     from stablepush.sliding import simulate_free_sliding
 
-    first = []
-    for name, text in zip(("VX", "VY", "OMEGA"), twist, strict=True):
-        value = number(text)
-        if not (math.isfinite(value) and abs(value) <= 1e6):
-            raise InputError(f"--twist: {name}: expected a finite number of at most 1e6, got {text!r}")
-        first.append(value)
+    first = numbers("--twist", ("VX", "VY", "OMEGA"), twist)
     for option, given, least in (("--mu", mu, 0.0), ("--gravity", gravity, None), ("--duration", duration, None)):
         if given is None:
             continue
@@ -207,10 +201,7 @@ def slide(
             raise InputError(f"{option}: expected a number {'>= 0' if least is not None else '> 0'}, got {given:g}")
     if not 2 <= samples <= 1_000_000:
         raise InputError(f"--samples: expected a whole number from 2 to 1000000, got {samples}")
-    for path in (output, picture, view):
-        if path is not None:
-            require_file(path)
-    require_distinct(output, picture, view)
+    require_files(output, picture, view, read=(model, slider_file))
     surface, slider = load_model(model), load_slider(slider_file)
     if slider.mass is None or slider.mass == 0:
         raise InputError(f"{slider_file}: mass: expected a mass > 0 in kg, got {slider.mass}")
@@ -220,7 +211,6 @@ def slide(
         result = simulate_free_sliding(surface, slider, first, mu=mu, gravity=gravity, duration=duration, samples=samples)
     columns = ("t", "x", "y", "theta", "vx", "vy", "omega")
     rows = (result.t, *result.poses.T, *result.twists.T)
-    write_atomically(output, table_text(dict(zip(columns, rows, strict=True))))
     if picture is not None:
         from stablepush.plot import plot_slide, save_figure
 
@@ -229,6 +219,7 @@ def slide(
         from stablepush.report import slide_html
 
         write_atomically(view, slide_html(slider, result))
+    write_atomically(output, table_text(dict(zip(columns, rows, strict=True))))
     x, y, theta = result.poses[-1]
     end = "at rest" if result.at_rest else "cut"
     print(
