@@ -74,14 +74,11 @@ class LogBook:
         touched = np.flatnonzero((trace.modes > 0).any(axis=1))
         end = float(trace.t[-1])
         # rows of the push begin when a finger has met the slider; before that the pusher is on its way
-        begin = float(trace.t[touched[0] + 1]) if len(touched) and touched[0] > 0 else 0.0
-        parts = [("rest", np.linspace(-_REST, 0, _READINGS + 2)[None, 1:-1])]
-        if begin > 0:
-            parts.append(("approach", np.linspace(0, begin, _READINGS + 2)[None, 1:-1]))
-        edges = np.linspace(begin, end, self._rows + 1)
-        parts.append(("push", edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(_READINGS) + 0.5) / _READINGS))
-        phases = np.repeat([phase for phase, _ in parts], [len(times) for _, times in parts])
-        columns = self._readings(np.concatenate([times for _, times in parts]), phases, trace, pusher)
+        begin = float(trace.t[min(touched[0] + 1, len(trace.t) - 2)]) if len(touched) and touched[0] > 0 else 0.0
+        approach = [0.0, begin] if begin > 0 else [begin]
+        edges = np.concatenate(((-_REST,), approach, np.linspace(begin, end, self._rows + 1)[1:]))
+        phases = np.array(["rest", *["approach"] * (len(approach) - 1), *["push"] * self._rows])
+        columns = self._readings(edges, phases, trace, pusher)
         self._samples.append({"trial": np.full(len(phases), name, dtype=object), **columns, "phase": phases.astype(object)})
         cor = (math.nan, math.nan) if command.cor is None else command.cor
         self._trials.append(
@@ -99,28 +96,28 @@ class LogBook:
         )
         self._time += end + _REST + _BETWEEN
 
-    def _readings(self, times: FloatArray, phases: np.ndarray, trace: PushTrace, pusher: Pusher) -> dict[str, FloatArray]:
-        """Columns of rows whose readings are taken at times (n, r), in s after the push began: the means of poses, of forces in W
-        and of the moment at the pusher, with noise."""
-        n, rng = len(times), self._rng
-        true, pushers = _at(trace.t, trace.poses, times), _at(trace.t, trace.pushers, times)
+    def _readings(self, edges: FloatArray, phases: np.ndarray, trace: PushTrace, pusher: Pusher) -> dict[str, FloatArray]:
+        """Columns of rows between times (n + 1,), in s after the push began: the means of poses, of the force in W and of the
+        moment at the pusher, with noise."""
+        n, rng = len(phases), self._rng
+        times = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(_READINGS) + 0.5) / _READINGS
+        pushers = _at(trace.t, trace.pushers, times)
         seen = compose(_at(trace.t, trace.poses, times - self._delay), (*self._offset, 0.0))
         step = np.clip(np.searchsorted(trace.t, times, side="right") - 1, 0, len(trace.wrenches) - 1)
-        loads = np.where((times >= 0)[..., None], trace.wrenches[step], 0.0)
-        force = rotate_vectors(true[..., 2], loads[..., :2])
-        moment = (loads[..., 2] + wrench_from_force(true[..., :2] - pushers[..., :2], force)[..., 2]).mean(axis=1)
+        load = _mean_loads(trace, edges)
+        force, moment = load[:, :2], load[:, 2]
         odd = np.where(rng.random(n) < self._outliers, _OUTLIER, 1.0)[:, None]
         noise = self._noise
         spread = np.array((noise.position, noise.position, noise.angle))
-        measured = rotate_vectors(self._angle, force.mean(axis=1)) + self._bias + noise.force * odd * rng.normal(size=(n, 2))
+        measured = rotate_vectors(self._angle, force) + self._bias + noise.force * odd * rng.normal(size=(n, 2))
         moment = moment + _MOMENT * noise.force * odd[:, 0] * rng.normal(size=n)
         pose = seen.mean(axis=1) + odd * spread * rng.normal(size=(n, 3))
         place = pushers.mean(axis=1) + _PUSHER * spread * rng.normal(size=(n, 3))
-        load = rotate_vectors(-pose[:, 2], measured)
+        seen_force = rotate_vectors(-pose[:, 2], measured)
         tau = moment + wrench_from_force(place[:, :2] - pose[:, :2], measured)[:, 2]
         touching = self._contact_points(pose, place, pusher, trace.modes[step])
         touching[phases != "push"] = np.nan
-        values = (times.mean(axis=1) + _REST, *pose.T, *load.T, tau, *touching.reshape(n, 4).T, *place.T)
+        values = (times.mean(axis=1) + _REST, *pose.T, *seen_force.T, tau, *touching.reshape(n, 4).T, *place.T)
         names = ("t", "x", "y", "theta", "fx", "fy", "tau", "c1x", "c1y", "c2x", "c2y", "px", "py", "ptheta")
         return dict(zip(names, values, strict=True))
 
@@ -157,6 +154,18 @@ class LogBook:
         }
         trials = {name: [entry[name] for entry in self._trials] for name in self._trials[0]}
         return PushLog(self._nominal, freeze(trials), freeze(samples))
+
+
+def _mean_loads(trace: PushTrace, edges: FloatArray) -> FloatArray:
+    """Means (n, 3) between times (n + 1,) of the force (N) in W and the moment (N·m) at the pusher: of all that happens, so that
+    the shock of a first touch counts by its impulse."""
+    poses, pushers = (0.5 * (path[:-1] + path[1:]) for path in (trace.poses, trace.pushers))
+    force = rotate_vectors(poses[:, 2], trace.wrenches[:, :2])
+    moment = trace.wrenches[:, 2:] + wrench_from_force(poses[:, :2] - pushers[:, :2], force)[:, 2:]
+    steps = np.concatenate((force, moment), axis=1) * np.diff(trace.t)[:, None]
+    sums = np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))
+    at_edges = np.stack([np.interp(edges, trace.t, sums[:, k]) for k in range(3)], axis=-1)
+    return np.asarray(np.diff(at_edges, axis=0) / np.diff(edges)[:, None])
 
 
 def _at(t: FloatArray, poses: FloatArray, times: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from stablepush.commands import random_pushes
 from stablepush.effects import CATALOGUE, REFERENCE_SPEED, parse_effect
 from stablepush.planar import twist_from_cor
 from stablepush.pushing import simulate_push
-from stablepush.se2 import compose, inverse, transform_points
+from stablepush.se2 import compose, inverse, rotate_vectors, transform_points
 
 LOAD = 3.5
 #: A value in the middle of the range of each effect.
@@ -134,6 +134,32 @@ def test_sensing_effects_mean_what_they_say():
     # the torque about the tracked origin
     f = wrenches(plain)
     np.testing.assert_allclose(wrenches(offset)[:, 2], f[:, 2] - (0.003 * f[:, 1] + 0.002 * f[:, 0]), atol=2e-4)
+
+
+def test_rows_hold_the_impulse_of_a_touch():
+    """With inertia the first touch is a shock: the mean force, times the time, is the momentum that the slider gets."""
+    commands = [sp.poke(triangle(), sp.Pusher.finger(0.005), 0, 0.05, start=(0, 0, 0), speed=0.05)]
+    commands = [replace(command, place=compose(command.place, (2e-3, 0, 0)), motion=command.motion[1:]) for command in commands]
+    plain, heavy = rig().execute(commands, rows=3), rig("inertia:mass=1.2").execute(commands, rows=3)
+    for execution, mass in ((plain, 0.0), (heavy, 1.2)):
+        trace, s = execution.traces[0], execution.log.samples
+        rows = s["phase"] == "push"
+        sensed = rotate_vectors(s["theta"][rows], np.stack((s["fx"][rows], s["fy"][rows]), axis=-1)).mean(axis=0) * trace.t[-1]
+        steps = (
+            rotate_vectors(0.5 * (trace.poses[:-1, 2] + trace.poses[1:, 2]), trace.wrenches[:, :2]) * np.diff(trace.t)[:, None]
+        )
+        np.testing.assert_allclose(sensed, steps.sum(axis=0), rtol=1e-3, atol=1e-4)
+        friction = made_friction(execution)
+        momentum = mass * rotate_vectors(trace.poses[-1, 2], trace.twists[-1, :2])
+        np.testing.assert_allclose(steps.sum(axis=0) - friction, momentum, atol=0.02 * 1.2 * 0.05 + 1e-3)
+
+
+def made_friction(execution):
+    """Impulse (2,) in W of the friction of a support of three feet over a push."""
+    trace = execution.traces[0]
+    loads = sp.IdealLimitSurface(three_feet(), LOAD).wrench(trace.twists)
+    middle = 0.5 * (trace.poses[:-1, 2] + trace.poses[1:, 2])
+    return (rotate_vectors(middle, loads[:, :2]) * np.diff(trace.t)[:, None]).sum(axis=0)
 
 
 def test_late_poses_are_those_of_before():

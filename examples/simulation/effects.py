@@ -35,10 +35,10 @@ MIDDLES = {
 
 
 def pushes(rng: np.random.Generator, slider: sp.Slider, pusher: sp.Pusher) -> list[sp.Command]:
-    """Pushes of 50 mm from many headings of the slider, off the middle of a face by up to 20 mm."""
+    """Pushes of 50 mm from many headings of the slider, off the middle of a face by up to 20 mm and up to 40 deg oblique."""
     commands = []
     for _ in range(40):
-        off, turn = rng.uniform(-0.02, 0.02), rng.uniform(-0.3, 0.3)
+        off, turn = rng.uniform(-0.02, 0.02), rng.uniform(-0.7, 0.7)
         theta = rng.uniform(-np.pi, np.pi)
         docked = np.array((-0.05 - pusher.radius, off, 0.0))
         place = np.array((*_turned(theta, docked[:2]), theta))
@@ -64,7 +64,8 @@ def main() -> None:
         return sp.VirtualRig(slider, sp.IdealLimitSurface(support, 0.3 * 1.2 * 9.81), 0.5, pusher, effects).execute(commands)
 
     def load(execution: sp.Execution) -> np.ndarray:
-        f = np.stack([execution.log.samples[name] for name in ("fx", "fy", "tau")], axis=-1)
+        rows = execution.log.samples["phase"] == "push"
+        f = np.stack([execution.log.samples[name][rows] for name in ("fx", "fy", "tau")], axis=-1)
         return f / (1, 1, slider.characteristic_length)
 
     plain = run(None)

@@ -16,6 +16,9 @@ import stablepush as sp
 from stablepush.planar import transport_twist, twist_from_cor
 from stablepush.se2 import compose, inverse
 
+#: Rotation centres drawn for a contact.
+CANDIDATES = 200
+
 
 def random_slider(rng: np.random.Generator) -> sp.Slider:
     """A convex outline about its centre of mass."""
@@ -64,11 +67,14 @@ def main() -> None:
             width = rng.uniform(0.2, 0.9) * length
             middle = length / 2 + rng.uniform(-0.5, 0.5) * (length - width)
             contact = sp.PushContact.on_edge(slider, edge, middle, width, rng.uniform(0.1, 1.0))
-            sense = int(rng.choice((-1, 1)))
-            twist = twist_from_cor(rng.normal(size=2) * np.exp(rng.uniform(np.log(0.03), np.log(1.0))), sense)
-            margin = float(sp.StabilityOracle(surface, contact).margin(twist))
-            if abs(margin) < options.near:
+            centers = rng.normal(size=(CANDIDATES, 2)) * np.exp(rng.uniform(np.log(0.03), np.log(1.0), (CANDIDATES, 1)))
+            twists = twist_from_cor(centers, rng.choice((-1, 1), CANDIDATES))
+            margins = sp.StabilityOracle(surface, contact).margin(twists)
+            # few motions are stable: half of the cases are taken from those, where there are any
+            wanted = np.flatnonzero(margins > options.near if rng.random() < 0.5 else margins < -options.near)
+            if not len(wanted):
                 continue
+            twist, margin = twists[wanted[0]], float(margins[wanted[0]])
             pusher = sp.Pusher.of_contact(contact, 0.003)
             docked = pusher.docked(contact)
             motion = [(transport_twist(twist, inverse(docked)), np.pi / 2)]
