@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from stablepush._arrays import FloatArray
-from stablepush.diagnosis.attribution import FOLDS, Attribution, attribute, folds_of
+from stablepush.diagnosis.attribution import Attribution, attribute
 from stablepush.diagnosis.observations import heading, observe
-from stablepush.diagnosis.system import IN_GAPS, SIZES, System, Values, surface_of
+from stablepush.diagnosis.shrink import explains_most, gap, hold_out, shrink
+from stablepush.diagnosis.system import SIZES, System, surface_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise
 from stablepush.effects import CATALOGUE
 from stablepush.errors import InputError
@@ -30,8 +30,6 @@ _MISFIT = 4.0
 _EVEN, _ODDS = 18.0, 3.0
 #: Effects whose estimates are more uncertain than this share of their range cannot be seen in a log.
 _BLIND = 0.5
-#: Resampled trials behind an interval.
-_RESAMPLES = 500
 #: Half of the plausible range of the parameters as they are fitted.
 _RANGES = {
     "anisotropy-world": 0.2, "anisotropy-object": 0.2, "speed-dependence": 0.15, "spatial-variation": 1.0, "drift": 0.3,
@@ -142,15 +140,15 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     named = list(found.chosen)
     if found.contact is not None and found.contact.p_value < 1e-3:
         named.append("contact-friction")
-    predictions = _predictions(system, found)
+    held = hold_out(system, found, log)
     share, p_share, size = 0.0, 1.0, 0.0
     if system.has_wrench:
-        left = system.observations.wrench - predictions["after"]
+        left = system.observations.wrench - held.wrenches["after"]
         white = system.white(left).reshape(-1, 3)
         size = float(np.sqrt(np.median(white**2) / 0.455))
         share, p_share = flexible_share(system, white)
     unknown = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
-    if unknown and not _explains_most(system, predictions):
+    if unknown and not explains_most(held):
         verdict, effects = "unknown", []
     elif found.rivals:
         verdict, effects = "ambiguous", list(dict.fromkeys([*named, *found.rivals]))
@@ -162,8 +160,8 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         if size > _MISFIT:
             verdict = "unknown"
     said("where the gap lies")
-    where = localise(system, system.observations.wrench - predictions["before"]) if system.has_wrench else []
-    shrink = _shrink(system, found, predictions)
+    where = localise(system, system.observations.wrench - held.wrenches["before"]) if system.has_wrench else []
+    closed = shrink(held)
     ranking = _ranking(system, found, effects)
     surface = surface_of(system, found.final.loads) if system.has_wrench else None
     report_effects = {entry["effect"]: _plain(entry) for entry in ranking if entry["effect"] in effects}
@@ -171,20 +169,20 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     return GapReport(
         log=name,
         trials=len(log),
-        channels=[entry["channel"] for entry in shrink],
+        channels=[entry["channel"] for entry in closed],
         verdict=verdict,
         named=effects,
-        gap=_gap(system, found, predictions),
+        gap=gap(system, held),
         where=where,
         ranking=ranking,
-        shrink=shrink,
-        worse=[entry["channel"] for entry in shrink if entry["after"] > 1.02 * entry["before"]],
+        shrink=closed,
+        worse=[entry["channel"] for entry in closed if entry["after"] > 1.02 * entry["before"]],
         next_experiment=_next(system, found, effects, ranking),
-        sentence=_sentence(verdict, effects, shrink, system.has_wrench),
+        sentence=_sentence(verdict, effects, closed, system.has_wrench),
         notes=notes,
         surface=surface,
         effects=report_effects,
-        residuals={k: system.observations.wrench - v for k, v in predictions.items()} if system.has_wrench else {},
+        residuals={k: system.observations.wrench - v for k, v in held.wrenches.items()},
         poses=system.observations.pose,
         loads=system.observations.wrench,
         headings=heading(system.observations),
@@ -204,162 +202,6 @@ def _too_little(log: PushLog, name: str) -> GapReport:
         name, len(log), [], "none", [], [], [], ranking, [], [], after, f"{words[0].upper()}{words[1:]}.", [words], None, {}, {},
         nothing, nothing, np.zeros(0), np.zeros(0),
     )  # fmt: skip
-
-
-def _predictions(system: System, found: Attribution) -> dict[str, FloatArray]:
-    """Wrenches (n, 3) of the nominal simulation and, each trial by a fit to the others, of the refit and of the mended one."""
-    if not system.has_wrench:
-        return {}
-    folds = folds_of(system)
-    trial = system.observations.trial
-    before = np.zeros_like(system.observations.wrench)
-    refit, after = before.copy(), before.copy()
-    for k in range(FOLDS):
-        test = folds == k
-        rows = test[trial]
-        if not rows.any():
-            continue
-        train = ~test if not test.all() else test
-        mended = system.fit(found.chosen, found.free, train)
-        plain = system.fit([], True, train)
-        loads = system.nominal if system.known_scale else system.fit([], False, train).loads
-        before[rows] = system.model.predict(loads, {})[rows]
-        refit[rows] = system.model.predict(plain.loads, {})[rows]
-        after[rows] = system.model.predict(mended.loads, _of_wrench(mended.values))[rows]
-    return {"before": before, "refit": refit, "after": after}
-
-
-def _of_wrench(values: Values) -> Values:
-    return {id: v for id, v in values.items() if id != "contact-geometry"}
-
-
-def _size(system: System, wrenches: FloatArray) -> FloatArray:
-    """Squared size (n,) of wrenches in ``(fx, fy, tau/rho)``, in N²."""
-    return np.asarray(((wrenches / (1, 1, system.rho)) ** 2).sum(axis=1))
-
-
-def _floor(system: System) -> float:
-    """Mean square (N²) that the noise of forces and motion leaves.
-
-    Next to a facet of the limit surface (a turn about a support point) a little noise of the motion moves the predicted load far,
-    but not beyond the facet, whose radius is the load of that point: it bounds what a row may contribute.
-    """
-    scale = np.array((1.0, 1.0, 1.0 / system.rho))
-    rows = (np.einsum("nii->ni", system.covariance) * scale**2).sum(axis=1)
-    most = float(np.abs(system.nominal).max()) ** 2 + 1e-30
-    return float((rows * most / (rows + most)).mean())
-
-
-def _explains_most(system: System, predictions: dict[str, FloatArray]) -> bool:
-    """Whether the mended simulation leaves a tenth of the gap or less."""
-    o = system.observations
-    before, after = (_size(system, o.wrench - predictions[k]).mean() for k in ("before", "after"))
-    floor = min(_floor(system), float(after))
-    return bool((after - floor) < 0.1 * (before - floor))
-
-
-def _shrink(system: System, found: Attribution, predictions: dict[str, FloatArray]) -> list[dict[str, Any]]:
-    entries: list[dict[str, Any]] = []
-    o = system.observations
-    if system.has_wrench:
-        before, after = (_size(system, o.wrench - predictions[k]) for k in ("before", "after"))
-        entries.append(_closed("wrench", "N", o.trial, before, after, _floor(system)))
-        surfaces = {"before": system.nominal, "after": found.final.loads}
-        moves = {}
-        final, acting = found.final.loads, _of_wrench(found.final.values)
-        correction = system.model.predict(final, acting) - system.model.predict(final, {})
-        for key, loads in surfaces.items():
-            wrench = o.wrench - (correction if key == "after" else 0.0)
-            twist = surface_of(system, loads).twist(wrench)
-            a, b = twist * (1, 1, system.rho), o.twist * (1, 1, system.rho)
-            cosine = (a * b).sum(axis=1) / np.maximum(np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1), 1e-30)
-            moves[key] = np.arccos(np.clip(cosine, -1, 1)) ** 2
-        best = float(np.quantile(moves["after"], 0.25))
-        entries.append(_closed("twist", "rad", o.trial, moves["before"], moves["after"], best))
-    gaps = [(k, rows) for k, rows in system.gap_rows if len(rows)]
-    if gaps:
-        measured = np.concatenate([o.gap[rows, k] for k, rows in gaps])
-        trial = np.concatenate([o.trial[rows] for _, rows in gaps])
-        left = measured.copy()
-        for id, value in found.final.values.items():
-            if id in IN_GAPS:
-                left = left - system.gap_columns(id) @ value * system.gap_noise
-        entries.append(_closed("pose", "m", trial, measured**2, left**2, system.gap_noise**2))
-    return entries
-
-
-def _closed(channel: str, unit: str, trial: np.ndarray, before: FloatArray, after: FloatArray, floor: float) -> dict[str, Any]:
-    """An entry of ``shrink`` from squared residuals of rows, trials resampled for the interval."""
-    names, rows = np.unique(trial, return_inverse=True)
-    sums = np.stack([np.bincount(rows, values) for values in (before, after, np.ones_like(before))], axis=-1)
-    rng = np.random.default_rng(0)
-    drawn = sums[rng.integers(0, len(names), (_RESAMPLES, len(names)))].sum(axis=1)
-
-    mean = sums.sum(axis=0)
-    b, a = mean[0] / mean[2], mean[1] / mean[2]
-    # what is left cannot be less than the noise: the noise is less than said then
-    floor = min(floor, float(a))
-
-    def share(before: FloatArray, after: FloatArray) -> FloatArray:
-        low = np.minimum(floor, 0.999 * before)
-        return np.asarray((before - after) / np.maximum(before - low, 1e-30))
-
-    shares = share(drawn[:, 0] / drawn[:, 2], drawn[:, 1] / drawn[:, 2])
-    # where there is hardly a gap its share is anything
-    low, high = np.clip(np.quantile(shares, (0.025, 0.975)), -10.0, 10.0)
-    return {
-        "channel": channel,
-        "unit": unit,
-        "held_out_trials": len(names),
-        "before": float(np.sqrt(b)),
-        "after": float(np.sqrt(a)),
-        "floor": float(np.sqrt(floor)),
-        "closed": float(share(np.array(b), np.array(a))),
-        "ci95": [float(low), float(high)],
-    }
-
-
-def _gap(system: System, found: Attribution, predictions: dict[str, FloatArray]) -> list[dict[str, Any]]:
-    entries: list[dict[str, Any]] = []
-    o = system.observations
-    if system.has_wrench:
-        left = o.wrench - predictions["before"]
-        entries.append(
-            {
-                "channel": "wrench",
-                "unit": "N",
-                "nominal": float(np.sqrt(_size(system, left).mean())),
-                "refitted": float(np.sqrt(_size(system, o.wrench - predictions["refit"]).mean())),
-                "noise_floor": float(np.sqrt(_floor(system))),
-                "p_lack_of_fit": _lack_of_fit(system.white(left).reshape(-1, 3), o.trial),
-            }
-        )
-    for k, rows in system.gap_rows:
-        if len(rows):
-            gaps = o.gap[rows, k]
-            entries.append(
-                {
-                    "channel": "pose",
-                    "unit": "m",
-                    "nominal": float(np.sqrt((gaps**2).mean())),
-                    "refitted": float(np.sqrt((gaps**2).mean())),
-                    "noise_floor": system.gap_noise,
-                    "p_lack_of_fit": _lack_of_fit((gaps / system.gap_noise)[:, None], o.trial[rows]),
-                }
-            )
-            break
-    del found
-    return entries
-
-
-def _lack_of_fit(rows: FloatArray, trial: np.ndarray) -> float:
-    """p-value of means over trials that are larger than rows of unit noise would leave, by chi-squared."""
-    counts = np.bincount(trial)
-    kept = counts > 0
-    statistic = 0.0
-    for k in range(rows.shape[1]):
-        statistic += float((np.bincount(trial, rows[:, k])[kept] ** 2 / counts[kept]).sum())
-    return float(chi2.sf(statistic, int(kept.sum()) * rows.shape[1]))
 
 
 def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, dict[str, Any]]:

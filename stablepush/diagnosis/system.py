@@ -88,6 +88,7 @@ class System:
         self.model = ForwardModel(o, self.points, self.weight, slider.radius_of_gyration**2, self.center)
         self.noise = _noise(rig, o)
         self._w = np.zeros((len(o.time), 3, 3))
+        self.moment_noise = _MOMENT
         total = (rig.support_friction or 0.0) * self.weight
         if self.has_wrench:
             unit, _ = self.model.matrix({})
@@ -115,7 +116,7 @@ class System:
                 gaps[rows] = max(1e-6, float(np.median(np.diff(o.time[rows]))))
         finite = gaps[np.isfinite(gaps)]
         gaps[~np.isfinite(gaps)] = float(np.median(finite)) if len(finite) else 1.0
-        spread = np.stack((noise.position / gaps, noise.position / gaps, noise.angle / gaps), axis=-1)
+        self.motion_noise = spread = np.stack((noise.position / gaps, noise.position / gaps, noise.angle / gaps), axis=-1)
         slopes = self.model.motion_slopes(loads) * spread[:, None, :]
         covariance = slopes @ slopes.transpose(0, 2, 1)
         covariance += np.diag((noise.force**2, noise.force**2, (_MOMENT * noise.force) ** 2))
@@ -349,5 +350,8 @@ def surface_of(system: System, loads: FloatArray) -> IdealLimitSurface:
         size = np.hypot(vx, vy) + 1e-12
         rows = np.stack((vx / size, vy / size, (x * vy - y * vx) / size / system.rho), axis=1).reshape(-1, len(x))
         positive, _ = nnls(rows, rows @ loads)
+    if (positive > 0).sum() < 2:
+        # a log that tells nothing of the pressure: a little of the nominal one keeps it a surface
+        positive = positive + 1e-6 * np.abs(system.nominal)
     carrying = positive > 0
     return IdealLimitSurface(SupportDistribution(system.points[carrying], positive[carrying]), float(positive.sum()), system.rho)

@@ -1,0 +1,275 @@
+"""How far the gap shrinks: what the nominal simulation, its refit and the mended one leave of trials that they were not fitted
+to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+from scipy.stats import t as student
+
+from stablepush._arrays import FloatArray
+from stablepush.contact import PushContact
+from stablepush.diagnosis.attribution import FOLDS, Attribution, folds_of
+from stablepush.diagnosis.forward import PARAMETERS
+from stablepush.diagnosis.system import IN_GAPS, Fitted, System, Values, surface_of
+from stablepush.errors import ConvergenceError, InputError
+from stablepush.logs import PushLog
+from stablepush.models import IdealLimitSurface
+from stablepush.oracle import StabilityOracle
+from stablepush.planar import angle_between, twist_from_cor
+
+#: Resampled trials behind an interval.
+_RESAMPLES = 500
+#: Draws of the noise behind the floor of the directions of motion.
+_DRAWS = 4
+#: Contact points nearer than this (m) are one finger's.
+_SAME_POINT = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldOut:
+    """Squared residuals of rows by channel, under ``"before"``, ``"refit"`` and ``"after"``, with the rows' trials and the floor.
+
+    ``wrenches``: the predicted wrenches (n, 3) themselves; empty without forces.
+    """
+
+    wrenches: dict[str, FloatArray]
+    squares: dict[str, dict[str, FloatArray]]
+    trials: dict[str, np.ndarray]
+    floors: dict[str, float]
+
+
+def hold_out(system: System, found: Attribution, log: PushLog) -> HeldOut:
+    """Predict every trial by fits to the others: five folds, repeats kept together."""
+    o = system.observations
+    folds = folds_of(system)
+    wrenches = {k: np.zeros_like(o.wrench) for k in ("before", "refit", "after")} if system.has_wrench else {}
+    squares: dict[str, dict[str, FloatArray]] = {}
+    trials: dict[str, np.ndarray] = {}
+    floors: dict[str, float] = {}
+    gap_trial = np.concatenate([o.trial[rows] for _, rows in system.gap_rows]).astype(int)
+    gaps = np.concatenate([o.gap[rows, k] for k, rows in system.gap_rows])
+    if system.has_wrench:
+        squares["twist"] = {k: np.zeros(len(o.time)) for k in wrenches}
+        trials["wrench"] = trials["twist"] = o.trial
+        floors["twist"] = 0.0
+    if len(gaps):
+        squares["pose"] = {k: np.square(gaps) for k in ("before", "refit", "after")}
+        trials["pose"], floors["pose"] = gap_trial, system.gap_noise**2
+    labels = _labels(system, log) if system.has_wrench else {}
+    if labels:
+        squares["stability"] = {k: np.zeros(len(labels)) for k in wrenches}
+        trials["stability"], floors["stability"] = np.array(list(labels)), 0.0
+    nominal = surface_of(system, system.nominal) if system.has_wrench else None
+    before = None if nominal is None else _angles(system, nominal, o.wrench)
+    for k in range(FOLDS):
+        test = folds == k
+        if not test.any():
+            continue
+        train = ~test if not test.all() else test
+        mended = system.fit(found.chosen, found.free, train)
+        if len(gaps):
+            squares["pose"]["after"][test[gap_trial]] = _gaps_left(system, gaps, mended.values)[test[gap_trial]] ** 2
+        rows = test[o.trial]
+        if nominal is None or before is None or not rows.any():
+            continue
+        plain = system.fit([], True, train)
+        scaled = system.nominal if system.known_scale else system.fit([], False, train).loads
+        acting = of_wrench(mended.values)
+        fits = {"before": (scaled, {}), "refit": (plain.loads, {}), "after": (mended.loads, acting)}
+        surfaces = {"before": nominal, "refit": surface_of(system, plain.loads), "after": surface_of(system, mended.loads)}
+        for key, (loads, values) in fits.items():
+            wrenches[key][rows] = system.model.predict(loads, values)[rows]
+        correction = system.model.predict(mended.loads, acting) - system.model.predict(mended.loads, {})
+        squares["twist"]["before"][rows] = before[rows] ** 2
+        squares["twist"]["refit"][rows] = _angles(system, surfaces["refit"], o.wrench)[rows] ** 2
+        squares["twist"]["after"][rows] = _angles(system, surfaces["after"], o.wrench - correction)[rows] ** 2
+        floors["twist"] += float(_twist_floor(system, surfaces["after"], mended, rows).sum()) / len(o.time)
+        for at, (trial, (contact, twist, stable)) in enumerate(labels.items()):
+            if test[trial]:
+                for key, surface in surfaces.items():
+                    guess = bool(StabilityOracle(surface, contact).is_stable(twist))
+                    squares["stability"][key][at] = float(guess != stable)
+    if system.has_wrench:
+        squares["wrench"] = {k: size(system, o.wrench - w) for k, w in wrenches.items()}
+        floors["wrench"] = wrench_floor(system)
+    return HeldOut(wrenches, squares, trials, floors)
+
+
+def of_wrench(values: Values) -> Values:
+    """Return the effects that show in wrenches."""
+    return {id: v for id, v in values.items() if id in PARAMETERS}
+
+
+def size(system: System, wrenches: FloatArray) -> FloatArray:
+    """Return the squared size (n,) of wrenches in ``(fx, fy, tau/rho)``, in N²."""
+    return np.asarray(((wrenches / (1, 1, system.rho)) ** 2).sum(axis=1))
+
+
+def wrench_floor(system: System) -> float:
+    """Return the mean square (N²) that the noise of forces and motion leaves.
+
+    Next to a facet of the limit surface (a turn about a support point) a little noise of the motion moves the predicted load far,
+    but not beyond the facet, whose radius is the load of that point: it bounds what a row may contribute.
+    """
+    scale = np.array((1.0, 1.0, 1.0 / system.rho))
+    rows = (np.einsum("nii->ni", system.covariance) * scale**2).sum(axis=1)
+    most = float(np.abs(system.nominal).max()) ** 2 + 1e-30
+    return float((rows * most / (rows + most)).mean())
+
+
+def explains_most(held: HeldOut) -> bool:
+    """Tell whether the mended simulation leaves a tenth of the gap of the wrench or less."""
+    before, after = (float(held.squares["wrench"][k].mean()) for k in ("before", "after"))
+    floor = min(held.floors["wrench"], after)
+    return bool((after - floor) < 0.1 * (before - floor))
+
+
+def _twists(surface: IdealLimitSurface, wrenches: FloatArray) -> FloatArray:
+    """Slip twists (n, 3); NaN where they cannot be found."""
+    try:
+        return surface.twist(wrenches)
+    except (ConvergenceError, InputError):
+        if len(wrenches) == 1:
+            return np.full((1, 3), np.nan)
+    half = len(wrenches) // 2
+    return np.concatenate((_twists(surface, wrenches[:half]), _twists(surface, wrenches[half:])))
+
+
+def _angles(system: System, surface: IdealLimitSurface, wrenches: FloatArray) -> FloatArray:
+    """Angles (n,) in ``(vx, vy, rho*omega)`` between slip twists of loads and the measured ones; none where there is no twist."""
+    scale = (1.0, 1.0, system.rho)
+    return np.nan_to_num(angle_between(_twists(surface, wrenches) * scale, system.observations.twist * scale))
+
+
+def _twist_floor(system: System, surface: IdealLimitSurface, fitted: Fitted, rows: np.ndarray) -> FloatArray:
+    """Mean squared angles of rows that noise of forces and motion alone would leave."""
+    rng = np.random.default_rng(0)
+    clean = system.model.predict(fitted.loads, {})[rows]
+    force = system.noise.force
+    scale = np.array((1.0, 1.0, system.rho))
+    motion = system.observations.twist[rows]
+    total = np.zeros(len(clean))
+    for _ in range(_DRAWS):
+        load = clean + force * rng.normal(size=clean.shape) * (1.0, 1.0, system.moment_noise)
+        moved = motion + system.motion_noise[rows] * rng.normal(size=motion.shape)
+        total += np.nan_to_num(angle_between(_twists(surface, load) * scale, moved * scale)) ** 2
+    return total / _DRAWS
+
+
+def _gaps_left(system: System, gaps: FloatArray, values: Values) -> FloatArray:
+    for id, value in values.items():
+        if id in IN_GAPS:
+            gaps = gaps - system.gap_columns(id) @ value * system.gap_noise
+    return gaps
+
+
+def _labels(system: System, log: PushLog) -> dict[int, tuple[PushContact, FloatArray, bool]]:
+    """Contact, commanded twist and whether it was stable, of trials by number, where the log has them all."""
+    if not {"stable", "cor_x", "cor_y", "sense"} <= set(log.trials) or log.rig.contact_friction is None:
+        return {}
+    o, found = system.observations, {}
+    columns = np.stack([np.asarray(log.trials[c], dtype=np.float64) for c in ("cor_x", "cor_y", "sense", "stable")], axis=-1)
+    for trial in np.unique(o.trial):
+        x, y, sense, stable = columns[trial]
+        rows = np.flatnonzero((o.trial == trial) & np.isfinite(o.place).all(axis=(1, 2)))
+        if not np.isfinite((x, y, sense, stable)).all() or not len(rows):
+            continue
+        points, normals = np.median(o.place[rows], axis=0), np.median(o.normal[rows], axis=0)
+        if np.linalg.norm(points[0] - points[1]) < _SAME_POINT or not normals.any(axis=1).all():
+            continue
+        contact = PushContact(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), log.rig.contact_friction)
+        found[int(trial)] = (contact, twist_from_cor((x, y), sense), bool(stable))
+    return found
+
+
+_UNITS = {"wrench": "N", "twist": "rad", "pose": "m", "stability": "1"}
+
+
+def shrink(held: HeldOut) -> list[dict[str, Any]]:
+    """Return how far the gap shrinks, channel by channel, as ``diagnosis/1`` has it."""
+    return [
+        _closed(channel, unit, held.trials[channel], held.squares[channel], held.floors[channel])
+        for channel, unit in _UNITS.items()
+        if channel in held.squares
+    ]
+
+
+def _closed(channel: str, unit: str, trial: np.ndarray, squares: dict[str, FloatArray], floor: float) -> dict[str, Any]:
+    """An entry of ``shrink`` from squared residuals of rows, trials resampled for the interval."""
+    names, rows = np.unique(trial, return_inverse=True)
+    before, after = squares["before"], squares["after"]
+    sums = np.stack([np.bincount(rows, values) for values in (before, after, np.ones_like(before))], axis=-1)
+    rng = np.random.default_rng(0)
+    drawn = sums[rng.integers(0, len(names), (_RESAMPLES, len(names)))].sum(axis=1)
+    mean = sums.sum(axis=0)
+    b, a = mean[0] / mean[2], mean[1] / mean[2]
+    # what is left cannot be less than the noise: the noise is less than said then
+    floor = min(floor, float(a))
+
+    def share(before: FloatArray, after: FloatArray) -> FloatArray:
+        low = np.minimum(floor, 0.999 * before)
+        return np.asarray((before - after) / np.maximum(before - low, 1e-30))
+
+    shares = share(drawn[:, 0] / drawn[:, 2], drawn[:, 1] / drawn[:, 2])
+    # where there is hardly a gap its share is anything
+    low, high = np.clip(np.quantile(shares, (0.025, 0.975)), -10.0, 10.0)
+    return {
+        "channel": channel,
+        "unit": unit,
+        "held_out_trials": len(names),
+        "before": float(np.sqrt(b)),
+        "after": float(np.sqrt(a)),
+        "floor": float(np.sqrt(floor)),
+        "closed": float(np.clip(share(np.array(b), np.array(a)), -10.0, 1.0)),
+        "ci95": [float(low), float(high)],
+    }
+
+
+def gap(system: System, held: HeldOut) -> list[dict[str, Any]]:
+    """Return the size of the gap, channel by channel, as ``diagnosis/1`` has it."""
+    o = system.observations
+    entries: list[dict[str, Any]] = []
+    for channel, unit in _UNITS.items():
+        if channel not in held.squares:
+            continue
+        if channel == "wrench":
+            p = _lack_of_fit(system.white(o.wrench - held.wrenches["before"]).reshape(-1, 3), o.trial)
+        elif channel == "pose":
+            gaps = np.concatenate([o.gap[rows, k] for k, rows in system.gap_rows])
+            p = _lack_of_fit((gaps / system.gap_noise)[:, None], held.trials["pose"])
+        else:
+            p = _above(held.squares[channel]["before"], held.trials[channel], held.floors[channel])
+        squares = held.squares[channel]
+        entries.append(
+            {
+                "channel": channel,
+                "unit": unit,
+                "nominal": float(np.sqrt(squares["before"].mean())),
+                "refitted": float(np.sqrt(squares["refit"].mean())),
+                "noise_floor": float(np.sqrt(held.floors[channel])),
+                "p_lack_of_fit": p,
+            }
+        )
+    return entries
+
+
+def _lack_of_fit(rows: FloatArray, trial: np.ndarray) -> float:
+    """p-value of means over trials that are larger than rows of unit noise would leave, by chi-squared."""
+    counts = np.bincount(trial)
+    kept = counts > 0
+    statistic = 0.0
+    for k in range(rows.shape[1]):
+        statistic += float((np.bincount(trial, rows[:, k])[kept] ** 2 / counts[kept]).sum())
+    return float(chi2.sf(statistic, int(kept.sum()) * rows.shape[1]))
+
+
+def _above(squares: FloatArray, trial: np.ndarray, floor: float) -> float:
+    """p-value of trials whose mean squares lie above a floor, by a one-sided t-test."""
+    names, rows = np.unique(trial, return_inverse=True)
+    means = np.bincount(rows, squares) / np.bincount(rows)
+    error = means.std(ddof=1) / np.sqrt(len(names)) if len(names) > 1 else 0.0
+    return float(student.sf((means.mean() - floor) / error, len(names) - 1)) if error > 0 else 1.0
