@@ -102,6 +102,7 @@ class VirtualRig:
     _by_id: dict[str, Effect] = field(init=False, repr=False)
     _friction: TableFriction = field(init=False, repr=False)
     _slope_share: float = field(init=False, repr=False)
+    _points: IdealLimitSurface = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         by_id: dict[str, Effect] = {}
@@ -134,6 +135,8 @@ class VirtualRig:
                 "surface: its forces are in units of mu*N: expected the friction of the support and the slider's mass"
             )
         object.__setattr__(self, "_slope_share", self._pull_share())
+        ideal = isinstance(self.surface, IdealLimitSurface)
+        object.__setattr__(self, "_points", self.surface if ideal else _as_points(self.surface, self.slider, self._load()))
         object.__setattr__(self, "_friction", self._make_friction())
 
     def _pull_share(self) -> float:
@@ -194,7 +197,7 @@ class VirtualRig:
         if isinstance(surface, IdealLimitSurface):
             surface = self._moved_pressure(surface)
         elif any(id in by_id for id in _ON_POINTS):
-            points = _as_points(surface, self.slider, load)
+            points = self._points if surface is self.surface else _as_points(surface, self.slider, load)
             changed = self._moved_pressure(points)
         tables = [np.eye(2), np.eye(2)]
         for i, id in enumerate(("anisotropy-object", "anisotropy-world")):
@@ -234,7 +237,7 @@ class VirtualRig:
             loads, twists = _samples(self.surface, load)
             rho = self.surface.characteristic_length
             return fit_limit_surface(loads, twists, model=_MODELS[int(degree)], characteristic_length=rho).surface
-        ideal = self.surface if isinstance(self.surface, IdealLimitSurface) else _as_points(self.surface, self.slider, load)
+        ideal = self._points
         # as many even feet on a circle, about the same centre, as far from it on average
         count = int(facets or 0)
         points, weights = ideal.support.points, ideal.support.weights
@@ -348,13 +351,16 @@ class Session:
 
 
 def _log_book(rig: VirtualRig, rng: np.random.Generator, rows: int) -> LogBook:
-    """A log whose rig is the nominal one, and sensors that err as the rig's do."""
+    """A log whose rig is the nominal one, and sensors that err as the rig's do.
+
+    The rig of a log knows support points only: those of an ideal surface, or those that stand for another one.
+    """
     support, slider = rig.support_friction, rig.slider
-    if isinstance(rig.surface, IdealLimitSurface):
-        if support is None and slider.mass:
-            support = rig.surface.friction_load / (slider.mass * rig.gravity)
-        if slider.support is None:
-            slider = Slider(slider.vertices, slider.mass, rig.surface.support)
+    ideal = rig._points
+    if slider.mass:
+        support = ideal.friction_load / (slider.mass * rig.gravity)
+    if slider.support is None:
+        slider = Slider(slider.vertices, slider.mass, ideal.support)
     nominal = Rig(slider, "point", support, rig.mu, rig.gravity, rig.pusher.radius, rig.noise)
 
     def of(id: str, name: str, size: int) -> FloatArray:

@@ -13,6 +13,7 @@ from stablepush.diagnosis.forward import ForwardModel
 from stablepush.diagnosis.observations import observe
 from stablepush.diagnosis.system import SIZES, System
 from stablepush.effects import CATALOGUE, parse_effect
+from stablepush.planar import point_velocity, twist_from_cor
 
 PRACTICE = Path(__file__).resolve().parents[2] / "shared" / "data" / "practice"
 LOAD, MASS = 3.5, 1.2
@@ -104,6 +105,38 @@ def test_nothing_is_named_where_nothing_acts():
         report = sp.diagnose(make_log(seed=seed, two=bool(seed % 2)))
         assert report.verdict in ("none", "absorbed")
         assert report.named == []
+
+
+def test_a_polynomial_rig_as_believed_leaves_no_gap():
+    """The rig of a log knows support points only: those that stand for the quartic must be near enough."""
+    v = np.random.default_rng(0).normal(size=(60, 3)) * (1, 1, 15)
+    quartic = sp.fit_limit_surface(sp.IdealLimitSurface(pressure(), LOAD).wrench(v), v).surface
+    slider = sp.Slider(triangle().vertices, MASS)
+    rig = sp.VirtualRig(slider, quartic, 0.5, sp.Pusher.finger(0.005), [], sp.Noise(0.03, 1e-4, 2e-3))
+    report = sp.diagnose(rig.execute(sp.random_pushes(slider, rig.pusher, 40)).log)
+    assert report.named == []
+    assert report.verdict in ("none", "absorbed")
+
+
+def test_labelled_rotations_have_a_channel_of_their_own():
+    """What the nominal simulation calls stable, and what was."""
+    slider = sp.Slider(triangle().vertices, MASS, pressure())
+    contact = sp.PushContact.on_edge(slider, 0, 0.05, 0.05, 0.9)
+    surface = sp.IdealLimitSurface(pressure(), LOAD)
+    rig = sp.VirtualRig(slider, surface, 0.9, sp.Pusher.of_contact(contact, 0.005), [], QUIET)
+    rng = np.random.default_rng(0)
+    commands = []
+    for _ in range(24):
+        sense = int(rng.choice((-1, 1)))
+        twist = twist_from_cor(rng.normal(size=2) * np.exp(rng.uniform(np.log(0.03), np.log(1.0))), sense)
+        twist = 0.02 * twist / np.linalg.norm(point_velocity(twist, contact.points), axis=1).max()
+        pose = (*rng.uniform(-0.1, 0.1, 2), rng.uniform(-3, 3))
+        commands.append(sp.contact_push(contact, twist, 2.0, radius=0.005, pose=pose, put=True))
+    report = sp.diagnose(rig.execute(commands).log)
+    check_schema(report)
+    entry = next(e for e in report.shrink if e["channel"] == "stability")
+    assert entry["held_out_trials"] > 15
+    assert entry["before"] ** 2 <= 2 / entry["held_out_trials"] + 1e-12
 
 
 def test_friction_off_is_absorbed():
@@ -228,11 +261,16 @@ def test_loads_come_back():
 def test_the_command_leaves_answer_page_and_mended_rig(tmp_path, capsys):
     sp.write_pushlog(make_log("drift:rate=-0.2"), tmp_path / "log")
     arguments = ["diagnose", str(tmp_path / "log"), "--json", str(tmp_path / "d.json"), "--html", str(tmp_path / "d.html")]
+    arguments += ["--pushes", str(tmp_path / "next.csv")]
     assert main([*arguments, "--mended", str(tmp_path / "mended")]) == 0
     out = capsys.readouterr().out
     assert "named: drift" in out and "closed" in out
     value = json.loads((tmp_path / "d.json").read_text())
     assert value["effects"] == ["drift"] and value["trials"] == 40
+    slider = sp.Slider(triangle().vertices, MASS, pressure())
+    contact = sp.PushContact.on_edge(slider, 0, 0.05, 0.05, 0.5)
+    problem = sp.PlanningProblem(slider, sp.IdealLimitSurface(pressure(), LOAD), [contact], (0, 0, 0), (1, 0, 0))
+    assert len(sp.read_commands(tmp_path / "next.csv", problem, 0.005)) == len(value["next_experiment"]["pushes"]) > 0
     page = (tmp_path / "d.html").read_text(encoding="utf-8")
     for words in ("Verdict", "drift", "What to try next", "Data quality", "data:image/png;base64"):
         assert words in page

@@ -20,6 +20,7 @@ def diagnose(
     log: Annotated[Path, typer.Argument(help="pushlog/1 folder.")],
     answer: Annotated[Path | None, typer.Option("--json", help="diagnosis/1 file to write.")] = None,
     html: Annotated[Path | None, typer.Option(help="Report as one HTML page.")] = None,
+    pushes: Annotated[Path | None, typer.Option(help="CSV list of the pushes to try next, as simulate takes it.")] = None,
     mended: Annotated[Path | None, typer.Option(help="Folder for rig.json and model.json of the mended simulation.")] = None,
 ) -> None:
     """Tell where simulation and reality differ, which effect causes it, and how far the gap shrinks."""
@@ -27,12 +28,12 @@ def diagnose(
     from stablepush.files import write_atomically, write_json
     from stablepush.logs import read_pushlog
 
-    require_files(answer, html)
+    require_files(answer, html, pushes)
     if mended is not None:
         require_folder(mended)
-        if mended in (answer, html):
+        if mended in (answer, html, pushes):
             raise InputError(f"{mended}: expected different places to write, it is named twice")
-    for path in (answer, html, mended):
+    for path in (answer, html, pushes, mended):
         if path is not None:
             require_outside(path, log)
     data = read_pushlog(log)
@@ -42,6 +43,8 @@ def diagnose(
         write_json(answer, report.to_json())
     if html is not None:
         write_atomically(html, _page(report))
+    if pushes is not None:
+        _write_pushes(report, pushes)
     if mended is not None:
         _write_mended(data, report, mended)
     print(f"{log}: {report.verdict}{': ' + ', '.join(report.named) if report.named else ''}")
@@ -50,6 +53,20 @@ def diagnose(
         low, high = entry["ci95"]
         sizes = f"{entry['before']:.4g} {entry['unit']} before, {entry['after']:.4g} after, floor {entry['floor']:.4g}"
         print(f"{entry['channel']}: {sizes}; closed {100 * entry['closed']:.0f} % ({100 * low:.0f} to {100 * high:.0f})")
+
+
+def _write_pushes(report: GapReport, path: Path) -> None:
+    import numpy as np
+
+    from stablepush.files import write_atomically
+    from stablepush.logs.table import table_text
+
+    proposed = report.next_experiment["pushes"]
+    if not proposed:
+        print(f"{path}: not written: {report.next_experiment['why']}")
+        return
+    names = [name for name in proposed[0] if name != "expected_difference_N"]
+    write_atomically(path, table_text({name: np.array([push[name] for push in proposed]) for name in names}))
 
 
 def _write_mended(data: PushLog, report: GapReport, folder: Path) -> None:

@@ -15,13 +15,15 @@ from stablepush.se2 import compose
 
 #: Headings of the slider, speeds (m/s) and places (m from the origin of W) that are looked at, and pushes that are proposed.
 _HEADINGS, _SPEEDS, _PLACES, _PROPOSED = 12, (0.005, 0.02, 0.06), (-0.1, 0.1), 8
+#: Way of a push, in m.
+_WAY = 0.04
 
 
 def separating_pushes(system: System, loads: FloatArray, values: Values) -> list[dict[str, Any]]:
     """Return pushes whose predicted loads differ most between two effects, each at its estimated size.
 
-    A push of a face at its middle: ``face``, ``heading`` of the slider in W (rad), ``place`` of its origin in W (m), ``speed``
-    (m/s).
+    Pushes of an edge at its middle, in the terms of a list that ``simulate`` takes: ``edge``, ``along`` (m), ``direction`` (rad),
+    ``way`` (m), ``speed`` (m/s), and where the slider is put, ``x, y, theta`` in W; with the difference in N that is expected.
     """
     vertices = system.rig.slider.vertices
     entries, twists, poses, places = [], [], [], []
@@ -29,11 +31,12 @@ def separating_pushes(system: System, loads: FloatArray, values: Values) -> list
         a, b = system.rig.slider.edge(face)
         along = (b - a) / np.linalg.norm(b - a)
         normal = np.array((-along[1], along[0]))
-        middle = (a + b) / 2
+        middle, along_edge = (a + b) / 2, float(np.linalg.norm(b - a)) / 2
         for heading in 2 * np.pi * np.arange(_HEADINGS) / _HEADINGS:
             for speed in _SPEEDS:
                 for x in _PLACES:
-                    entries.append({"face": face, "heading": float(heading), "place": [x, x], "speed": speed})
+                    put = {"x": x, "y": x, "theta": float(heading)}
+                    entries.append({"edge": face, "along": along_edge, "direction": 0.0, "way": _WAY, "speed": speed, **put})
                     # a push off the centre turns the slider about as much as its lever says
                     turn = float(middle[0] * normal[1] - middle[1] * normal[0]) / system.rho**2
                     twists.append(speed * np.array((*normal, turn)) / np.hypot(1.0, turn * system.rho))
@@ -65,10 +68,7 @@ def separating_pushes(system: System, loads: FloatArray, values: Values) -> list
     for i in order:
         # not the same face and speed over and over
         if (
-            sum(
-                entries[i]["face"] == entries[j]["face"] and abs(entries[i]["heading"] - entries[j]["heading"]) < 0.6
-                for j in chosen
-            )
+            sum(entries[i]["edge"] == entries[j]["edge"] and abs(entries[i]["theta"] - entries[j]["theta"]) < 0.6 for j in chosen)
             < 1
         ):
             chosen.append(int(i))

@@ -14,12 +14,14 @@ from stablepush._arrays import FloatArray
 from stablepush.contact import PushContact
 from stablepush.diagnosis.attribution import FOLDS, Attribution, folds_of
 from stablepush.diagnosis.forward import PARAMETERS
+from stablepush.diagnosis.observations import nearest
 from stablepush.diagnosis.system import IN_GAPS, Fitted, System, Values, surface_of
 from stablepush.errors import ConvergenceError, InputError
 from stablepush.logs import PushLog
 from stablepush.models import IdealLimitSurface
 from stablepush.oracle import StabilityOracle
 from stablepush.planar import angle_between, twist_from_cor
+from stablepush.se2 import compose, inverse, transform_points
 
 #: Resampled trials behind an interval.
 _RESAMPLES = 500
@@ -168,21 +170,31 @@ def _gaps_left(system: System, gaps: FloatArray, values: Values) -> FloatArray:
 
 
 def _labels(system: System, log: PushLog) -> dict[int, tuple[PushContact, FloatArray, bool]]:
-    """Contact, commanded twist and whether it was stable, of trials by number, where the log has them all."""
-    if not {"stable", "cor_x", "cor_y", "sense"} <= set(log.trials) or log.rig.contact_friction is None:
+    """Contact, commanded twist and whether it was stable, of trials by number, where the log has them all.
+
+    The contact is where the fingers were nearest to the outline when the trial began.
+    """
+    o, s, rig = system.observations, log.samples, log.rig
+    needed = {"px", "py", "ptheta"} <= set(s) and {"stable", "cor_x", "cor_y", "sense"} <= set(log.trials)
+    both = np.isfinite(o.place).all(axis=(1, 2))
+    if not needed or not both.any() or rig.contact_friction is None:
         return {}
-    o, found = system.observations, {}
+    half = float(np.median(np.linalg.norm(o.place[both, 0] - o.place[both, 1], axis=1))) / 2
     columns = np.stack([np.asarray(log.trials[c], dtype=np.float64) for c in ("cor_x", "cor_y", "sense", "stable")], axis=-1)
+    poses = np.stack([np.asarray(s[c], dtype=np.float64) for c in ("x", "y", "theta", "px", "py", "ptheta")], axis=-1)
+    times = np.asarray(s["t"], dtype=np.float64)
+    found = {}
     for trial in np.unique(o.trial):
         x, y, sense, stable = columns[trial]
-        rows = np.flatnonzero((o.trial == trial) & np.isfinite(o.place).all(axis=(1, 2)))
+        rows = np.flatnonzero((s["trial"] == o.names[trial]) & np.isfinite(poses).all(axis=1) & np.isfinite(times))
         if not np.isfinite((x, y, sense, stable)).all() or not len(rows):
             continue
-        points, normals = np.median(o.place[rows], axis=0), np.median(o.normal[rows], axis=0)
-        if np.linalg.norm(points[0] - points[1]) < _SAME_POINT or not normals.any(axis=1).all():
-            continue
-        contact = PushContact(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), log.rig.contact_friction)
-        found[int(trial)] = (contact, twist_from_cor((x, y), sense), bool(stable))
+        first = poses[rows[np.argmin(times[rows])]]
+        fingers = transform_points(compose(inverse(first[:3]), first[3:]), np.array(((0.0, half), (0.0, -half))))
+        points, normals, _ = nearest(rig.slider.vertices, fingers)
+        if np.linalg.norm(points[0] - points[1]) >= _SAME_POINT:
+            contact = PushContact(points, normals, rig.contact_friction)
+            found[int(trial)] = (contact, twist_from_cor((x, y), sense), bool(stable))
     return found
 
 
