@@ -1,4 +1,4 @@
-"""Diagnoses of simulated logs whose effects the diagnosis never sees: what is named, and how often wrongly.
+"""Diagnoses of simulated logs whose effects the diagnosis never sees: what is named, how often wrongly, and how sure.
 
 Rigs, campaigns and amplitudes come from seeds. Rows go to a CSV as they are found, and a later run goes on where it stopped.
 
@@ -11,6 +11,7 @@ import argparse
 import csv
 import time
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ import shapely
 from scipy.stats import beta
 
 import stablepush as sp
+from stablepush.effects import CATALOGUE
 
 #: Amplitudes from faint to strong, in shares of these largest ones.
 LARGEST = {
@@ -27,7 +29,13 @@ LARGEST = {
     "model-capacity": 4.0,
 }  # fmt: skip
 SHARES = (0.15, 0.35, 0.6, 1.0)
-FIELDS = ("effect", "seed", "share", "kind", "verdict", "named", "probability", "closed", "seconds")
+#: What else logs may have: nothing, two effects at once, noise with heavy tails, and friction in squares that no effect has.
+OTHERS = ("none", "pair", "heavy-tail", "checkerboard")
+#: Effects that pairs are made of: they do not only reshape the surface.
+PAIRED = tuple(id for id in LARGEST if not id.startswith(("pressure", "model", "anisotropy-object", "inertia")))
+#: Side of the squares in m, and how far (relatively) their friction is from the mean.
+SQUARE, CONTRAST = 0.05, 0.2
+FIELDS = (*("effect", "truth", "seed", "share", "kind", "verdict", "named", "closed", "covered", "seconds", "probabilities"),)
 
 
 def effect_of(id: str, size: float, rng: np.random.Generator, mu: float, radius: float) -> sp.Effect:
@@ -56,6 +64,42 @@ def effect_of(id: str, size: float, rng: np.random.Generator, mu: float, radius:
     return sp.Effect(id, values[id])
 
 
+def in_squares(rig: sp.VirtualRig, commands: list[sp.Command], seed: int) -> sp.PushLog:
+    """A log of pushes, each on the friction of the square of the table where it starts."""
+    trials: dict[str, list] = {}
+    samples: dict[str, list] = {}
+    for k, command in enumerate(commands):
+        x, y, _ = command.start
+        sign = 1 if (np.floor(x / SQUARE) + np.floor(y / SQUARE)) % 2 else -1
+        load = rig.surface.friction_load * (1 + sign * CONTRAST)
+        other = replace(rig, surface=sp.IdealLimitSurface(rig.surface.support, load))
+        log = other.execute([command], seed=seed + k).log
+        for table, part in ((trials, log.trials), (samples, log.samples)):
+            for name, values in part.items():
+                table.setdefault(name, []).append(np.full(len(values), str(k + 1), dtype=object) if name == "trial" else values)
+        trials["start_time"][-1] = np.array([10.0 * k])
+        rows = len(log.samples["t"])
+        for name in ("c1x", "c1y", "c2x", "c2y"):
+            if name not in log.samples:
+                samples.setdefault(name, [np.full(len(t), np.nan) for t in samples["t"][:-1]]).append(np.full(rows, np.nan))
+    columns = [{name: np.concatenate(parts) for name, parts in table.items()} for table in (trials, samples)]
+    return sp.PushLog(rig.execute(commands[:1]).log.rig, *columns)
+
+
+def covered(report: sp.GapReport, effects: list[sp.Effect]) -> str:
+    """Whether the intervals of effects that are named hold the truth: 1 or 0 for each number."""
+    found = []
+    for effect in effects:
+        entry = next(e for e in report.ranking if e["effect"] == effect.id)
+        for parameter in CATALOGUE[effect.id].parameters:
+            # a direction counts up to half a turn, and means nothing when the ratio is near one
+            if effect.id not in report.named or parameter.name not in entry["parameters"] or parameter.name == "direction":
+                continue
+            pairs = np.reshape(entry["parameters"][parameter.name]["ci95"], (-1, 2))
+            found += [str(int(a <= v <= b)) for (a, b), v in zip(pairs, effect.vector(parameter.name), strict=True)]
+    return " ".join(found)
+
+
 def one(job: tuple[str, int, int]) -> dict[str, object]:
     """Simulate a log and diagnose it; the diagnosis sees the log alone."""
     id, seed, pushes = job
@@ -70,40 +114,67 @@ def one(job: tuple[str, int, int]) -> dict[str, object]:
     slider = sp.Slider(vertices, mass, support)
     two = bool(rng.random() < 0.5)
     longest = max(float(np.linalg.norm(b - a)) for a, b in (slider.edge(e) for e in range(len(vertices))))
-    pusher = sp.Pusher.two_fingers(min(0.03, 0.4 * longest), radius) if two else sp.Pusher.finger(radius)
     share = SHARES[seed % len(SHARES)]
-    effects = [] if id == "none" else [effect_of(id, share * LARGEST[id], rng, grip, radius)]
+    acting = [id] if id in LARGEST else list(rng.choice(PAIRED, 2, replace=False)) if id == "pair" else []
+    effects = [effect_of(str(e), share * LARGEST[e], rng, grip, radius) for e in acting]
     noise = sp.Noise(rng.uniform(0.03, 0.05), rng.uniform(1e-4, 2e-4), rng.uniform(0.0018, 0.0035))
     surface = sp.IdealLimitSurface(support, mu * mass * 9.81)
-    rig = sp.VirtualRig(slider, surface, grip, pusher, effects, noise, 0.01, 0.005)
-    try:
-        commands = sp.random_pushes(slider, pusher, pushes, seed=int(rng.integers(2**31)))
-    except sp.InputError:
-        commands = sp.random_pushes(slider, sp.Pusher.finger(radius), pushes, seed=int(rng.integers(2**31)))
-        rig = sp.VirtualRig(slider, surface, grip, sp.Pusher.finger(radius), effects, noise, 0.01, 0.005)
-    log = rig.execute(commands, seed=int(rng.integers(2**31))).log
+    spacing = min(0.03, 0.4 * longest)
+    # two fingers that fit on no edge give way to one
+    two = two and longest > 2.2 * (spacing / 2 + radius)
+    pusher = sp.Pusher.two_fingers(spacing, radius) if two else sp.Pusher.finger(radius)
+    rig = sp.VirtualRig(slider, surface, grip, pusher, effects, noise, 0.12 if id == "heavy-tail" else 0.01, 0.005)
+    commands = sp.random_pushes(slider, pusher, pushes, seed=int(rng.integers(2**31)))
+    draw = int(rng.integers(2**31))
+    log = in_squares(rig, commands, draw) if id == "checkerboard" else rig.execute(commands, seed=draw).log
     begin = time.perf_counter()
     report = sp.diagnose(log)
     seconds = time.perf_counter() - begin
-    closed = next((e["closed"] for e in report.shrink if e["channel"] == "wrench"), np.nan)
-    probability = next((e["probability"] for e in report.ranking if e["effect"] == id), np.nan)
+    truth = [
+        "" if v is None else f"{e.id}:{name}={'/'.join(f'{x:.6g}' for x in v)}" for e in effects for name, v in e.values.items()
+    ]
     return {
-        "effect": id, "seed": seed, "share": share, "kind": "two" if two else "one", "verdict": report.verdict,
-        "named": " ".join(report.named), "probability": probability, "closed": closed, "seconds": seconds,
+        "effect": id, "truth": " ".join(truth), "seed": seed, "share": share, "kind": "two" if two else "one",
+        "verdict": report.verdict, "named": " ".join(report.named),
+        "closed": next((e["closed"] for e in report.shrink if e["channel"] == "wrench"), np.nan),
+        "covered": covered(report, effects), "seconds": seconds,
+        "probabilities": " ".join(f"{e['effect']}={e['probability']:.3f}" for e in report.ranking),
     }  # fmt: skip
+
+
+def interval(count: int, total: int) -> str:
+    """Clopper and Pearson's 95 % interval, in percent."""
+    low, high = beta.ppf((0.025, 0.975), (count, count + 1), (total - count + 1, total - count))
+    return f"{100 * (0 if count == 0 else low):.1f} to {100 * (1 if count == total else high):.1f} %"
+
+
+def acting_in(row: dict[str, str]) -> set[str]:
+    return {part.partition(":")[0] for part in row["truth"].split()}
 
 
 def summary(rows: list[dict[str, str]]) -> None:
     """Print what the rows tell."""
-    clean = [r for r in rows if r["effect"] == "none"]
-    if clean:
-        alarms = sum(bool(r["named"]) or r["verdict"] == "unknown" for r in clean)
-        low, high = beta.ppf((0.025, 0.975), (alarms, alarms + 1), (len(clean) - alarms + 1, len(clean) - alarms))
-        low, high = np.nan_to_num(low), 1.0 if np.isnan(high) else high
-        print(f"clean logs: {alarms} of {len(clean)} alarms, 95 % interval {100 * low:.1f} to {100 * high:.1f} %")
-        counts = {v: sum(r["verdict"] == v for r in clean) for v in dict.fromkeys(r["verdict"] for r in clean)}
-        print("  verdicts: " + ", ".join(f"{v} {n}" for v, n in counts.items()))
-    print(f"{'effect':<20s}" + "".join(f"{100 * s:>9.0f} %" for s in SHARES) + "   wrong names (all amplitudes)")
+    for word in OTHERS:
+        mine = [r for r in rows if r["effect"] == word]
+        if not mine:
+            continue
+        counts = {v: sum(r["verdict"] == v for r in mine) for v in dict.fromkeys(r["verdict"] for r in mine)}
+        verdicts = ", ".join(f"{v} {n}" for v, n in counts.items())
+        if word == "pair":
+            both = sum(acting_in(r) == set(r["named"].split()) for r in mine)
+            some = sum(bool(acting_in(r) & set(r["named"].split())) for r in mine)
+            wrong = sum(bool(set(r["named"].split()) - acting_in(r)) for r in mine)
+            print(
+                f"pairs: both named and nothing else {both} of {len(mine)}, one at least {some}, a wrong name {wrong}; {verdicts}"
+            )
+        elif word == "checkerboard":
+            unknown = counts.get("unknown", 0)
+            print(f"friction in squares: unknown {unknown} of {len(mine)} ({interval(unknown, len(mine))}); {verdicts}")
+        else:
+            alarms = sum(bool(r["named"]) or r["verdict"] == "unknown" for r in mine)
+            names = ", ".join(sorted({r["named"] for r in mine if r["named"]}))
+            print(f"{word}: {alarms} of {len(mine)} alarms ({interval(alarms, len(mine))}); {verdicts}; {names or 'no names'}")
+    print(f"{'effect, named at':<20s}" + "".join(f"{100 * s:>9.0f} %" for s in SHARES) + "   of; other names and verdicts")
     for id in LARGEST:
         mine = [r for r in rows if r["effect"] == id]
         if not mine:
@@ -114,10 +185,31 @@ def summary(rows: list[dict[str, str]]) -> None:
             cells.append(f"{sum(id in r['named'].split() for r in part)}/{len(part)}" if part else "-")
         wrong: dict[str, int] = {}
         for r in mine:
-            for name in r["named"].split():
-                if name != id:
-                    wrong[name] = wrong.get(name, 0) + 1
-        print(f"{id:<20s}" + "".join(f"{cell:>11s}" for cell in cells) + "   " + ", ".join(f"{k} {v}" for k, v in wrong.items()))
+            for name in [n for n in r["named"].split() if n != id] or ([] if r["named"] else [r["verdict"]]):
+                wrong[name] = wrong.get(name, 0) + 1
+        others = ", ".join(f"{k} {v}" for k, v in wrong.items())
+        print(f"{id:<20s}" + "".join(f"{cell:>11s}" for cell in cells) + f"   {LARGEST[id]:g}; {others}")
+    inside = [c for r in rows for c in r["covered"].split()]
+    if inside:
+        print(
+            f"intervals of 95 % that hold the truth: {inside.count('1')} of {len(inside)} ({interval(inside.count('1'), len(inside))})"
+        )
+    pairs = []
+    for r in rows:
+        if r["effect"] != "checkerboard":
+            true = acting_in(r)
+            pairs += [(float(p), name in true) for name, p in (part.split("=") for part in r["probabilities"].split())]
+    values, truths = np.array([p for p, _ in pairs]), np.array([t for _, t in pairs])
+    print("probability said: share that act (number)")
+    for low, high in ((0, 0.02), (0.02, 0.05), (0.05, 0.2), (0.2, 0.5), (0.5, 0.8), (0.8, 0.95), (0.95, 1.01)):
+        inside = (values >= low) & (values < high)
+        if inside.any():
+            print(
+                f"  {low:.2f} to {min(high, 1):.2f}: said {values[inside].mean():.3f}, act {truths[inside].mean():.3f} ({inside.sum()})"
+            )
+    print(
+        f"Brier score {np.mean((values - truths) ** 2):.4f}; of always saying the share that act {truths.mean() * (1 - truths.mean()):.4f}"
+    )
     print(f"seconds a log: median {np.median([float(r['seconds']) for r in rows]):.1f}")
 
 
@@ -135,7 +227,7 @@ def main() -> None:
             rows = list(csv.DictReader(file))
     done = {(r["effect"], int(r["seed"])) for r in rows}
     jobs = [("none", seed, options.pushes) for seed in range(options.clean)]
-    jobs += [(id, seed, options.pushes) for seed in range(options.per_effect) for id in LARGEST]
+    jobs += [(id, seed, options.pushes) for seed in range(options.per_effect) for id in (*LARGEST, *OTHERS[1:])]
     jobs = [job for job in jobs if job[:2] not in done]
     with options.output.open("a", encoding="utf-8", newline="") as file, ProcessPoolExecutor(options.jobs) as pool:
         writer = csv.DictWriter(file, FIELDS)
