@@ -130,9 +130,7 @@ def one(job: tuple[str, int, int]) -> dict[str, object]:
     begin = time.perf_counter()
     report = sp.diagnose(log)
     seconds = time.perf_counter() - begin
-    truth = [
-        "" if v is None else f"{e.id}:{name}={'/'.join(f'{x:.6g}' for x in v)}" for e in effects for name, v in e.values.items()
-    ]
+    truth = [f"{e.id}:{name}={'/'.join(f'{x:.6g}' for x in v)}" for e in effects for name, v in e.values.items()]
     return {
         "effect": id, "truth": " ".join(truth), "seed": seed, "share": share, "kind": "two" if two else "one",
         "verdict": report.verdict, "named": " ".join(report.named),
@@ -164,9 +162,7 @@ def summary(rows: list[dict[str, str]]) -> None:
             both = sum(acting_in(r) == set(r["named"].split()) for r in mine)
             some = sum(bool(acting_in(r) & set(r["named"].split())) for r in mine)
             wrong = sum(bool(set(r["named"].split()) - acting_in(r)) for r in mine)
-            print(
-                f"pairs: both named and nothing else {both} of {len(mine)}, one at least {some}, a wrong name {wrong}; {verdicts}"
-            )
+            print(f"pairs: both and nothing else {both} of {len(mine)}, one at least {some}, a wrong name {wrong}; {verdicts}")
         elif word == "checkerboard":
             unknown = counts.get("unknown", 0)
             print(f"friction in squares: unknown {unknown} of {len(mine)} ({interval(unknown, len(mine))}); {verdicts}")
@@ -175,7 +171,7 @@ def summary(rows: list[dict[str, str]]) -> None:
             names = ", ".join(sorted({r["named"] for r in mine if r["named"]}))
             print(f"{word}: {alarms} of {len(mine)} alarms ({interval(alarms, len(mine))}); {verdicts}; {names or 'no names'}")
     print(f"{'effect, named at':<20s}" + "".join(f"{100 * s:>9.0f} %" for s in SHARES) + "   of; other names and verdicts")
-    for id in LARGEST:
+    for id, largest in LARGEST.items():
         mine = [r for r in rows if r["effect"] == id]
         if not mine:
             continue
@@ -188,12 +184,11 @@ def summary(rows: list[dict[str, str]]) -> None:
             for name in [n for n in r["named"].split() if n != id] or ([] if r["named"] else [r["verdict"]]):
                 wrong[name] = wrong.get(name, 0) + 1
         others = ", ".join(f"{k} {v}" for k, v in wrong.items())
-        print(f"{id:<20s}" + "".join(f"{cell:>11s}" for cell in cells) + f"   {LARGEST[id]:g}; {others}")
+        print(f"{id:<20s}" + "".join(f"{cell:>11s}" for cell in cells) + f"   {largest:g}; {others}")
     inside = [c for r in rows for c in r["covered"].split()]
     if inside:
-        print(
-            f"intervals of 95 % that hold the truth: {inside.count('1')} of {len(inside)} ({interval(inside.count('1'), len(inside))})"
-        )
+        hold = inside.count("1")
+        print(f"intervals of 95 % that hold the truth: {hold} of {len(inside)} ({interval(hold, len(inside))})")
     pairs = []
     for r in rows:
         if r["effect"] != "checkerboard":
@@ -202,14 +197,12 @@ def summary(rows: list[dict[str, str]]) -> None:
     values, truths = np.array([p for p, _ in pairs]), np.array([t for _, t in pairs])
     print("probability said: share that act (number)")
     for low, high in ((0, 0.02), (0.02, 0.05), (0.05, 0.2), (0.2, 0.5), (0.5, 0.8), (0.8, 0.95), (0.95, 1.01)):
-        inside = (values >= low) & (values < high)
-        if inside.any():
-            print(
-                f"  {low:.2f} to {min(high, 1):.2f}: said {values[inside].mean():.3f}, act {truths[inside].mean():.3f} ({inside.sum()})"
-            )
-    print(
-        f"Brier score {np.mean((values - truths) ** 2):.4f}; of always saying the share that act {truths.mean() * (1 - truths.mean()):.4f}"
-    )
+        here = (values >= low) & (values < high)
+        if here.any():
+            said, act = values[here].mean(), truths[here].mean()
+            print(f"  {low:.2f} to {min(high, 1):.2f}: said {said:.3f}, act {act:.3f} ({here.sum()})")
+    base = truths.mean() * (1 - truths.mean())
+    print(f"Brier score {np.mean((values - truths) ** 2):.4f}; of always saying the share that act {base:.4f}")
     print(f"seconds a log: median {np.median([float(r['seconds']) for r in rows]):.1f}")
 
 
