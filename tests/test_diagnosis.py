@@ -139,6 +139,31 @@ def test_labelled_rotations_have_a_channel_of_their_own():
     assert entry["before"] ** 2 <= 2 / entry["held_out_trials"] + 1e-12
 
 
+def test_slip_is_that_of_the_surfaces_not_of_the_contact_point():
+    """A finger that rolls along a face moves its contact point, and slips no bit: against the simulated modes."""
+    slider = sp.Slider(triangle().vertices, MASS, pressure())
+    rig = sp.VirtualRig(slider, sp.IdealLimitSurface(pressure(), LOAD), 0.4, sp.Pusher.finger(0.02))
+    execution = rig.execute(sp.random_pushes(slider, rig.pusher, 30, seed=3), rows=40)
+    o = observe(execution.log)
+    speed = np.hypot(*o.twist[:, :2].T)
+    sticks, rolls, slips = [], [], []
+    for k, trace in enumerate(execution.traces):
+        rows = np.flatnonzero(o.trial == k)
+        modes = trace.modes[np.clip(np.searchsorted(trace.t, o.time[rows] - 0.2) - 1, 0, len(trace.t) - 2), 0]
+        corner = np.linalg.norm(o.place[rows, 0, None] - slider.vertices, axis=2).min(axis=1) < 5e-3
+        inside = np.isfinite(o.slip[rows]) & ~corner & (np.arange(len(rows)) > 0) & (np.arange(len(rows)) < len(rows) - 1)
+        stuck = inside & (modes == 1)
+        sticks += (np.abs(o.slip[rows]) / speed[rows])[stuck].tolist()
+        rolls += (0.02 * np.abs(o.twist[rows, 2]) / speed[rows])[stuck].tolist()
+        for mode, sign in ((2, 1), (3, -1)):
+            slips += (sign * o.slip[rows])[inside & (modes == mode)].tolist()
+    assert len(sticks) > 50
+    assert np.median(sticks) < 0.02
+    assert np.median(rolls) > 0.1
+    assert len(slips) > 10
+    assert np.mean(np.array(slips) > 0) > 0.9
+
+
 def test_friction_off_is_absorbed():
     log = make_log()
     report = sp.diagnose(edited(log, support_friction=0.8 * log.rig.support_friction))

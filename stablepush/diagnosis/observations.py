@@ -215,7 +215,7 @@ def _fingers(
             along = (rate * tangent).sum(axis=1)
             if radius:
                 turn = np.gradient(np.unwrap(pusher[good, 2]) - np.unwrap(pose[good, 2]), time[good])
-                along = along - radius * turn if np.isfinite(turn).all() else along
+                along = along + radius * turn if np.isfinite(turn).all() else along
             # the slider slips against the finger the other way round
             slip[good] = np.where(np.isfinite(slip[good]), 0.5 * (slip[good] - along), -along)
     return normal, place, gap, slip
