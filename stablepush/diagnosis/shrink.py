@@ -165,7 +165,7 @@ def _twist_floor(system: System, surface: IdealLimitSurface, fitted: Fitted, row
 def _gaps_left(system: System, gaps: FloatArray, values: Values) -> FloatArray:
     for id, value in values.items():
         if id in IN_GAPS:
-            gaps = gaps - system.gap_columns(id) @ value * system.gap_noise
+            gaps = gaps - system.gap_change(id, value)
     return gaps
 
 

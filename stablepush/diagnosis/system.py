@@ -139,8 +139,13 @@ class System:
         """Whitened rows (3n, ...) of arrays (n, 3, ...)."""
         return np.einsum("nij,nj...->ni...", self._w, wrenches).reshape(3 * len(wrenches), *wrenches.shape[2:])
 
-    def gap_columns(self, id: str) -> FloatArray:
-        """Whitened columns (g, d) of what an effect does to the gaps, per unit of its parameters."""
+    def gap_change(self, id: str, value: FloatArray) -> FloatArray:
+        """What an effect does to the gaps (g,), in m."""
+        half = 0.5 * value if id == "latency" else np.zeros_like(value)
+        return np.asarray(self.gap_columns(id, half) @ value) * self.gap_noise
+
+    def gap_columns(self, id: str, value: FloatArray | None = None) -> FloatArray:
+        """Whitened columns (g, d) of the derivatives of the gaps by an effect's parameters, at a value (none if not given)."""
         o, parts = self.observations, []
         for k, rows in self.gap_rows:
             normal = o.normal[rows, k]
@@ -150,7 +155,11 @@ class System:
                 # the outline is drawn about the tracked origin: it lies off by minus the offset
                 parts.append(normal)
             elif id == "latency":
-                velocity = contact_velocity(_rows(o, rows), k)
+                # how far the contact moves in the delay: its velocity grows meanwhile
+                there = _rows(o, rows)
+                velocity = contact_velocity(there, k)
+                if value is not None:
+                    velocity = velocity + float(value[0]) * contact_velocity(replace(there, twist=there.acceleration), k)
                 parts.append(-(normal * velocity).sum(axis=1, keepdims=True))
             else:
                 parts.append(np.zeros((len(rows), SIZES[id])))
@@ -165,7 +174,7 @@ class System:
         gaps = np.concatenate([self.observations.gap[rows, k] for k, rows in self.gap_rows]) / self.gap_noise
         for id in values:
             if id in IN_GAPS and len(gaps):
-                gaps = gaps - self.gap_columns(id) @ values[id]
+                gaps = gaps - self.gap_change(id, values[id]) / self.gap_noise
         return np.concatenate((*parts, gaps))
 
     def columns(self, id: str, loads: FloatArray, values: Values) -> FloatArray:
@@ -186,7 +195,7 @@ class System:
                 parts.append(self.white(np.stack(derivatives, axis=-1)))
             else:
                 parts.append(np.zeros((3 * len(self.observations.time), size)))
-        return np.concatenate((*parts, self.gap_columns(id)))
+        return np.concatenate((*parts, self.gap_columns(id, values.get(id))))
 
     def base(self, values: Values, free: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Directions (k, q) in which loads may change, whitened columns (rows, q) of them, and their prior precision (q, q).
