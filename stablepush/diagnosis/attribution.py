@@ -188,13 +188,8 @@ def slip_friction(system: System) -> ContactFriction | None:
     known &= ~both | (np.nansum(o.normal[:, 0] * o.normal[:, 1], axis=1) > 0.99)
     along = (o.wrench[:, :2] * normal).sum(axis=1)
     across = o.wrench[:, 1] * normal[:, 0] - o.wrench[:, 0] * normal[:, 1]
-    interval = np.full(len(o.time), 1.0)
-    for t in np.unique(o.trial):
-        rows = np.flatnonzero(o.trial == t)
-        if len(rows) > 1:
-            interval[rows] = max(1e-6, float(np.median(np.diff(o.time[rows]))))
     lever = np.linalg.norm(np.where(np.isfinite(o.place[:, 0]), o.place[:, 0], o.place[:, 1]), axis=1)
-    jitter = np.hypot(1.05 * system.noise.position, system.noise.angle * lever) / interval
+    jitter = np.hypot(1.05 * system.noise.position, system.noise.angle * lever) / o.span
     sure = np.abs(o.slip) > np.maximum(_SLIPS * jitter, _SLIP_SHARE * o.speed)
     rows = np.flatnonzero(known & sure & (along > 3 * system.noise.force))
     if not len(rows):

@@ -58,6 +58,7 @@ def separating_pushes(system: System, loads: FloatArray, values: Values) -> list
         place=np.full((n, 2, 2), np.nan),
         gap=np.full((n, 2), np.nan),
         slip=np.full(n, np.nan),
+        span=np.ones(n),
     )
     model = ForwardModel(o, system.points, system.weight, system.rig.slider.radius_of_gyration**2, system.center)
     scale = np.array((1, 1, system.rho))

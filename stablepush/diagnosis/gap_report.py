@@ -13,7 +13,7 @@ from stablepush._arrays import FloatArray
 from stablepush.diagnosis.attribution import Attribution, attribute
 from stablepush.diagnosis.observations import heading, observe
 from stablepush.diagnosis.shrink import explains_most, gap, hold_out, shrink
-from stablepush.diagnosis.system import SIZES, System, surface_of
+from stablepush.diagnosis.system import SIZES, System, surface_of, system_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise
 from stablepush.effects import CATALOGUE
 from stablepush.errors import InputError
@@ -134,7 +134,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     observations = observe(log)
     if len(np.unique(observations.trial)) < 2:
         return _too_little(log, name)
-    system = System(observations, log.rig)
+    system = system_of(observations, log.rig)
     found = attribute(system, said)
     said("how far the gap shrinks")
     named = list(found.chosen)
@@ -333,7 +333,7 @@ def _notes(log: PushLog, system: System, found: Attribution, share: float, p_sha
     notes = []
     rig = log.rig
     if rig.noise is None:
-        notes.append("the rig does not say how noisy it is: usual values were taken")
+        notes.append("the rig does not say how noisy it is: what a free pressure leaves was taken for noise")
     if not system.has_wrench:
         notes.append("no forces: only what shows in the poses can be said")
     if rig.finger_radius is None or not any(len(rows) for _, rows in system.gap_rows):

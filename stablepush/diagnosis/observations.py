@@ -18,6 +18,8 @@ _TOUCH = 3e-3
 _MOST_ROWS = 12
 #: Rows slower than this share of the median speed do not move.
 _REST = 0.05
+#: Twists of a push that differ by less than this share are one and the same.
+_ALIKE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +50,8 @@ class Observations:
         Distance of the fingers' centres from the outline less the nominal radius, in m.
     slip : array, shape (n,)
         Speed (m/s) at which the touching fingers move along the outline to the left of the normal; NaN if unknown.
+    span : array, shape (n,)
+        Time (s) over which the row's twist is a mean: noise of poses counts the less the longer it is.
     group : list of str
         Of each trial; blank if none.
     """
@@ -65,6 +69,7 @@ class Observations:
     place: FloatArray
     gap: FloatArray
     slip: FloatArray
+    span: FloatArray
     group: list[str]
 
     @property
@@ -96,10 +101,16 @@ def observe(log: PushLog) -> Observations:
     # blocks of rows whose means are the rows of the diagnosis, by trial
     blocks: list[tuple[int, np.ndarray]] = []
     ends: dict[int, tuple[FloatArray, FloatArray]] = {}
+    whole: dict[int, float] = {}
     for k, rows in enumerate(rows_of.values()):
         ordered = rows[np.argsort(seconds[rows], kind="stable")]
         if len(ordered):
-            blocks += [(k, part) for part in np.array_split(ordered, min(len(ordered), _MOST_ROWS))]
+            # where the log has one motion for all of a push, it is one row
+            alike = len(ordered) > 2 and bool(np.ptp(twists[ordered], axis=0).max() <= _ALIKE * size[ordered].max())
+            parts = np.array_split(ordered, 1 if alike else min(len(ordered), _MOST_ROWS))
+            if alike:
+                whole[len(blocks)] = float(np.ptp(seconds[ordered]))
+            blocks += [(k, part) for part in parts]
             continue
         # a log that only has the slider before and after the push: one row for all of it
         mine = np.flatnonzero((s["trial"] == names[k]) & np.isfinite(poses).all(axis=1) & np.isfinite(seconds))
@@ -110,6 +121,7 @@ def observe(log: PushLog) -> Observations:
             offset[2] = wrap_angle(offset[2])
             spent = float(seconds[last] - seconds[first])
             if spent > 0 and np.abs(offset).max() > 0:
+                whole[len(blocks)] = spent
                 ends[len(blocks)] = compose(poses[first], exp(log_of(offset) / 2)), log_of(offset) / spent
                 blocks.append((k, np.flatnonzero(s["trial"] == names[k])))
     trial = np.array([k for k, _ in blocks], dtype=int)
@@ -139,8 +151,22 @@ def observe(log: PushLog) -> Observations:
     group = [str(g) for g in log.trials["group"]] if "group" in log.trials else [""] * len(names)
     return Observations(
         names, trial, rank[trial], time, pose, twist, _rates(trial, time, twist), wrench, pusher,
-        normal, place, gap, slip, group,
+        normal, place, gap, slip, _spans(trial, time, whole), group,
     )  # fmt: skip
+
+
+def _spans(trial: np.ndarray, time: FloatArray, whole: dict[int, float]) -> FloatArray:
+    """Times (n,) between rows; those of rows that are a push as a whole are given."""
+    result = np.full(len(time), np.nan)
+    for k in np.unique(trial):
+        rows = np.flatnonzero(trial == k)
+        if len(rows) > 1:
+            result[rows] = max(1e-6, float(np.median(np.diff(time[rows]))))
+    for row, span in whole.items():
+        result[row] = max(1e-6, span)
+    known = np.isfinite(result)
+    result[~known] = float(np.median(result[known])) if known.any() else 1.0
+    return result
 
 
 def _rates(trial: np.ndarray, time: FloatArray, values: FloatArray) -> FloatArray:

@@ -25,6 +25,8 @@ from stablepush.se2 import compose, inverse, transform_points
 
 #: Resampled trials behind an interval.
 _RESAMPLES = 500
+#: A facet counts as this share of all friction at least: of many points, more than one turns its friction at a time.
+_SMOOTH = 0.2
 #: Draws of the noise behind the floor of the directions of motion.
 _DRAWS = 4
 #: Contact points nearer than this (m) are one finger's.
@@ -115,12 +117,15 @@ def wrench_floor(system: System) -> float:
     """Return the mean square (N²) that the noise of forces and motion leaves.
 
     Next to a facet of the limit surface (a turn about a support point) a little noise of the motion moves the predicted load far,
-    but not beyond the facet, whose radius is the load of that point: it bounds what a row may contribute.
+    but not beyond the facet, whose radius is the load of that point: it bounds what the motion of a row may contribute.
     """
     scale = np.array((1.0, 1.0, 1.0 / system.rho))
     rows = (np.einsum("nii->ni", system.covariance) * scale**2).sum(axis=1)
-    most = float(np.abs(system.nominal).max()) ** 2 + 1e-30
-    return float((rows * most / (rows + most)).mean())
+    force = system.noise.force**2 * (2 + (system.moment_noise / system.rho) ** 2)
+    motion = np.maximum(rows - force, 0.0)
+    loads = np.abs(system.nominal)
+    most = max(float(loads.max()), _SMOOTH * float(loads.sum())) ** 2 + 1e-30
+    return float((force + motion * most / (motion + most)).mean())
 
 
 def explains_most(held: HeldOut) -> bool:

@@ -71,7 +71,7 @@ class System:
         Nominal friction loads (N) of the points.
     """
 
-    def __init__(self, observations: Observations, rig: Rig) -> None:
+    def __init__(self, observations: Observations, rig: Rig, noisier: float = 1.0) -> None:
         chosen = observations.has_wrench if observations.has_wrench.any() else np.ones(len(observations.time), dtype=bool)
         self.observations = o = _rows(observations, chosen)
         self.rig, self.has_wrench = rig, bool(observations.has_wrench.any())
@@ -86,7 +86,7 @@ class System:
         self.rho = slider.characteristic_length
         self.center = np.asarray(support.center)
         self.model = ForwardModel(o, self.points, self.weight, slider.radius_of_gyration**2, self.center)
-        self.noise = _noise(rig, o)
+        self.noise = _noise(rig, o, noisier)
         self._w = np.zeros((len(o.time), 3, 3))
         self.moment_noise = _MOMENT
         total = (rig.support_friction or 0.0) * self.weight
@@ -109,14 +109,7 @@ class System:
     def _whiten(self, loads: FloatArray) -> None:
         """Factors of the inverse covariances of the rows' wrenches."""
         o, noise = self.observations, self.noise
-        gaps = np.full(len(o.time), np.inf)
-        for t in np.unique(o.trial):
-            rows = np.flatnonzero(o.trial == t)
-            if len(rows) > 1:
-                gaps[rows] = max(1e-6, float(np.median(np.diff(o.time[rows]))))
-        finite = gaps[np.isfinite(gaps)]
-        gaps[~np.isfinite(gaps)] = float(np.median(finite)) if len(finite) else 1.0
-        self.motion_noise = spread = np.stack((noise.position / gaps, noise.position / gaps, noise.angle / gaps), axis=-1)
+        self.motion_noise = spread = np.array((noise.position, noise.position, noise.angle)) / o.span[:, None]
         slopes = self.model.motion_slopes(loads) * spread[:, None, :]
         covariance = slopes @ slopes.transpose(0, 2, 1)
         covariance += np.diag((noise.force**2, noise.force**2, (_MOMENT * noise.force) ** 2))
@@ -334,14 +327,25 @@ def _rows(o: Observations, chosen: np.ndarray) -> Observations:
     return replace(o, **arrays)
 
 
-def _noise(rig: Rig, o: Observations) -> Noise:
-    """The rig's noise, else what a laboratory of that kind has."""
+def system_of(observations: Observations, rig: Rig) -> System:
+    """Return the equations of a log; where its rig does not say how noisy it is, the noise is what a free pressure leaves."""
+    system = System(observations, rig)
+    if rig.noise is None and system.has_wrench:
+        left = system.fit([], True).residual[: 3 * len(system.observations.time)]
+        size = float(np.sqrt(np.median(left**2) / 0.455))
+        if size > 1:
+            return System(observations, rig, size)
+    return system
+
+
+def _noise(rig: Rig, o: Observations, noisier: float) -> Noise:
+    """The rig's noise, else what a laboratory of that kind has, times a factor."""
     if rig.noise is not None:
         force = max(rig.noise.force, 1e-6)
         return Noise(force, max(rig.noise.position, 1e-7), max(rig.noise.angle, 1e-6))
     size = np.linalg.norm(o.wrench[:, :2], axis=1)
     typical = float(np.median(size[np.isfinite(size)])) if np.isfinite(size).any() else 1.0
-    return Noise(_FORCE * typical, _POSITION, _ANGLE)
+    return Noise(noisier * _FORCE * typical, noisier * _POSITION, noisier * _ANGLE)
 
 
 def surface_of(system: System, loads: FloatArray) -> IdealLimitSurface:
