@@ -178,7 +178,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         shrink=closed,
         worse=[entry["channel"] for entry in closed if entry["after"] > 1.02 * entry["before"]],
         next_experiment=_next(system, found, effects, ranking),
-        sentence=_sentence(verdict, effects, closed, system.has_wrench),
+        sentence=_sentence(verdict, effects, closed, system.has_wrench, log.rig.noise is not None),
         notes=notes,
         surface=surface,
         effects=report_effects,
@@ -308,7 +308,7 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
     return {"separates": pair, "pushes": pushes, "why": why}
 
 
-def _sentence(verdict: str, effects: list[str], shrink: list[dict[str, Any]], forces: bool) -> str:
+def _sentence(verdict: str, effects: list[str], shrink: list[dict[str, Any]], forces: bool, noise: bool) -> str:
     closed = next((entry for entry in shrink if entry["channel"] == "wrench"), shrink[0] if shrink else None)
     how = (
         ""
@@ -319,6 +319,8 @@ def _sentence(verdict: str, effects: list[str], shrink: list[dict[str, Any]], fo
     if verdict == "none":
         if not forces:
             return "Nothing stands out in the poses; without forces little can be said."
+        if not noise:
+            return "The nominal simulation fits as well as any pressure would, and no cause stands out of the scatter."
         return "The nominal simulation fits within the noise."
     if verdict == "absorbed":
         return f"The surface and friction differ from the nominal ones, and no other cause stands out{how}."
