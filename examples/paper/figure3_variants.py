@@ -1,0 +1,105 @@
+"""What figure 3 leaves open, and how much of the difference to the published numbers it can make.
+
+The paper does not say how facets share the points sampled on them, how weights of legs are drawn, by which length moments
+are scaled, or whether loads are renormalised after noise. Each variant changes one of these; methods as published.
+
+    python examples/paper/figure3_variants.py --published published.json [--trials 50]
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import figure3
+import lab
+import numpy as np
+
+import stablepush as sp
+from stablepush.planar import normalize_wrench, unit
+
+METHODS = ("poly4-cvx", "quadratic")
+VARIANTS = {
+    "3pts_noise_free": ("as in figure 3", "facets by area", "weights of a flat Dirichlet", "moments over the unit radius"),
+    "ring_noisy": ("as in figure 3", "loads renormalised", "moments over the unit radius"),
+}
+
+
+def pairs(points: int, rng: np.random.Generator, variant: str) -> tuple[np.ndarray, np.ndarray]:
+    """As ``figure3.trial_pairs``, with one choice made otherwise."""
+    if points == 3:
+        angles = rng.uniform(0, 2 * np.pi, 3)
+        shares = rng.dirichlet(np.ones(3)) if variant == "weights of a flat Dirichlet" else rng.uniform(size=3)
+        feet = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+        support = sp.SupportDistribution(feet - shares / shares.sum() @ feet, shares)
+    else:
+        support = sp.SupportDistribution.ring(1.0, points)
+    rho = 1.0 if variant == "moments over the unit radius" else None
+    ideal = sp.IdealLimitSurface(support, 1.0, rho)
+    rho = ideal.characteristic_length
+    on_facets = figure3.PAIRS // 2 if points == 3 else 0
+    directions = unit(rng.normal(size=(figure3.PAIRS - on_facets, 3)))
+    loads = normalize_wrench(ideal.wrench(directions / (1, 1, rho)), rho)
+    if on_facets:
+        which = np.arange(on_facets) % 3
+        if variant == "facets by area":
+            which = rng.choice(3, on_facets, p=support.weights**2 / (support.weights**2).sum())
+        sense, x = rng.choice((-1.0, 1.0), size=on_facets), support.points[which]
+        turning = np.stack((sense * x[:, 1], -sense * x[:, 0], sense), axis=-1)
+        angle, size = rng.uniform(0, 2 * np.pi, on_facets), np.sqrt(rng.uniform(size=on_facets))
+        force = (support.weights[which] * size)[:, None] * np.stack((np.cos(angle), np.sin(angle)), axis=-1)
+        own = np.concatenate((force, (x[:, :1] * force[:, 1:] - x[:, 1:] * force[:, :1]) / rho), axis=1)
+        directions = np.concatenate((directions, unit(turning * (1, 1, rho))))
+        loads = np.concatenate((loads, normalize_wrench(ideal.wrench(turning), rho) + own))
+    order = rng.permutation(figure3.PAIRS)
+    return loads[order], directions[order]
+
+
+def run_trial(case: str, variant: str, trial: int) -> dict[str, list[float]]:
+    """Test errors (deg) by method for every number of training pairs."""
+    points, noise = figure3.CASES[case]
+    rng = np.random.default_rng((list(figure3.CASES).index(case), trial))
+    loads, directions = pairs(points, rng, variant)
+    test, rest = slice(0, figure3.TEST), slice(figure3.TEST, None)
+    seen_loads = loads[rest] + noise * rng.normal(size=loads[rest].shape)
+    if variant == "loads renormalised":
+        seen_loads *= np.linalg.norm(loads[rest], axis=1, keepdims=True) / np.linalg.norm(seen_loads, axis=1, keepdims=True)
+    seen = unit(directions[rest] + noise * rng.normal(size=directions[rest].shape))
+    errors: dict[str, list[float]] = {method: [] for method in METHODS}
+    for count, method in product(figure3.TRAIN, METHODS):
+        rows = np.concatenate((figure3.VALIDATION + np.arange(count), np.arange(figure3.VALIDATION)))
+        fit = sp.fit_limit_surface(
+            seen_loads[rows],
+            seen[rows],
+            method,
+            characteristic_length=1.0,
+            loss="norm",
+            hold_out=np.arange(count, len(rows)),
+        )
+        errors[method].append(lab.angle_error(fit.surface, loads[test], directions[test], rho=1.0))
+    return errors
+
+
+def main() -> None:
+    arguments = lab.parser(__doc__, data=False)
+    arguments.add_argument("--trials", type=int, default=50)
+    options = arguments.parse_args()
+    theirs = lab.published(options).get("figure_3", {}).get("mean_angle_error_deg", {})
+    for case, variants in VARIANTS.items():
+        print(f"\n{case:<32s}" + "".join(f"{n:>15d}" for n in figure3.TRAIN))
+        for method in METHODS:
+            known = theirs.get(case, {}).get({"quadratic": "quad"}.get(method, method))
+            if known:
+                print(
+                    f"{method + ', published':<32s}"
+                    + "".join(f"{m:8.2f} ± {h:4.2f}" for m, h in zip(known["mean"], known["ci95"], strict=True))
+                )
+        for variant in variants:
+            jobs = [(case, variant, trial) for trial in range(options.trials)]
+            found = lab.run_all(run_trial, jobs, options.jobs)
+            for method in METHODS:
+                cells = [lab.interval([f[method][k] for f in found]) for k in range(len(figure3.TRAIN))]
+                print(f"{method + ', ' + variant:<32s}"[:44] + "".join(f"{m:8.2f} ± {h:4.2f}" for m, h in cells), flush=True)
+
+
+if __name__ == "__main__":
+    main()
