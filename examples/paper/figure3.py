@@ -41,17 +41,21 @@ def trial_pairs(points: int, rng: np.random.Generator) -> tuple[np.ndarray, np.n
     directions = unit(rng.normal(size=(PAIRS - on_facets, 3)))
     loads = normalize_wrench(ideal.wrench(directions / (1, 1, rho)), rho)
     if on_facets:
-        # rotations about a support point, whose own friction may be anything within its limit
-        which, sense = np.arange(on_facets) % 3, rng.choice((-1.0, 1.0), size=on_facets)
-        x = support.points[which]
-        turning = np.stack((sense * x[:, 1], -sense * x[:, 0], sense), axis=-1)
-        angle, size = rng.uniform(0, 2 * np.pi, on_facets), np.sqrt(rng.uniform(size=on_facets))
-        force = (support.weights[which] * size)[:, None] * np.stack((np.cos(angle), np.sin(angle)), axis=-1)
-        own = np.concatenate((force, (x[:, :1] * force[:, 1:] - x[:, 1:] * force[:, :1]) / rho), axis=1)
-        directions = np.concatenate((directions, unit(turning * (1, 1, rho))))
-        loads = np.concatenate((loads, normalize_wrench(ideal.wrench(turning), rho) + own))
+        more_loads, more_directions = facet_pairs(ideal, np.arange(on_facets) % 3, rng)
+        loads, directions = np.concatenate((loads, more_loads)), np.concatenate((directions, more_directions))
     order = rng.permutation(PAIRS)
     return loads[order], directions[order]
+
+
+def facet_pairs(ideal: sp.IdealLimitSurface, which: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs of rotations about support points (n,), whose own friction may be anything within its limit."""
+    count, rho, support = len(which), ideal.characteristic_length, ideal.support
+    sense, x = rng.choice((-1.0, 1.0), size=count), support.points[which]
+    turning = np.stack((sense * x[:, 1], -sense * x[:, 0], sense), axis=-1)
+    angle, size = rng.uniform(0, 2 * np.pi, count), np.sqrt(rng.uniform(size=count))
+    force = (support.weights[which] * size)[:, None] * np.stack((np.cos(angle), np.sin(angle)), axis=-1)
+    own = np.concatenate((force, (x[:, :1] * force[:, 1:] - x[:, 1:] * force[:, :1]) / rho), axis=1)
+    return normalize_wrench(ideal.wrench(turning), rho) + own, unit(turning * (1, 1, rho))
 
 
 def run_trial(case: str, trial: int) -> dict[str, list[float]]:

@@ -43,13 +43,8 @@ def pairs(points: int, rng: np.random.Generator, variant: str) -> tuple[np.ndarr
         which = np.arange(on_facets) % 3
         if variant == "facets by area":
             which = rng.choice(3, on_facets, p=support.weights**2 / (support.weights**2).sum())
-        sense, x = rng.choice((-1.0, 1.0), size=on_facets), support.points[which]
-        turning = np.stack((sense * x[:, 1], -sense * x[:, 0], sense), axis=-1)
-        angle, size = rng.uniform(0, 2 * np.pi, on_facets), np.sqrt(rng.uniform(size=on_facets))
-        force = (support.weights[which] * size)[:, None] * np.stack((np.cos(angle), np.sin(angle)), axis=-1)
-        own = np.concatenate((force, (x[:, :1] * force[:, 1:] - x[:, 1:] * force[:, :1]) / rho), axis=1)
-        directions = np.concatenate((directions, unit(turning * (1, 1, rho))))
-        loads = np.concatenate((loads, normalize_wrench(ideal.wrench(turning), rho) + own))
+        more_loads, more_directions = figure3.facet_pairs(ideal, which, rng)
+        loads, directions = np.concatenate((loads, more_loads)), np.concatenate((directions, more_directions))
     order = rng.permutation(figure3.PAIRS)
     return loads[order], directions[order]
 
