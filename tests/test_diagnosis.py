@@ -164,6 +164,13 @@ def test_slip_is_that_of_the_surfaces_not_of_the_contact_point():
     assert np.mean(np.array(slips) > 0) > 0.9
 
 
+def test_a_sensor_mounted_at_an_angle_is_no_friction_of_the_fingers():
+    report = sp.diagnose(make_log("force-rotation:angle=0.12"))
+    assert report.named == ["force-rotation"]
+    entry = next(e for e in report.ranking if e["effect"] == "contact-friction")
+    assert entry["parameters"]["mu"]["estimate"] == pytest.approx(0.5, abs=0.03)
+
+
 def test_friction_off_is_absorbed():
     log = make_log()
     report = sp.diagnose(edited(log, support_friction=0.8 * log.rig.support_friction))

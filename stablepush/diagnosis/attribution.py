@@ -11,6 +11,7 @@ from scipy.stats import t as student
 
 from stablepush._arrays import FloatArray
 from stablepush.diagnosis.system import OF_BODY, SIZES, Fitted, System
+from stablepush.se2 import rotate_vectors
 
 #: An effect steps in if its statistic is this improbable without it, and the sum of squares over its scale falls by this much.
 _P_ENTER, _GAIN = 1e-4, 12.0
@@ -107,7 +108,6 @@ def attribute(system: System, said: Callable[[str], None]) -> Attribution:
                 current = without
     rivals = _rivals(system, chosen, current)
     folds = folds_of(system)
-    contact = slip_friction(system)
     scores: dict[str, FloatArray] = {}
     absorbed, free = False, True
     if system.has_wrench:
@@ -137,7 +137,9 @@ def attribute(system: System, said: Callable[[str], None]) -> Attribution:
             others = system.fit([e for e in chosen if e != id], free)
             tests |= system.tests(others, free, [id])
     tests |= system.tests(final, free, [id for id in SIZES if id not in chosen])
-    return Attribution(chosen, rivals, absorbed, free, final, tests, scores, contact)
+    # what a sensor is mounted at turns the force away from the normal as friction would
+    turn = float(final.values["force-rotation"][0]) if "force-rotation" in final.values else 0.0
+    return Attribution(chosen, rivals, absorbed, free, final, tests, scores, slip_friction(system, turn))
 
 
 def _possible(id: str, estimate: FloatArray) -> bool:
@@ -176,8 +178,11 @@ def _nominal_density(system: System, chosen: list[str]) -> FloatArray:
     return system._density(residual, np.ones(len(residual), dtype=bool))
 
 
-def slip_friction(system: System) -> ContactFriction | None:
-    """Friction of the contact from the direction of the force while fingers slip; None if too few trials do, or forces lack."""
+def slip_friction(system: System, turn: float = 0.0) -> ContactFriction | None:
+    """Friction of the contact from the direction of the force while fingers slip; None if too few trials do, or forces lack.
+
+    ``turn``: angle (rad) by which the sensor turns forces.
+    """
     o, rig = system.observations, system.rig
     if not system.has_wrench:
         return None
@@ -186,8 +191,9 @@ def slip_friction(system: System) -> ContactFriction | None:
     # two fingers on one face only
     both = np.isfinite(o.normal).all(axis=(1, 2))
     known &= ~both | (np.nansum(o.normal[:, 0] * o.normal[:, 1], axis=1) > 0.99)
-    along = (o.wrench[:, :2] * normal).sum(axis=1)
-    across = o.wrench[:, 1] * normal[:, 0] - o.wrench[:, 0] * normal[:, 1]
+    force = rotate_vectors(-turn, o.wrench[:, :2])
+    along = (force * normal).sum(axis=1)
+    across = force[:, 1] * normal[:, 0] - force[:, 0] * normal[:, 1]
     lever = np.linalg.norm(np.where(np.isfinite(o.place[:, 0]), o.place[:, 0], o.place[:, 1]), axis=1)
     jitter = np.hypot(1.05 * system.noise.position, system.noise.angle * lever) / o.span
     sure = np.abs(o.slip) > np.maximum(_SLIPS * jitter, _SLIP_SHARE * o.speed)
