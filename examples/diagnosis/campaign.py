@@ -31,6 +31,12 @@ LARGEST = {
 SHARES = (0.15, 0.35, 0.6, 1.0)
 #: What else logs may have: nothing, two effects at once, noise with heavy tails, and friction in squares that no effect has.
 OTHERS = ("none", "pair", "heavy-tail", "checkerboard")
+#: Logs without forces: what is left out of them, what they are called, and the effects that change where a slider goes.
+FORCES, POSES = ("fx", "fy", "tau"), "poses:"
+MOVING = (
+    "none", "anisotropy-world", "anisotropy-object", "spatial-variation", "pressure-shift", "tilt", "contact-friction",
+    "contact-geometry", "frame-offset", "latency",
+)  # fmt: skip
 #: Effects that pairs are made of: they do not only reshape the surface.
 PAIRED = tuple(id for id in LARGEST if not id.startswith(("pressure", "model", "anisotropy-object", "inertia")))
 #: Side of the squares in m, and how far (relatively) their friction is from the mean.
@@ -102,7 +108,8 @@ def covered(report: sp.GapReport, effects: list[sp.Effect]) -> str:
 
 def one(job: tuple[str, int, int]) -> dict[str, object]:
     """Simulate a log and diagnose it; the diagnosis sees the log alone."""
-    id, seed, pushes = job
+    name, seed, pushes = job
+    id = name.removeprefix(POSES)
     # the same rigs for all effects would let one unlucky rig count often: effect and seed together make the rig
     rng = np.random.default_rng([seed, *id.encode()])
     hull = shapely.MultiPoint(rng.uniform(-0.07, 0.07, (7, 2))).convex_hull
@@ -127,14 +134,16 @@ def one(job: tuple[str, int, int]) -> dict[str, object]:
     commands = sp.random_pushes(slider, pusher, pushes, seed=int(rng.integers(2**31)))
     draw = int(rng.integers(2**31))
     log = in_squares(rig, commands, draw) if id == "checkerboard" else rig.execute(commands, seed=draw).log
+    if name.startswith(POSES):
+        log = sp.PushLog(log.rig, log.trials, {c: v for c, v in log.samples.items() if c not in FORCES})
     begin = time.perf_counter()
     report = sp.diagnose(log)
     seconds = time.perf_counter() - begin
     truth = [f"{e.id}:{name}={'/'.join(f'{x:.6g}' for x in v)}" for e in effects for name, v in e.values.items()]
     return {
-        "effect": id, "truth": " ".join(truth), "seed": seed, "share": share, "kind": "two" if two else "one",
+        "effect": name, "truth": " ".join(truth), "seed": seed, "share": share, "kind": "two" if two else "one",
         "verdict": report.verdict, "named": " ".join(report.named),
-        "closed": next((e["closed"] for e in report.shrink if e["channel"] == "wrench"), np.nan),
+        "closed": next((e["closed"] for e in report.shrink if e["channel"] in ("wrench", "pose")), np.nan),
         "covered": covered(report, effects), "seconds": seconds,
         "probabilities": " ".join(f"{e['effect']}={e['probability']:.3f}" for e in report.ranking),
     }  # fmt: skip
@@ -170,9 +179,10 @@ def summary(rows: list[dict[str, str]]) -> None:
             alarms = sum(bool(r["named"]) or r["verdict"] == "unknown" for r in mine)
             names = ", ".join(sorted({r["named"] for r in mine if r["named"]}))
             print(f"{word}: {alarms} of {len(mine)} alarms ({interval(alarms, len(mine))}); {verdicts}; {names or 'no names'}")
-    print(f"{'effect, named at':<20s}" + "".join(f"{100 * s:>9.0f} %" for s in SHARES) + "   of; other names and verdicts")
-    for id, largest in LARGEST.items():
-        mine = [r for r in rows if r["effect"] == id]
+    print(f"{'effect, named at':<26s}" + "".join(f"{100 * s:>9.0f} %" for s in SHARES) + "   of; other names and verdicts")
+    for name in (*LARGEST, *(POSES + id for id in MOVING)):
+        id = name.removeprefix(POSES)
+        mine = [r for r in rows if r["effect"] == name]
         if not mine:
             continue
         cells = []
@@ -181,10 +191,11 @@ def summary(rows: list[dict[str, str]]) -> None:
             cells.append(f"{sum(id in r['named'].split() for r in part)}/{len(part)}" if part else "-")
         wrong: dict[str, int] = {}
         for r in mine:
-            for name in [n for n in r["named"].split() if n != id] or ([] if r["named"] else [r["verdict"]]):
-                wrong[name] = wrong.get(name, 0) + 1
+            for other in [n for n in r["named"].split() if n != id] or ([] if r["named"] else [r["verdict"]]):
+                wrong[other] = wrong.get(other, 0) + 1
         others = ", ".join(f"{k} {v}" for k, v in wrong.items())
-        print(f"{id:<20s}" + "".join(f"{cell:>11s}" for cell in cells) + f"   {largest:g}; {others}")
+        largest = LARGEST.get(id, 0.0)
+        print(f"{name:<26s}" + "".join(f"{cell:>11s}" for cell in cells) + f"   {largest:g}; {others}")
     inside = [c for r in rows for c in r["covered"].split()]
     if inside:
         hold = inside.count("1")
@@ -211,6 +222,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--per-effect", type=int, default=10)
     parser.add_argument("--clean", type=int, default=60)
+    parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--pushes", type=int, default=60)
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
@@ -219,8 +231,9 @@ def main() -> None:
         with options.output.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
     done = {(r["effect"], int(r["seed"])) for r in rows}
-    jobs = [("none", seed, options.pushes) for seed in range(options.clean)]
-    jobs += [(id, seed, options.pushes) for seed in range(options.per_effect) for id in (*LARGEST, *OTHERS[1:])]
+    jobs = [("none", options.first_seed + seed, options.pushes) for seed in range(options.clean)]
+    names = (*LARGEST, *OTHERS[1:], *(POSES + id for id in MOVING))
+    jobs += [(id, options.first_seed + seed, options.pushes) for seed in range(options.per_effect) for id in names]
     jobs = [job for job in jobs if job[:2] not in done]
     with options.output.open("a", encoding="utf-8", newline="") as file, ProcessPoolExecutor(options.jobs) as pool:
         writer = csv.DictWriter(file, FIELDS)

@@ -77,9 +77,11 @@ def run_trial(case: str, variant: str, trial: int) -> dict[str, list[float]]:
 def main() -> None:
     arguments = lab.parser(__doc__, data=False)
     arguments.add_argument("--trials", type=int, default=50)
+    arguments.add_argument("--cases", nargs="+", choices=tuple(VARIANTS), default=list(VARIANTS))
     options = arguments.parse_args()
     theirs = lab.published(options).get("figure_3", {}).get("mean_angle_error_deg", {})
-    for case, variants in VARIANTS.items():
+    for case in options.cases:
+        variants = VARIANTS[case]
         print(f"\n{case:<32s}" + "".join(f"{n:>15d}" for n in figure3.TRAIN))
         for method in METHODS:
             known = theirs.get(case, {}).get({"quadratic": "quad"}.get(method, method))

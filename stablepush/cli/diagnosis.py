@@ -75,7 +75,7 @@ def _write_mended(data: PushLog, report: GapReport, folder: Path) -> None:
     from stablepush.logs.pushlog import rig_to_json
 
     if report.surface is None:
-        print(f"{folder}: not written: a mended simulation needs a log with forces")
+        print(f"{folder}: not written: a mended simulation needs forces, or a rig that says the mass and the support's friction")
         return
     extra = {**(data.rig.extra or {}), "effects": report.effects}
     write_json(folder / "rig.json", rig_to_json(replace(data.rig, extra=extra)))
@@ -83,7 +83,7 @@ def _write_mended(data: PushLog, report: GapReport, folder: Path) -> None:
 
 
 def _page(report: GapReport) -> str:
-    from stablepush.plot import figure_png, plot_effects, plot_residuals, plot_residuals_against
+    from stablepush.plot import figure_png, plot_effects, plot_ends, plot_residuals, plot_residuals_against
     from stablepush.report import Section, report_html
 
     def number(value: object) -> str:
@@ -114,6 +114,9 @@ def _page(report: GapReport) -> str:
         ]
         text = "Residuals of the nominal simulation and of the mended one. Below: what they follow, on held-out trials."
         sections.append(Section.with_picture("Where: heading and order", figure_png(plot_residuals_against(report)), text, found))
+    if report.ends and len(report.places):
+        words = "Pushes carried out again in simulation, from where the slider lay and as the pusher went."
+        sections.append(Section.with_picture("Where: ends of pushes", figure_png(plot_ends(report)), words))
     rows = []
     for entry in report.ranking:
         parameters = "; ".join(
@@ -133,9 +136,10 @@ def _page(report: GapReport) -> str:
     how = (
         "Loads of support points under the outline and the parameters of effects are fitted jointly to the measured wrenches and "
         "to the gaps between fingers and outline, each row weighted by the noise of forces and motion and by how far off it is. "
-        "An effect is named if the scores of trials say so (p below 1e-4) and the log density grows by enough over its scatter "
-        "between trials; the others are judged given it. Shares of the gap are those of trials left out of the fit, five folds, "
-        "repeats kept together."
+        "Without forces the ends of pushes are fitted instead, each carried out again in simulation. An effect is named if no "
+        "effect would show so clearly by chance more than once in a hundred logs (signs of the trials' scores drawn at random), "
+        "and the log density grows by enough over its scatter between trials; the others are judged given it. Shares of the gap "
+        "are those of trials left out of the fit, five folds, repeats kept together."
     )
     sections.append(Section("How it was computed", how))
     sections.append(Section("Data quality", "", [("note", note) for note in report.notes] or [("note", "nothing to remark")]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,25 +10,24 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from stablepush._arrays import FloatArray
-from stablepush.diagnosis.system import OF_BODY, SIZES, Fitted, System
+from stablepush.diagnosis.equations import OF_BODY, OF_PRESSURE, SIZES, Fitted, ScoreTest, Values
+from stablepush.diagnosis.system import System
 from stablepush.se2 import rotate_vectors
 
-#: An effect steps in if its statistic is this improbable without it, and the sum of squares over its scale falls by this much.
-_P_ENTER, _GAIN = 1e-4, 12.0
-#: What an effect must add to the log density, and how many standard errors over trials that must be.
-_DENSITY, _ERRORS = 6.0, 2.0
-#: Effects that may act together.
-_MOST = 4
+#: Draws of the bootstrap of the greatest statistic.
+_DRAWS = 999
+#: Effects that may act together, and that are fitted in a step.
+_MOST, _TRIED = 4, 4
 #: Alternatives are looked at if they gain at least this share of what the chosen effect gains.
 _RIVAL = 0.5
 #: Parts into which trials fall for held-out judgements.
 FOLDS = 5
 #: Slip counts from so many of its own standard errors, and from this share of the speed.
 _SLIPS, _SLIP_SHARE, _OPPOSED = 4.0, 0.2, 0.8
-#: Contact friction is off if it differs by at least this much.
-_MU = 0.03
-#: Effects that act on the table, the contact or the sensors, so that a refitted surface cannot take them.
-OUTSIDE_BODY = tuple(id for id in SIZES if id not in OF_BODY)
+#: Contact friction is off if it differs by at least this much, with so small a p-value.
+_MU, _P_SLIP = 0.03, 1e-3
+#: Effects that a refitted pressure cannot take in.
+BEYOND_PRESSURE = tuple(id for id in SIZES if id not in OF_PRESSURE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,9 +45,8 @@ class Attribution:
     """What acts on a log.
 
     ``chosen``: effects that act; ``rivals``: those that the log cannot tell from one of them; ``free``: whether the refitted
-    pressure is needed; ``final``: the fit with all of it; ``tests``: statistic, gain, estimate and information of all effects,
-    each given the others that are chosen; ``scores`` by name: held-out log densities (trials,) of the nominal simulation and its
-    refits.
+    pressure is needed; ``final``: the fit with all of it; ``tests`` of all effects, each given the others that are
+    chosen; ``scores`` by name: held-out log densities (trials,) of the nominal simulation and its refits.
     """
 
     chosen: list[str]
@@ -56,9 +54,22 @@ class Attribution:
     absorbed: bool
     free: bool
     final: Fitted
-    tests: dict[str, tuple[float, float, FloatArray, FloatArray]]
+    tests: dict[str, ScoreTest]
     scores: dict[str, FloatArray]
     contact: ContactFriction | None
+
+    @property
+    def named(self) -> list[str]:
+        """All effects that act."""
+        slips = self.contact is not None and self.contact.p_value < _P_SLIP and "contact-friction" not in self.chosen
+        return [*self.chosen, "contact-friction"] if slips else list(self.chosen)
+
+    def slips(self, system: System) -> Values:
+        """Return what the fingers' friction adds to the rig's, if it is known from forces and acts."""
+        mu = system.rig.contact_friction
+        if self.contact is None or mu is None or "contact-friction" not in self.named:
+            return {}
+        return {"contact-friction": np.array([self.contact.estimate - mu])}
 
 
 def folds_of(system: System, seed: int = 0) -> np.ndarray:
@@ -73,86 +84,110 @@ def folds_of(system: System, seed: int = 0) -> np.ndarray:
 
 def held_out(system: System, effects: Sequence[str], free: bool, folds: np.ndarray) -> FloatArray:
     """Log density (trials,) of each trial by a fit to the other folds."""
-    result = np.zeros(len(folds))
+    result, full = np.zeros(len(folds)), system.fit(effects, free)
     for k in range(FOLDS):
         test = folds == k
         if test.any() and not test.all():
-            density = system.fit(effects, free, ~test).density
+            density = system.fit(effects, free, ~test, full).density
             result[: len(density)][test[: len(density)]] = density[test[: len(density)]]
     return result
 
 
 def attribute(system: System, said: Callable[[str], None]) -> Attribution:
     """Find which effects act on a log."""
-    chosen: list[str] = []
-    current = system.fit([], True)
-    for _ in range(_MOST):
-        said(f"effects: {', '.join(chosen) or 'none yet'}")
-        tests = system.tests(current, True, [id for id in OUTSIDE_BODY if id not in chosen])
-        entering = [
-            id
-            for id, (statistic, gain, _, _) in tests.items()
-            if gain > _GAIN and chi2.sf(statistic, SIZES[id]) < _P_ENTER and _possible(id, tests[id][2])
-        ]
-        tried = [(system.fit([*chosen, id], True), id) for id in sorted(entering, key=lambda id: -tests[id][1])[:4]]
-        tried = [(fitted, id) for fitted, id in tried if _better(fitted.density, current.density)]
-        if not tried:
-            break
-        current, best = max(tried, key=lambda pair: pair[0].score)
-        chosen.append(best)
-    for id in list(chosen):
-        if len(chosen) > 1:
-            without = system.fit([e for e in chosen if e != id], True)
-            if not _better(current.density, without.density):
-                chosen.remove(id)
-                current = without
+    chosen, current = _steps(system, said)
     rivals = _rivals(system, chosen, current)
-    folds = folds_of(system)
     scores: dict[str, FloatArray] = {}
     absorbed, free = False, True
-    if system.has_wrench:
+    if system.has_surface:
         said("held-out trials")
-        nominal = _nominal_density(system, chosen)
+        folds = folds_of(system)
         scores = {
-            "nominal": nominal,
+            "nominal": _nominal_density(system, chosen),
             "scaled": held_out(system, chosen, False, folds),
             "free": held_out(system, chosen, True, folds),
         }
-        sure = _better(scores["free"], scores["scaled"])
+        sure = system.better(scores["free"], scores["scaled"])
         # which base the rest is judged on matters less than what is said: one standard error is enough
-        free = _better(scores["free"], scores["scaled"], 1.0)
-        absorbed = sure or _better(scores["scaled"], scores["nominal"])
+        free = system.better(scores["free"], scores["scaled"], 1.0)
+        absorbed = sure or system.better(scores["scaled"], scores["nominal"])
         if sure and not chosen:
             body = {id: held_out(system, [id], False, folds) for id in OF_BODY}
+            named = _as_good_as_free(system, scores, body)
             scores |= body
-            best = max(body, key=lambda id: body[id].sum())
-            enough = [id for id in OF_BODY if not _better(scores["free"], body[id]) and _better(body[id], scores["scaled"])]
-            if best in enough:
-                chosen, free = [best], False
-                rivals = [id for id in enough if id != best and not _better(body[best], body[id])]
+            if named:
+                chosen, rivals, free = named[:1], named[1:], False
     final = system.fit(chosen, free)
-    tests = {}
-    for id in SIZES:
-        if id in chosen:
-            others = system.fit([e for e in chosen if e != id], free)
-            tests |= system.tests(others, free, [id])
+    tests: dict[str, ScoreTest] = {}
+    for id in chosen:
+        others = system.fit([e for e in chosen if e != id], free)
+        tests |= system.tests(others, free, [id])
     tests |= system.tests(final, free, [id for id in SIZES if id not in chosen])
     # what a sensor is mounted at turns the force away from the normal as friction would
     turn = float(final.values["force-rotation"][0]) if "force-rotation" in final.values else 0.0
     return Attribution(chosen, rivals, absorbed, free, final, tests, scores, slip_friction(system, turn))
 
 
+def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitted]:
+    """Effects of table, contact and sensors that act: steps forward, then back, the surface refitted in each."""
+    chosen: list[str] = []
+    demands, current = system.demands, system.fit([], True)
+    for _ in range(_MOST):
+        said(f"effects: {', '.join(chosen) or 'none yet'}")
+        tests = system.tests(current, True, [id for id in BEYOND_PRESSURE if id not in chosen])
+        chance = by_chance(tests)
+        entering = []
+        for id, test in tests.items():
+            # times what an effect must do at least that it has to do, if it could be by chance
+            times = 1.0 if chance[id] <= demands.chance else demands.sure
+            if test.gain > demands.gain and times < np.inf and _possible(id, test.estimate):
+                entering.append((test.gain, id, times))
+        tried = [(system.fit([*chosen, id], True), id, times) for _, id, times in sorted(entering, reverse=True)[:_TRIED]]
+        tried = [one for one in tried if system.better(one[0].density, current.density, times=one[2])]
+        if not tried:
+            break
+        current, best, _ = max(tried, key=lambda one: one[0].score)
+        chosen.append(best)
+        system.settle(current)
+        current = system.fit(chosen, True)
+    for id in list(chosen):
+        if len(chosen) > 1:
+            without = system.fit([e for e in chosen if e != id], True)
+            if not system.better(current.density, without.density):
+                chosen.remove(id)
+                current = without
+    return chosen, current
+
+
+def _as_good_as_free(system: System, scores: dict[str, FloatArray], body: dict[str, FloatArray]) -> list[str]:
+    """Effects in the body frame that predict held-out trials as well as the free surface does, best first, if the best does."""
+    enough = [
+        id
+        for id, density in body.items()
+        if not system.better(scores["free"], density) and system.better(density, scores["scaled"])
+    ]
+    enough.sort(key=lambda id: -float(body[id].sum()))
+    best = max(body, key=lambda id: float(body[id].sum()))
+    return [id for id in enough if id == best or not system.better(body[best], body[id])] if best in enough else []
+
+
+def by_chance(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[str, float]:
+    """Return how often the most improbable statistic of all effects is as improbable as each one's, when there is no effect.
+
+    The scores are linearised at the fit; trials keep their errors but for the sign, the same for all effects (the step-down
+    maximum of Westfall and Young 1993 by the score bootstrap of Kline and Santos 2012).
+    """
+    trials = max((len(test.scores) for test in tests.values()), default=0)
+    signs = np.random.default_rng(seed).choice((-1.0, 1.0), (_DRAWS, trials))
+    least = np.ones(_DRAWS)
+    for id, test in tests.items():
+        least = np.minimum(least, chi2.sf(test.under_none(signs), SIZES[id]))
+    return {id: float((1 + (least <= chi2.sf(test.statistic, SIZES[id])).sum()) / (1 + _DRAWS)) for id, test in tests.items()}
+
+
 def _possible(id: str, estimate: FloatArray) -> bool:
     """Whether an estimate has the sign that the effect must have."""
     return not (id in ("inertia", "latency") and estimate[0] < 0)
-
-
-def _better(ahead: FloatArray, behind: FloatArray, errors: float = _ERRORS) -> bool:
-    """Whether one log density (trials,) beats another by enough, over the scatter of trials."""
-    n = min(len(ahead), len(behind))
-    difference = ahead[:n] - behind[:n]
-    error = float(difference.std(ddof=1) * np.sqrt(n)) if n > 1 else 0.0
-    return bool(difference.sum() > max(_DENSITY, errors * error))
 
 
 def _rivals(system: System, chosen: list[str], current: Fitted) -> list[str]:
@@ -161,11 +196,11 @@ def _rivals(system: System, chosen: list[str], current: Fitted) -> list[str]:
     for id in chosen:
         others = [e for e in chosen if e != id]
         without = system.fit(others, True)
-        tests = system.tests(without, True, [e for e in OUTSIDE_BODY if e not in others])
-        for rival in OUTSIDE_BODY:
-            if rival in chosen or tests[rival][1] < _RIVAL * tests[id][1] or not _possible(rival, tests[rival][2]):
+        tests = system.tests(without, True, [e for e in BEYOND_PRESSURE if e not in others])
+        for rival in BEYOND_PRESSURE:
+            if rival in chosen or tests[rival].gain < _RIVAL * tests[id].gain or not _possible(rival, tests[rival].estimate):
                 continue
-            if not _better(current.density, system.fit([*others, rival], True).density):
+            if not system.better(current.density, system.fit([*others, rival], True).density):
                 found.append(rival)
     return list(dict.fromkeys(found))
 
@@ -175,7 +210,7 @@ def _nominal_density(system: System, chosen: list[str]) -> FloatArray:
     fitted = system.fit(chosen, False)
     loads = system.nominal if system.known_scale else fitted.loads
     residual = system.residual(loads, fitted.values)
-    return system._density(residual, np.ones(len(residual), dtype=bool))
+    return system.density(residual, np.ones(len(residual), dtype=bool))
 
 
 def slip_friction(system: System, turn: float = 0.0) -> ContactFriction | None:

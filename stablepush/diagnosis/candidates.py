@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from stablepush._arrays import FloatArray
+from stablepush.diagnosis.equations import Values
 from stablepush.diagnosis.forward import PARAMETERS, ForwardModel
 from stablepush.diagnosis.observations import Observations
-from stablepush.diagnosis.system import System, Values
+from stablepush.diagnosis.system import System
 from stablepush.se2 import compose
 
 #: Headings of the slider, speeds (m/s) and places (m from the origin of W) that are looked at, and pushes that are proposed.

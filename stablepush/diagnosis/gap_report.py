@@ -11,9 +11,12 @@ import numpy as np
 
 from stablepush._arrays import FloatArray
 from stablepush.diagnosis.attribution import Attribution, attribute
+from stablepush.diagnosis.equations import SIZES
+from stablepush.diagnosis.motions import motions_of
 from stablepush.diagnosis.observations import heading, observe
-from stablepush.diagnosis.shrink import explains_most, gap, hold_out, shrink
-from stablepush.diagnosis.system import SIZES, System, surface_of, system_of
+from stablepush.diagnosis.replay import replays
+from stablepush.diagnosis.shrink import ends_are_off, explains_most, gap, hold_out, shrink
+from stablepush.diagnosis.system import System, system_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise
 from stablepush.effects import CATALOGUE
 from stablepush.errors import InputError
@@ -34,7 +37,7 @@ _BLIND = 0.5
 _RANGES = {
     "anisotropy-world": 0.2, "anisotropy-object": 0.2, "speed-dependence": 0.15, "spatial-variation": 1.0, "drift": 0.3,
     "pressure-shift": 0.01, "pressure-spread": 0.35, "tilt": 0.05, "inertia": 3.0, "force-bias": 1.0, "force-rotation": 0.3,
-    "frame-offset": 0.01, "latency": 0.3, "contact-geometry": 0.01,
+    "frame-offset": 0.01, "latency": 0.3, "contact-geometry": 0.01, "contact-friction": 0.4,
 }  # fmt: skip
 _UNSEEN = {
     "anisotropy-world": "needs forces and pushes in several directions over the table",
@@ -80,6 +83,8 @@ class GapReport:
     surface: IdealLimitSurface | None
     effects: dict[str, dict[str, Any]]
     residuals: dict[str, FloatArray] = field(repr=False)
+    ends: dict[str, FloatArray] = field(repr=False)
+    places: FloatArray = field(repr=False)
     poses: FloatArray = field(repr=False)
     loads: FloatArray = field(repr=False)
     headings: FloatArray = field(repr=False)
@@ -134,13 +139,20 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     observations = observe(log)
     if len(np.unique(observations.trial)) < 2:
         return _too_little(log, name)
-    system = system_of(observations, log.rig)
+    pushes = replays(log, observations)
+    all_pushes = len(pushes)
+    forces = bool(observations.has_wrench.any())
+    system: System
+    if pushes and not forces:
+        system = motions = motions_of(observations, log.rig, pushes)
+        pushes = motions.pushes
+    else:
+        system = system_of(observations, log.rig)
+        pushes = system.predictable(pushes)
     found = attribute(system, said)
     said("how far the gap shrinks")
-    named = list(found.chosen)
-    if found.contact is not None and found.contact.p_value < 1e-3:
-        named.append("contact-friction")
-    held = hold_out(system, found, log)
+    named = found.named
+    held = hold_out(system, found, log, pushes)
     share, p_share, size = 0.0, 1.0, 0.0
     if system.has_wrench:
         left = system.observations.wrench - held.wrenches["after"]
@@ -156,23 +168,25 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         verdict, effects = "named", named
     else:
         verdict, effects = ("absorbed" if found.absorbed else "none"), []
-        # rows that hardly any model fits, and not because of a few of them
-        if size > _MISFIT:
+        # rows that hardly any model fits, and not because of a few of them; ends that are far off in many pushes
+        if size > _MISFIT or (not forces and ends_are_off(held)):
             verdict = "unknown"
     said("where the gap lies")
     where = localise(system, system.observations.wrench - held.wrenches["before"]) if system.has_wrench else []
     closed = shrink(held)
     ranking = _ranking(system, found, effects)
-    surface = surface_of(system, found.final.loads) if system.has_wrench else None
+    # poses alone tell the shape of the surface, not its size
+    sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
+    surface = system.surface(found.final.loads) if sized else None
     report_effects = {entry["effect"]: _plain(entry) for entry in ranking if entry["effect"] in effects}
-    notes = _notes(log, system, found, share, p_share)
+    notes = _notes(log, system, found, share, p_share, all_pushes - len(pushes))
     return GapReport(
         log=name,
         trials=len(log),
         channels=[entry["channel"] for entry in closed],
         verdict=verdict,
         named=effects,
-        gap=gap(system, held),
+        gap=gap(system, held, pushes),
         where=where,
         ranking=ranking,
         shrink=closed,
@@ -183,6 +197,8 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         surface=surface,
         effects=report_effects,
         residuals={k: system.observations.wrench - v for k, v in held.wrenches.items()},
+        ends=held.ends,
+        places=np.reshape([push.end for push in pushes], (-1, 3)),
         poses=system.observations.pose,
         loads=system.observations.wrench,
         headings=heading(system.observations),
@@ -200,7 +216,7 @@ def _too_little(log: PushLog, name: str) -> GapReport:
     after = {"separates": [], "pushes": [], "why": "more pushes in headings, places, speeds and faces that vary, in random order"}
     return GapReport(
         name, len(log), [], "none", [], [], [], ranking, [], [], after, f"{words[0].upper()}{words[1:]}.", [words], None, {}, {},
-        nothing, nothing, np.zeros(0), np.zeros(0),
+        {}, nothing, nothing, nothing, np.zeros(0), np.zeros(0),
     )  # fmt: skip
 
 
@@ -243,7 +259,7 @@ def _ranking(system: System, found: Attribution, effects: list[str]) -> list[dic
     for id in CATALOGUE:
         probability, parameters, identifiable = 0.02, {}, False
         reason: str | None = _UNSEEN[id]
-        if id == "contact-friction":
+        if id == "contact-friction" and system.has_wrench:
             contact = found.contact
             if contact is not None and system.rig.contact_friction is not None:
                 interval = [contact.estimate - 1.96 * contact.error, contact.estimate + 1.96 * contact.error]
@@ -251,13 +267,13 @@ def _ranking(system: System, found: Attribution, effects: list[str]) -> list[dic
                 identifiable, reason = True, None
                 probability = 1 - min(1.0, 50 * contact.p_value) if contact.p_value < 1 else 0.02
         elif id == "model-capacity":
-            if system.has_wrench and "free" in found.scores:
+            if system.has_surface and "free" in found.scores:
                 identifiable, reason = True, None
                 probability = 0.3 if found.absorbed and not found.chosen else 0.05
         else:
-            nothing = (0.0, 0.0, np.zeros(SIZES[id]), np.zeros((SIZES[id],) * 2))
-            statistic, gain, estimate, information = found.tests.get(id, nothing)
-            values = np.linalg.eigvalsh(information)
+            test = found.tests[id]
+            estimate = test.estimate
+            values = np.linalg.eigvalsh(test.information)
             blind = bool(values[0] <= 0 or 1 / math.sqrt(values[0]) > _BLIND * _RANGES[id])
             identifiable, reason = not blind, _UNSEEN[id] if blind else None
             if id in found.final.values:
@@ -265,9 +281,11 @@ def _ranking(system: System, found: Attribution, effects: list[str]) -> list[dic
             else:
                 deviation = np.full(SIZES[id], 1 / math.sqrt(values[0]) if values[0] > 0 else _RANGES[id])
             if id == "contact-geometry":
-                estimate = estimate + (system.rig.finger_radius or 0.0)
+                estimate = estimate + (system.observations.finger_radius or 0.0)
+            if id == "contact-friction":
+                estimate = estimate + (system.rig.contact_friction or 0.0)
             parameters = _parameters(id, np.asarray(estimate), np.asarray(deviation))
-            evidence = min(statistic, gain) - 2 * (SIZES[id] - 1)
+            evidence = min(test.statistic, test.gain) - 2 * (SIZES[id] - 1)
             probability = 1 / (1 + math.exp(-max(-30.0, min(30.0, (evidence - _EVEN) / _ODDS))))
             if id in found.chosen:
                 probability = max(probability, 0.9)
@@ -302,7 +320,7 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
         return {"separates": pair, "pushes": [], "why": why}
     from stablepush.diagnosis.candidates import separating_pushes
 
-    values = {id: found.final.values.get(id, found.tests[id][2]) for id in pair if id in found.tests or id in found.final.values}
+    values = {id: found.final.values.get(id, found.tests[id].estimate) for id in pair}
     pushes = separating_pushes(system, found.final.loads, values)
     why = f"{pair[0]} and {pair[1]} predict loads that differ most here, at the sizes estimated from this log"
     return {"separates": pair, "pushes": pushes, "why": why}
@@ -318,7 +336,8 @@ def _sentence(verdict: str, effects: list[str], shrink: list[dict[str, Any]], fo
     words = [CATALOGUE[id].what for id in effects]
     if verdict == "none":
         if not forces:
-            return "Nothing stands out in the poses; without forces little can be said."
+            seen = "Pushes end where the nominal simulation says, within their scatter" if shrink else "Nothing stands out"
+            return f"{seen}; without forces little more can be said."
         if not noise:
             return "The nominal simulation fits as well as any pressure would, and no cause stands out of the scatter."
         return "The nominal simulation fits within the noise."
@@ -331,15 +350,20 @@ def _sentence(verdict: str, effects: list[str], shrink: list[dict[str, Any]], fo
     return "A gap stays that no effect of the catalogue explains."
 
 
-def _notes(log: PushLog, system: System, found: Attribution, share: float, p_share: float) -> list[str]:
+def _notes(log: PushLog, system: System, found: Attribution, share: float, p_share: float, left_out: int) -> list[str]:
     notes = []
     rig = log.rig
     if rig.noise is None:
         notes.append("the rig does not say how noisy it is: what a free pressure leaves was taken for noise")
     if not system.has_wrench:
         notes.append("no forces: only what shows in the poses can be said")
-    if rig.finger_radius is None or not any(len(rows) for _, rows in system.gap_rows):
+    if not any(len(rows) for _, rows in system.gap_rows):
         notes.append("no poses of fingers to compare with the outline: latency and contact geometry cannot be seen there")
+    elif rig.finger_radius is None:
+        radius = system.observations.finger_radius or 0.0
+        notes.append(f"the rig does not say how thick fingers are: {1000 * radius:.2g} mm, as they usually are from the outline")
+    if left_out:
+        notes.append(f"{left_out} pushes end where noise takes them, such as past a corner: they were left out of the poses")
     if not any(system.observations.group):
         notes.append("no repeated pushes: the scatter of repeats is not known")
     if system.has_wrench and not system.known_scale:

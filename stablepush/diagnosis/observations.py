@@ -12,8 +12,11 @@ from stablepush.logs import PushLog
 from stablepush.se2 import compose, exp, inverse, transform_points, wrap_angle
 from stablepush.se2 import log as log_of
 
-#: Fingers farther (m) from the outline than this, over their radius, do not touch it.
-_TOUCH = 3e-3
+#: Fingers farther (m) than this from where fingers usually are, beside the outline, do not touch it; nor do those that are
+#: farther from it than the other length.
+_TOUCH, _NEAR = 3e-3, 8e-3
+#: Radius (m) that fingers have at most, where it is not said.
+_WIDEST = 0.03
 #: Rows of a trial, at most: of more, means over equal parts are taken.
 _MOST_ROWS = 12
 #: Rows slower than this share of the median speed do not move.
@@ -54,6 +57,8 @@ class Observations:
         Time (s) over which the row's twist is a mean: noise of poses counts the less the longer it is.
     group : list of str
         Of each trial; blank if none.
+    finger_radius : float or None
+        In m: the rig's, else the distance at which fingers usually are from the outline; None if neither is known.
     """
 
     names: list[str]
@@ -71,6 +76,7 @@ class Observations:
     slip: FloatArray
     span: FloatArray
     group: list[str]
+    finger_radius: float | None
 
     @property
     def has_wrench(self) -> BoolArray:
@@ -143,15 +149,20 @@ def observe(log: PushLog) -> Observations:
     for i, (middle, motion) in ends.items():
         pose[i], twist[i] = middle, motion
     pusher, wrench = columns("px", "py", "ptheta"), columns("fx", "fy", "tau")
+    # nor does the mean of a whole push tell where the pusher was
+    pusher[list(ends)] = np.nan
     # a sensor that reads nothing at all tells nothing of the load
     wrench[~np.abs(wrench).any(axis=1)] = np.nan
-    normal, place, gap, slip = _fingers(log, trial, time, pose, twist, pusher, columns("c1x", "c1y", "c2x", "c2y"))
+    radius, normal, place, gap, slip = _fingers(log, trial, time, pose, twist, pusher, columns("c1x", "c1y", "c2x", "c2y"))
     begun = np.asarray(log.trials["start_time"], dtype=np.float64)
     rank = np.argsort(np.argsort(begun, kind="stable"), kind="stable") / max(1, len(names) - 1)
     group = [str(g) for g in log.trials["group"]] if "group" in log.trials else [""] * len(names)
+    span = _spans(trial, time, whole)
+    rested = {str(name) for name in s["trial"][s["phase"] == "rest"]} if "phase" in s else set()
+    from_rest = np.array([name in rested for name in names], dtype=bool)
     return Observations(
-        names, trial, rank[trial], time, pose, twist, _rates(trial, time, twist), wrench, pusher,
-        normal, place, gap, slip, _spans(trial, time, whole), group,
+        names, trial, rank[trial], time, pose, twist, _rates(trial, time, twist, span, from_rest), wrench, pusher,
+        normal, place, gap, slip, span, group, radius,
     )  # fmt: skip
 
 
@@ -169,14 +180,17 @@ def _spans(trial: np.ndarray, time: FloatArray, whole: dict[int, float]) -> Floa
     return result
 
 
-def _rates(trial: np.ndarray, time: FloatArray, values: FloatArray) -> FloatArray:
-    """Rates of change (n, k) of values (n, k) within trials, by differences over the neighbouring rows."""
+def _rates(trial: np.ndarray, time: FloatArray, values: FloatArray, span: FloatArray, from_rest: BoolArray) -> FloatArray:
+    """Rates of change (n, k) of velocities (n, k), means over rows, by differences over the neighbouring rows; the first row of a
+    trial that begins at rest begins at none."""
     result = np.zeros_like(values)
     for k in np.unique(trial):
         rows = np.flatnonzero(trial == k)
         if len(rows) < 2 or (np.diff(time[rows]) <= 0).any():
             continue
         result[rows] = np.gradient(values[rows], time[rows], axis=0)
+        if from_rest[k]:
+            result[rows[0]] = (values[rows[0]] + values[rows[1]]) / 2 / span[rows[0]]
     return result
 
 
@@ -188,28 +202,39 @@ def _fingers(
     twist: FloatArray,
     pusher: FloatArray,
     logged: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Normals, places, gaps and slip of the fingers, from the pusher's poses, else from the contact points that are logged."""
+) -> tuple[float | None, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Radius, normals, places, gaps and slip of the fingers, from the pusher's poses, else from the contact points that are
+    logged."""
     n = len(pose)
     normal, place = np.full((n, 2, 2), np.nan), np.full((n, 2, 2), np.nan)
     gap, slip = np.full((n, 2), np.nan), np.full(n, np.nan)
+    radius = log.rig.finger_radius
     if log.rig.contact_kind == "held":
-        return normal, place, gap, slip
+        return radius, normal, place, gap, slip
     outline = log.rig.slider.vertices
     points = logged.reshape(n, 2, 2)
-    radius = log.rig.finger_radius
-    known = np.isfinite(pusher).all(axis=1)
     two = log.rig.contact_kind == "two-point"
     both = np.isfinite(points).all(axis=(1, 2))
-    if known.any() and radius is not None and (not two or both.any()):
-        half = float(np.median(np.linalg.norm(points[both, 0] - points[both, 1], axis=1))) / 2 if two else 0.0
-        places = np.array(((0.0, half), (0.0, -half))) if two else np.zeros((1, 2))
+    half = float(np.median(np.linalg.norm(points[both, 0] - points[both, 1], axis=1))) / 2 if two and both.any() else 0.0
+    # how the pusher is turned does not matter to what sits in its origin: one finger, or the middle of two that are flush
+    if half == 0.0:
+        pusher = np.where(np.isfinite(pusher) | (np.arange(3) < 2), pusher, 0.0)
+    known = np.isfinite(pusher).all(axis=1)
+    if known.any():
+        places = np.array(((0.0, half), (0.0, -half))) if half else np.zeros((1, 2))
         relative = compose(inverse(pose[known]), pusher[known])
         centers = transform_points(relative, places)
         for k in range(len(places)):
             near, inward, away = nearest(outline, centers[:, k])
-            gap[known, k], normal[known, k], place[known, k] = away - radius, inward, near
-        touching = np.abs(gap) < _TOUCH
+            gap[known, k], normal[known, k], place[known, k] = away, inward, near
+        if radius is None:
+            near_by = np.abs(gap) < _WIDEST
+            radius = float(np.median(gap[near_by])) if near_by.any() else None
+        gap -= radius or 0.0
+        # fingers of a radius that is not quite the nominal one touch at the gap that most rows have
+        near_by = np.abs(gap) < _NEAR
+        usual = float(np.median(gap[near_by])) if near_by.any() else 0.0
+        touching = np.abs(gap - usual) < _TOUCH
         seen = np.asarray(np.isfinite(points).all(axis=2))
         if seen.any():
             # a logged contact point belongs to the finger whose place is nearest; fingers without one are open
@@ -239,12 +264,12 @@ def _fingers(
             rate = np.gradient(place[good, k], time[good], axis=0)
             tangent = np.stack((-normal[good, k, 1], normal[good, k, 0]), axis=-1)
             along = (rate * tangent).sum(axis=1)
-            if radius:
+            if radius and np.isfinite(pusher[good, 2]).all():
                 turn = np.gradient(np.unwrap(pusher[good, 2]) - np.unwrap(pose[good, 2]), time[good])
                 along = along + radius * turn if np.isfinite(turn).all() else along
             # the slider slips against the finger the other way round
             slip[good] = np.where(np.isfinite(slip[good]), 0.5 * (slip[good] - along), -along)
-    return normal, place, gap, slip
+    return radius, normal, place, gap, slip
 
 
 def nearest(outline: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -3,7 +3,8 @@ to."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,15 +14,15 @@ from scipy.stats import t as student
 from stablepush._arrays import FloatArray
 from stablepush.contact import PushContact
 from stablepush.diagnosis.attribution import FOLDS, Attribution, folds_of
+from stablepush.diagnosis.equations import Fitted, Values
 from stablepush.diagnosis.forward import PARAMETERS
-from stablepush.diagnosis.observations import nearest
-from stablepush.diagnosis.system import IN_GAPS, Fitted, System, Values, surface_of
+from stablepush.diagnosis.replay import Replay, misses
+from stablepush.diagnosis.system import IN_GAPS, System
 from stablepush.errors import ConvergenceError, InputError
-from stablepush.logs import PushLog
+from stablepush.logs import PushLog, Rig
 from stablepush.models import IdealLimitSurface
 from stablepush.oracle import StabilityOracle
 from stablepush.planar import angle_between, twist_from_cor
-from stablepush.se2 import compose, inverse, transform_points
 
 #: Resampled trials behind an interval.
 _RESAMPLES = 500
@@ -29,78 +30,101 @@ _RESAMPLES = 500
 _SMOOTH = 0.2
 #: Draws of the noise behind the floor of the directions of motion.
 _DRAWS = 4
-#: Contact points nearer than this (m) are one finger's.
-_SAME_POINT = 1e-3
+#: Ends are off if they are so many times as far off as noise would leave them, with so small a p-value.
+_OFF, _SURELY = 2.0, 0.01
+_FITS = ("before", "refit", "after")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeldOut:
     """Squared residuals of rows by channel, under ``"before"``, ``"refit"`` and ``"after"``, with the rows' trials and the floor.
 
-    ``wrenches``: the predicted wrenches (n, 3) themselves; empty without forces.
+    ``wrenches``: the predicted wrenches (n, 3) themselves; empty without forces. ``ends``: how far (m, 3) from where pushes
+    end in simulation the slider was measured, as ``(x, y, rho θ)`` of its frame; NaN where they cannot be simulated.
     """
 
     wrenches: dict[str, FloatArray]
+    ends: dict[str, FloatArray]
     squares: dict[str, dict[str, FloatArray]]
     trials: dict[str, np.ndarray]
     floors: dict[str, float]
 
 
-def hold_out(system: System, found: Attribution, log: PushLog) -> HeldOut:
+def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[Replay]) -> HeldOut:
     """Predict every trial by fits to the others: five folds, repeats kept together."""
-    o = system.observations
+    o, rig = system.observations, system.rig
     folds = folds_of(system)
-    wrenches = {k: np.zeros_like(o.wrench) for k in ("before", "refit", "after")} if system.has_wrench else {}
+    wrenches = {k: np.zeros_like(o.wrench) for k in _FITS} if system.has_wrench else {}
     squares: dict[str, dict[str, FloatArray]] = {}
     trials: dict[str, np.ndarray] = {}
     floors: dict[str, float] = {}
     gap_trial = np.concatenate([o.trial[rows] for _, rows in system.gap_rows]).astype(int)
     gaps = np.concatenate([o.gap[rows, k] for k, rows in system.gap_rows])
     if system.has_wrench:
-        squares["twist"] = {k: np.zeros(len(o.time)) for k in wrenches}
+        squares["twist"] = {k: np.zeros(len(o.time)) for k in _FITS}
         trials["wrench"] = trials["twist"] = o.trial
         floors["twist"] = 0.0
-    if len(gaps):
-        squares["pose"] = {k: np.square(gaps) for k in ("before", "refit", "after")}
+    ends = {k: np.zeros((len(pushes), 3)) for k in _FITS}
+    push_trial = np.array([push.trial for push in pushes], dtype=int)
+    if not pushes and len(gaps):
+        squares["pose"] = {k: np.square(gaps) for k in _FITS}
         trials["pose"], floors["pose"] = gap_trial, system.gap_noise**2
-    labels = _labels(system, log) if system.has_wrench else {}
+    labels = _labels(pushes, log) if system.has_surface and rig.contact_friction is not None else {}
     if labels:
-        squares["stability"] = {k: np.zeros(len(labels)) for k in wrenches}
+        squares["stability"] = {k: np.zeros(len(labels)) for k in _FITS}
         trials["stability"], floors["stability"] = np.array(list(labels)), 0.0
-    nominal = surface_of(system, system.nominal) if system.has_wrench else None
-    before = None if nominal is None else _angles(system, nominal, o.wrench)
+    nominal = system.surface(system.nominal) if system.has_surface else None
+    before = _angles(system, nominal, o.wrench) if nominal is not None and system.has_wrench else None
+    free = system.fit([], True)
     for k in range(FOLDS):
         test = folds == k
         if not test.any():
             continue
         train = ~test if not test.all() else test
-        mended = system.fit(found.chosen, found.free, train)
-        if len(gaps):
+        mended = system.fit(found.chosen, found.free, train, found.final)
+        if "pose" in squares:
             squares["pose"]["after"][test[gap_trial]] = _gaps_left(system, gaps, mended.values)[test[gap_trial]] ** 2
-        rows = test[o.trial]
-        if nominal is None or before is None or not rows.any():
+        if nominal is None:
             continue
-        plain = system.fit([], True, train)
+        plain = system.fit([], True, train, free)
+        surfaces = {"before": nominal, "refit": system.surface(plain.loads), "after": system.surface(mended.loads)}
+        values = {"before": {}, "refit": {}, "after": {**mended.values, **found.slips(system)}}
+        here = np.flatnonzero(test[push_trial])
+        for key, surface in surfaces.items():
+            chosen = [pushes[int(i)] for i in here]
+            ends[key][here] = misses(chosen, surface, rig.slider, _mu(rig), system.moving_weight, values[key])
+        for at, (trial, (contact, twist, stable)) in enumerate(labels.items()):
+            if test[trial]:
+                for key, surface in surfaces.items():
+                    changed = float(values[key].get("contact-friction", np.zeros(1))[0])
+                    touching = replace(contact, mu=max(0.0, contact.mu + changed))
+                    guess = bool(StabilityOracle(surface, touching).is_stable(twist))
+                    squares["stability"][key][at] = float(guess != stable)
+        rows = test[o.trial]
+        if before is None or not rows.any():
+            continue
         scaled = system.nominal if system.known_scale else system.fit([], False, train).loads
         acting = of_wrench(mended.values)
-        fits = {"before": (scaled, {}), "refit": (plain.loads, {}), "after": (mended.loads, acting)}
-        surfaces = {"before": nominal, "refit": surface_of(system, plain.loads), "after": surface_of(system, mended.loads)}
-        for key, (loads, values) in fits.items():
-            wrenches[key][rows] = system.model.predict(loads, values)[rows]
+        for key, loads, acts in (("before", scaled, {}), ("refit", plain.loads, {}), ("after", mended.loads, acting)):
+            wrenches[key][rows] = system.model.predict(loads, acts)[rows]
         correction = system.model.predict(mended.loads, acting) - system.model.predict(mended.loads, {})
         squares["twist"]["before"][rows] = before[rows] ** 2
         squares["twist"]["refit"][rows] = _angles(system, surfaces["refit"], o.wrench)[rows] ** 2
         squares["twist"]["after"][rows] = _angles(system, surfaces["after"], o.wrench - correction)[rows] ** 2
         floors["twist"] += float(_twist_floor(system, surfaces["after"], mended, rows).sum()) / len(o.time)
-        for at, (trial, (contact, twist, stable)) in enumerate(labels.items()):
-            if test[trial]:
-                for key, surface in surfaces.items():
-                    guess = bool(StabilityOracle(surface, contact).is_stable(twist))
-                    squares["stability"][key][at] = float(guess != stable)
     if system.has_wrench:
         squares["wrench"] = {k: size(system, o.wrench - w) for k, w in wrenches.items()}
         floors["wrench"] = wrench_floor(system)
-    return HeldOut(wrenches, squares, trials, floors)
+    simulated = np.isfinite([ends[k] for k in _FITS]).all(axis=(0, 2))
+    if nominal is not None and simulated.any():
+        trials["pose"] = push_trial[simulated]
+        squares["pose"] = {k: (ends[k][simulated] ** 2).sum(axis=1) for k in _FITS}
+        floors["pose"] = float((system.end_noise[simulated] ** 2).mean())
+    return HeldOut(wrenches, ends, squares, trials, floors)
+
+
+def _mu(rig: Rig) -> float:
+    return rig.contact_friction if rig.contact_friction is not None else 1.0
 
 
 def of_wrench(values: Values) -> Values:
@@ -133,6 +157,14 @@ def explains_most(held: HeldOut) -> bool:
     before, after = (float(held.squares["wrench"][k].mean()) for k in ("before", "after"))
     floor = min(held.floors["wrench"], after)
     return bool((after - floor) < 0.1 * (before - floor))
+
+
+def ends_are_off(held: HeldOut) -> bool:
+    """Tell whether the mended simulation leaves far more of the poses than noise would, and not in a few pushes only."""
+    if "pose" not in held.squares:
+        return False
+    left, floor = held.squares["pose"]["after"], held.floors["pose"]
+    return bool(left.mean() > _OFF**2 * floor) and _above(left, held.trials["pose"], floor) < _SURELY
 
 
 def _twists(surface: IdealLimitSurface, wrenches: FloatArray) -> FloatArray:
@@ -174,32 +206,17 @@ def _gaps_left(system: System, gaps: FloatArray, values: Values) -> FloatArray:
     return gaps
 
 
-def _labels(system: System, log: PushLog) -> dict[int, tuple[PushContact, FloatArray, bool]]:
-    """Contact, commanded twist and whether it was stable, of trials by number, where the log has them all.
-
-    The contact is where the fingers were nearest to the outline when the trial began.
-    """
-    o, s, rig = system.observations, log.samples, log.rig
-    needed = {"px", "py", "ptheta"} <= set(s) and {"stable", "cor_x", "cor_y", "sense"} <= set(log.trials)
-    both = np.isfinite(o.place).all(axis=(1, 2))
-    if not needed or not both.any() or rig.contact_friction is None:
+def _labels(pushes: Sequence[Replay], log: PushLog) -> dict[int, tuple[PushContact, FloatArray, bool]]:
+    """Contact, commanded twist and whether it was stable, of trials by number, where the log has them all."""
+    needed = ("cor_x", "cor_y", "sense", "stable")
+    if not set(needed) <= set(log.trials):
         return {}
-    half = float(np.median(np.linalg.norm(o.place[both, 0] - o.place[both, 1], axis=1))) / 2
-    columns = np.stack([np.asarray(log.trials[c], dtype=np.float64) for c in ("cor_x", "cor_y", "sense", "stable")], axis=-1)
-    poses = np.stack([np.asarray(s[c], dtype=np.float64) for c in ("x", "y", "theta", "px", "py", "ptheta")], axis=-1)
-    times = np.asarray(s["t"], dtype=np.float64)
+    columns = np.stack([np.asarray(log.trials[c], dtype=np.float64) for c in needed], axis=-1)
     found = {}
-    for trial in np.unique(o.trial):
-        x, y, sense, stable = columns[trial]
-        rows = np.flatnonzero((s["trial"] == o.names[trial]) & np.isfinite(poses).all(axis=1) & np.isfinite(times))
-        if not np.isfinite((x, y, sense, stable)).all() or not len(rows):
-            continue
-        first = poses[rows[np.argmin(times[rows])]]
-        fingers = transform_points(compose(inverse(first[:3]), first[3:]), np.array(((0.0, half), (0.0, -half))))
-        points, normals, _ = nearest(rig.slider.vertices, fingers)
-        if np.linalg.norm(points[0] - points[1]) >= _SAME_POINT:
-            contact = PushContact(points, normals, rig.contact_friction)
-            found[int(trial)] = (contact, twist_from_cor((x, y), sense), bool(stable))
+    for push in pushes:
+        x, y, sense, stable = columns[push.trial]
+        if push.contact is not None and np.isfinite((x, y, sense, stable)).all():
+            found[push.trial] = (push.contact, twist_from_cor((x, y), sense), bool(stable))
     return found
 
 
@@ -246,7 +263,7 @@ def _closed(channel: str, unit: str, trial: np.ndarray, squares: dict[str, Float
     }
 
 
-def gap(system: System, held: HeldOut) -> list[dict[str, Any]]:
+def gap(system: System, held: HeldOut, pushes: Sequence[Replay]) -> list[dict[str, Any]]:
     """Return the size of the gap, channel by channel, as ``diagnosis/1`` has it."""
     o = system.observations
     entries: list[dict[str, Any]] = []
@@ -255,7 +272,7 @@ def gap(system: System, held: HeldOut) -> list[dict[str, Any]]:
             continue
         if channel == "wrench":
             p = _lack_of_fit(system.white(o.wrench - held.wrenches["before"]).reshape(-1, 3), o.trial)
-        elif channel == "pose":
+        elif channel == "pose" and not pushes:
             gaps = np.concatenate([o.gap[rows, k] for k, rows in system.gap_rows])
             p = _lack_of_fit((gaps / system.gap_noise)[:, None], held.trials["pose"])
         else:

@@ -8,15 +8,17 @@ every judgement treats trials, not rows, as independent.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import fields, replace
 
 import numpy as np
 from scipy.optimize import nnls
 
-from stablepush._arrays import BoolArray, FloatArray
+from stablepush._arrays import FloatArray
+from stablepush.diagnosis.equations import SIZES, Equations, Values
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.observations import Observations, contact_velocity
+from stablepush.diagnosis.replay import Replay, carried
 from stablepush.logs import Noise, Rig
 from stablepush.models import IdealLimitSurface
 from stablepush.support import SupportDistribution
@@ -29,37 +31,15 @@ _SPREAD, _SCALE = 0.15, 1.0
 _MOMENT, _FORCE, _POSITION, _ANGLE = 0.02, 0.02, 2e-4, 3e-3
 #: How far (in units of the position noise) a rotation centre may be from a support point that it is taken to be at.
 _PIVOT = 4.0
-#: Degrees of freedom of the row errors (Student): rows that are far off count less.
-_TAIL = 5.0
+#: A push is no measurement of the end if noise of its first pose moves the end so many times as far as noise of its last.
+_AMPLIFIED = 10.0
 #: Motions over which pressures are compared.
 _MOTIONS = 150
-#: Gauss-Newton steps of a fit.
-_STEPS = 12
 #: Effects that show in the gaps between fingers and outline, and numbers of their parameters.
 IN_GAPS: Mapping[str, int] = {"contact-geometry": 1, "frame-offset": 2, "latency": 1}
-#: Effects that only reshape the surface in the body frame.
-OF_BODY = ("pressure-shift", "pressure-spread", "anisotropy-object")
-SIZES: Mapping[str, int] = {**PARAMETERS, "contact-geometry": 1}
-Values = dict[str, FloatArray]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Fitted:
-    """Loads (k,) of the support points, parameters by effect with their covariance, and what is left: residuals of all whitened
-    rows and the log density of each trial."""
-
-    loads: FloatArray
-    values: Values
-    covariance: FloatArray
-    residual: FloatArray
-    density: FloatArray
-
-    @property
-    def score(self) -> float:
-        return float(self.density.sum())
-
-
-class System:
+class System(Equations):
     """The whitened equations of a log.
 
     Attributes
@@ -69,12 +49,15 @@ class System:
     points : array, shape (k, 2)
     nominal : array, shape (k,)
         Nominal friction loads (N) of the points.
+    has_wrench, has_surface : bool
+        Whether the log has forces, and whether it tells of the limit surface.
     """
 
     def __init__(self, observations: Observations, rig: Rig, noisier: float = 1.0) -> None:
         chosen = observations.has_wrench if observations.has_wrench.any() else np.ones(len(observations.time), dtype=bool)
         self.observations = o = _rows(observations, chosen)
         self.rig, self.has_wrench = rig, bool(observations.has_wrench.any())
+        self.has_surface = self.has_wrench
         slider = rig.slider
         side = float(np.ptp(slider.vertices, axis=0).max())
         support = slider.support or SupportDistribution.from_polygon(slider.vertices, side / (2 * _CELLS))
@@ -82,6 +65,8 @@ class System:
         self.points = np.concatenate((support.points, grid))
         self.weight = (slider.mass or 0.0) * rig.gravity
         self.known_scale = bool(self.weight and rig.support_friction)
+        #: Weight (N) with which a slope of the table pulls at a slider whose friction is known; else 0.
+        self.moving_weight = self.weight if self.has_wrench or self.known_scale else 0.0
         shares = np.concatenate((support.weights, np.zeros(len(grid))))
         self.rho = slider.characteristic_length
         self.center = np.asarray(support.center)
@@ -100,11 +85,12 @@ class System:
         self.nominal = shares * total
         # rows of the gaps: finger by finger, where one touches
         self.gap_rows = [(k, np.flatnonzero(np.isfinite(o.gap[:, k]))) for k in range(2)]
-        self.gap_noise = float(np.hypot(self.noise.position * 1.05, (rig.finger_radius or 0.0) * self.noise.angle))
+        self.gap_noise = float(np.hypot(self.noise.position * 1.05, (o.finger_radius or 0.0) * self.noise.angle))
         self.trial = np.concatenate(
             ([np.repeat(o.trial, 3)] if self.has_wrench else []) + [o.trial[rows] for _, rows in self.gap_rows]
         ).astype(int)
-        self.row_weight = np.ones(len(self.trial))
+        if rig.finger_radius is None and any(len(rows) for _, rows in self.gap_rows):
+            self.nuisance = ("contact-geometry",)
 
     def _whiten(self, loads: FloatArray) -> None:
         """Factors of the inverse covariances of the rows' wrenches."""
@@ -127,6 +113,21 @@ class System:
                 covariance += unknown[:, None, None] * np.outer(arm, arm)
         self.covariance = covariance
         self._w = np.linalg.cholesky(np.linalg.inv(covariance)).transpose(0, 2, 1)
+
+    def predictable(self, pushes: list[Replay]) -> list[Replay]:
+        """Keep the pushes whose ends the noise of the first pose hardly moves, and :attr:`end_noise` (n,) of each.
+
+        Where a finger passes a corner by a hair, say, the end is anyone's guess.
+        """
+        if not self.has_surface or not pushes:
+            self.end_noise = np.zeros(0)
+            return []
+        mu = self.rig.contact_friction if self.rig.contact_friction is not None else 1.0
+        moved = carried(pushes, self.surface(self.nominal), self.rig.slider, mu, self.moving_weight, self.noise)
+        own = float(np.sqrt(2 * self.noise.position**2 + (self.rho * self.noise.angle) ** 2))
+        kept = moved <= _AMPLIFIED * own
+        self.end_noise = np.hypot(moved[kept], own)
+        return [push for push, good in zip(pushes, kept, strict=True) if good]
 
     def white(self, wrenches: FloatArray) -> FloatArray:
         """Whitened rows (3n, ...) of arrays (n, 3, ...)."""
@@ -159,7 +160,6 @@ class System:
         return np.concatenate(parts) / self.gap_noise
 
     def residual(self, loads: FloatArray, values: Values) -> FloatArray:
-        """Whitened measured minus predicted rows."""
         parts = []
         if self.has_wrench:
             wrench_values = {id: v for id, v in values.items() if id in PARAMETERS}
@@ -171,7 +171,6 @@ class System:
         return np.concatenate((*parts, gaps))
 
     def columns(self, id: str, loads: FloatArray, values: Values) -> FloatArray:
-        """Whitened derivatives (rows, d) of the prediction by an effect's parameters, at what is fitted."""
         size = SIZES[id]
         parts = []
         if self.has_wrench:
@@ -191,10 +190,6 @@ class System:
         return np.concatenate((*parts, self.gap_columns(id, values.get(id))))
 
     def base(self, values: Values, free: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Directions (k, q) in which loads may change, whitened columns (rows, q) of them, and their prior precision (q, q).
-
-        ``free``: any pressure, else the nominal one times a scale.
-        """
         gaps = sum(len(rows) for _, rows in self.gap_rows)
         if not self.has_wrench:
             return np.zeros((len(self.points), 0)), np.zeros((gaps, 0)), np.zeros((0, 0))
@@ -210,116 +205,26 @@ class System:
         columns = self.white(matrix @ directions)
         return directions, np.concatenate((columns, np.zeros((gaps, directions.shape[1])))), precision
 
-    def fit(self, effects: Sequence[str], free: bool, chosen: BoolArray | None = None) -> Fitted:
-        """Fit loads and the parameters of effects to the rows of ``chosen`` trials (all if not given), by Gauss-Newton.
+    def surface(self, loads: FloatArray) -> IdealLimitSurface:
+        """Return the refitted pressure as a limit surface.
 
-        Rows count by Student weights. The result's residuals and densities are those of all rows.
+        Loads that came out negative have no meaning as pressure: those that are not negative and nearest to the same friction,
+        over motions in all directions, take their place.
         """
-        use = np.ones(len(self.trial), dtype=bool) if chosen is None else chosen[self.trial]
-        values: Values = {id: np.zeros(SIZES[id]) for id in effects}
-        loads = self.nominal.copy()
-        total = sum(SIZES[id] for id in effects)
-        covariance = np.zeros((total, total))
-        last = np.inf
-        for _ in range(_STEPS):
-            residual = self.residual(loads, values)
-            directions, base, precision = self.base(values, free)
-            change = [self.columns(id, loads, values) for id in effects]
-            design = np.concatenate((base, *change), axis=1)
-            scale = max(1e-12, float(np.median(residual[use] ** 2)) / 0.455) if use.any() else 1.0
-            weights = (_TAIL + 1) / (_TAIL + residual**2 / scale) * use
-            prior = np.zeros((design.shape[1],) * 2)
-            prior[: len(precision), : len(precision)] = precision * scale
-            pulled = np.zeros(design.shape[1])
-            pulled[: len(precision)] = prior[: len(precision), : len(precision)] @ (directions.T @ (self.nominal - loads))
-            hessian = design.T @ (weights[:, None] * design) + prior
-            hessian += 1e-12 * np.diag(np.diag(hessian) + 1e-30)
-            step = np.linalg.lstsq(hessian, design.T @ (weights * residual) + pulled, rcond=1e-14)[0]
-            loads = loads + directions @ step[: len(precision)]
-            at = len(precision)
-            for id in effects:
-                values[id] = _kept(id, values[id] + step[at : at + SIZES[id]])
-                at += SIZES[id]
-            value = float((weights * residual**2).sum())
-            if abs(last - value) <= 1e-7 * max(value, 1.0):
-                break
-            last = value
-        residual = self.residual(loads, values)
-        if total:
-            covariance = self._spread(design, hessian, weights * residual)[len(precision) :, len(precision) :]
-        return Fitted(loads, values, covariance, residual, self._density(residual, use))
-
-    def _spread(self, design: FloatArray, hessian: FloatArray, weighted: FloatArray) -> FloatArray:
-        """Covariance of an estimate from the scatter of the trials' own scores (a sandwich)."""
-        scores = _by_trial(self.trial, design * weighted[:, None])
-        inverse = np.linalg.pinv(hessian)
-        trials = max(2, int((np.abs(scores).max(axis=1) > 0).sum()))
-        return np.asarray(inverse @ (scores.T @ scores) @ inverse * trials / (trials - 1))
-
-    def _density(self, residual: FloatArray, use: BoolArray) -> FloatArray:
-        """Log density (trials,) of Student errors whose scale is that of the rows in use."""
-        scale = max(1e-12, float(np.median(residual[use] ** 2)) / 0.455) if use.any() else 1.0
-        rows = -0.5 * (_TAIL + 1) * np.log1p(residual**2 / (_TAIL * scale)) - 0.5 * np.log(scale)
-        return _by_trial(self.trial, rows[:, None])[:, 0]
-
-    def tests(
-        self, fitted: Fitted, free: bool, candidates: Sequence[str]
-    ) -> dict[str, tuple[float, float, FloatArray, FloatArray]]:
-        """For effects that are not fitted: statistic, gain, estimate and information of one Gauss-Newton step, loads refitted.
-
-        The statistic is that of trials' scores (about chi-squared with as many degrees as parameters when there is no effect);
-        the gain is what the sum of squares, over its scale, would fall by.
-        """
-        residual = fitted.residual
-        scale = max(1e-12, float(np.median(residual**2)) / 0.455) if len(residual) else 1.0
-        weights = (_TAIL + 1) / (_TAIL + residual**2 / scale)
-        _, base, precision = self.base(fitted.values, free)
-        held = [self.columns(id, fitted.loads, fitted.values) for id in fitted.values]
-        design = np.concatenate((base, *held), axis=1)
-        hessian = design.T @ (weights[:, None] * design)
-        hessian[: len(precision), : len(precision)] += precision * scale
-        hessian += 1e-12 * np.diag(np.diag(hessian) + 1e-30)
-        found: dict[str, tuple[float, float, FloatArray, FloatArray]] = {}
-        for id in candidates:
-            columns = self.columns(id, fitted.loads, fitted.values)
-            clean = columns - design @ np.linalg.lstsq(hessian, design.T @ (weights[:, None] * columns), rcond=1e-14)[0]
-            information = columns.T @ (weights[:, None] * clean)
-            information = (information + information.T) / 2
-            pull = clean.T @ (weights * residual)
-            if not np.isfinite(information).all() or np.linalg.eigvalsh(information)[0] <= 1e-12 * max(
-                1e-30, np.abs(columns).max(initial=0.0) ** 2
-            ):
-                found[id] = (0.0, 0.0, np.zeros(SIZES[id]), information / scale)
-                continue
-            estimate = np.linalg.solve(information, pull)
-            left = residual - clean @ estimate
-            scores = _by_trial(self.trial, clean * (weights * left)[:, None])
-            active = max(2, int((np.abs(scores).max(axis=1) > 0).sum()))
-            spread = scores.T @ scores * active / max(1, active - SIZES[id])
-            statistic = float(pull @ np.linalg.pinv(spread) @ pull)
-            found[id] = (statistic, float(pull @ estimate) / scale, estimate, information / scale)
-        return found
-
-
-def _kept(id: str, value: FloatArray) -> FloatArray:
-    """Values within what makes sense."""
-    if id in ("anisotropy-world", "anisotropy-object"):
-        size = float(np.hypot(*value))
-        return value if size <= 0.6 else value * (0.6 / size)
-    if id == "drift":
-        return np.clip(value, -0.9, 5.0)
-    if id == "pressure-spread":
-        return np.clip(value, -0.8, 2.0)
-    if id == "speed-dependence":
-        return np.clip(value, -0.5, 0.5)
-    return value
-
-
-def _by_trial(trial: np.ndarray, rows: FloatArray) -> FloatArray:
-    """Sums (trials, d) of rows (n, d)."""
-    count = int(trial.max()) + 1 if len(trial) else 1
-    sums = [np.bincount(trial, rows[:, k], minlength=count) for k in range(rows.shape[1])]
-    return np.array(sums, dtype=np.float64).reshape(rows.shape[1], count).T
+        positive = np.asarray(loads)
+        if (positive < 0).any():
+            rng = np.random.default_rng(0)
+            twists = rng.normal(size=(_MOTIONS, 3)) / (1, 1, self.rho)
+            x, y = self.points.T
+            vx, vy = twists[:, :1] - twists[:, 2:] * y, twists[:, 1:2] + twists[:, 2:] * x
+            size = np.hypot(vx, vy) + 1e-12
+            rows = np.stack((vx / size, vy / size, (x * vy - y * vx) / size / self.rho), axis=1).reshape(-1, len(x))
+            positive, _ = nnls(rows, rows @ loads)
+        if (positive > 0).sum() < 2:
+            # a log that tells nothing of the pressure: a little of the nominal one keeps it a surface
+            positive = positive + 1e-6 * np.abs(self.nominal)
+        carrying = positive > 0
+        return IdealLimitSurface(SupportDistribution(self.points[carrying], positive[carrying]), float(positive.sum()), self.rho)
 
 
 def _rows(o: Observations, chosen: np.ndarray) -> Observations:
@@ -346,25 +251,3 @@ def _noise(rig: Rig, o: Observations, noisier: float) -> Noise:
     size = np.linalg.norm(o.wrench[:, :2], axis=1)
     typical = float(np.median(size[np.isfinite(size)])) if np.isfinite(size).any() else 1.0
     return Noise(noisier * _FORCE * typical, noisier * _POSITION, noisier * _ANGLE)
-
-
-def surface_of(system: System, loads: FloatArray) -> IdealLimitSurface:
-    """The refitted pressure as a limit surface.
-
-    Loads that came out negative have no meaning as pressure: those that are not negative and come nearest to the same friction,
-    over motions in all directions, take their place.
-    """
-    positive = np.asarray(loads)
-    if (positive < 0).any():
-        rng = np.random.default_rng(0)
-        twists = rng.normal(size=(_MOTIONS, 3)) / (1, 1, system.rho)
-        x, y = system.points.T
-        vx, vy = twists[:, :1] - twists[:, 2:] * y, twists[:, 1:2] + twists[:, 2:] * x
-        size = np.hypot(vx, vy) + 1e-12
-        rows = np.stack((vx / size, vy / size, (x * vy - y * vx) / size / system.rho), axis=1).reshape(-1, len(x))
-        positive, _ = nnls(rows, rows @ loads)
-    if (positive > 0).sum() < 2:
-        # a log that tells nothing of the pressure: a little of the nominal one keeps it a surface
-        positive = positive + 1e-6 * np.abs(system.nominal)
-    carrying = positive > 0
-    return IdealLimitSurface(SupportDistribution(system.points[carrying], positive[carrying]), float(positive.sum()), system.rho)

@@ -68,6 +68,28 @@ def plot_residuals_against(report: GapReport) -> Figure:
     return figure
 
 
+def plot_ends(report: GapReport) -> Figure:
+    """Draw where pushes were measured to end against where they end in simulation, as arrows over the table."""
+    figure, axes = canvas((8.0, 6.6))
+    good = np.isfinite([report.ends[key] for key in ("before", "after")]).all(axis=(0, 2))
+    places = report.places[good]
+    size = float(np.quantile(np.linalg.norm(report.ends["before"][good][:, :2], axis=1), 0.9)) if good.any() else 0.0
+    extent = float(np.ptp(places[:, :2], axis=0).max()) if good.any() else 1.0
+    times = max(1.0, 0.08 * max(extent, 0.05) / max(size, 1e-9))
+    for key, word, color in (("before", "nominal", PUSHER), ("after", "mended", COUNTER_CLOCKWISE)):
+        miss = rotate_vectors(places[:, 2], report.ends[key][good][:, :2])
+        axes.quiver(
+            *places[:, :2].T, *miss.T, color=color, angles="xy", scale_units="xy", scale=1 / times, width=0.0025, label=word
+        )
+    axes.plot(*places[:, :2].T, linestyle="none", marker=".", markersize=3, color=OBSTACLE)
+    axes.margins(0.12)
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.set_title(f"From the simulated to the measured end of pushes, {times:.0f} times as long")
+    legend(axes, columns=2)
+    return figure
+
+
 def plot_effects(report: GapReport) -> Figure:
     """Draw how probable each effect of the catalogue is; those that the log cannot show are grey."""
     figure, axes = canvas((8.0, 4.8), equal=False)

@@ -1,0 +1,282 @@
+"""Whitened equations of a log, and how well effects fit them: joint fits by Gauss-Newton, and score tests."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from stablepush._arrays import BoolArray, FloatArray
+from stablepush.diagnosis.forward import PARAMETERS
+
+#: Degrees of freedom of the row errors (Student): rows that are far off count less.
+_TAIL = 5.0
+#: Shares of a Gauss-Newton step that are tried until it helps.
+_SHARES = (1.0, 0.5, 0.25, 0.1, 0.02)
+#: Effects that are fitted, and numbers of their parameters.
+SIZES: Mapping[str, int] = {**PARAMETERS, "contact-geometry": 1, "contact-friction": 1}
+#: Effects that only reshape the surface in the body frame, and those of them that a refitted pressure takes in.
+OF_BODY = ("pressure-shift", "pressure-spread", "anisotropy-object")
+OF_PRESSURE = OF_BODY[:2]
+Values = dict[str, FloatArray]
+
+
+class Demands(NamedTuple):
+    """What an effect must do to be named.
+
+    ``gain``: what the sum of squares over its scale falls by, in one step; ``density``: what the log density of the trials rises
+    by, and ``errors``: how many of its standard errors over trials that must be. ``chance``: so improbable a statistic, of any
+    effect, comes about by chance at most this often, unless density and errors are ``sure`` times as large.
+    """
+
+    gain: float
+    density: float
+    errors: float
+    chance: float
+    sure: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitted:
+    """Loads (k,) of the support points, parameters by effect with their covariance, and what is left: residuals of all whitened
+    rows and the log density of each trial."""
+
+    loads: FloatArray
+    values: Values
+    covariance: FloatArray
+    residual: FloatArray
+    density: FloatArray
+
+    @property
+    def score(self) -> float:
+        return float(self.density.sum())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScoreTest:
+    """What an effect that is not fitted would do.
+
+    ``statistic``: of the trials' scores, about chi-squared with as many degrees as parameters when there is no effect; ``gain``:
+    what the sum of squares, over its scale, would fall by; ``estimate`` (d,) of one step and its ``information`` (d, d);
+    ``scores`` (trials, d) that are left after the step, and ``shares`` (trials, d, d) of the trials in the information.
+    """
+
+    statistic: float
+    gain: float
+    estimate: FloatArray
+    information: FloatArray
+    scores: FloatArray
+    shares: FloatArray
+
+    @classmethod
+    def blind(cls, information: FloatArray, trial: np.ndarray) -> ScoreTest:
+        """Of an effect that the log does not show."""
+        d, trials = len(information), int(trial.max()) + 1 if len(trial) else 1
+        return cls(0.0, 0.0, np.zeros(d), information, np.zeros((trials, d)), np.zeros((trials, d, d)))
+
+    def under_none(self, signs: FloatArray) -> FloatArray:
+        """Statistics (draws,) had the errors of the trials had other signs (draws, trials) and the effect been absent: a wild
+        bootstrap of the scores, studentised anew in every draw."""
+        total = self.shares.sum(axis=0)
+        if not total.any():
+            return np.zeros(len(signs))
+        pulls = signs @ self.scores
+        steps = np.linalg.solve(total, pulls.T).T
+        left = signs[:, :, None] * self.scores - np.einsum("tij,nj->nti", self.shares, steps)
+        return statistics(pulls, left)
+
+
+def statistics(pulls: FloatArray, scores: FloatArray) -> FloatArray:
+    """Return ``p' S⁻¹ p`` (draws,) of sums (draws, d) whose covariance is that of the scores (draws, trials, d) left."""
+    d = pulls.shape[1]
+    active = np.maximum(2, (np.abs(scores).max(axis=2) > 0).sum(axis=1))
+    spread = np.einsum("nti,ntj->nij", scores, scores) * (active / np.maximum(1, active - d))[:, None, None]
+    return np.asarray(np.einsum("ni,nij,nj->n", pulls, np.linalg.pinv(spread, hermitian=True), pulls))
+
+
+class Equations(ABC):
+    """Whitened rows of a log: measured less predicted for a surface (its ``loads``) and parameters of effects.
+
+    Attributes
+    ----------
+    trial : array of int, shape (rows,)
+        Of each row.
+    nominal : array, shape (k,)
+        Loads, or what stands for them, of the nominal surface.
+    nuisance : tuple of str
+        Effects that are always fitted, and never tested: what they act on is not known.
+    steps, few, tolerance
+        Gauss-Newton steps of a fit at most, of one that begins near, and the share by which a step must help.
+    demands : Demands
+    about : Fitted, optional
+        Where fits begin; the nominal surface without effects if not given.
+    """
+
+    trial: np.ndarray
+    nominal: FloatArray
+    nuisance: tuple[str, ...] = ()
+    steps, few, tolerance = 12, 12, 1e-7
+    about: Fitted | None = None
+    demands = Demands(12.0, 6.0, 2.0, 0.01, np.inf)
+
+    @abstractmethod
+    def residual(self, loads: FloatArray, values: Values) -> FloatArray:
+        """Whitened measured minus predicted rows."""
+
+    @abstractmethod
+    def columns(self, id: str, loads: FloatArray, values: Values) -> FloatArray:
+        """Whitened derivatives (rows, d) of the prediction by an effect's parameters."""
+
+    @abstractmethod
+    def base(self, values: Values, free: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Directions (k, q) in which loads may change, whitened columns (rows, q) of them, and their prior precision (q, q).
+
+        ``free``: any pressure, else the nominal one, scaled if its friction is not known.
+        """
+
+    def settle(self, fitted: Fitted) -> None:
+        """Let later fits begin at this one."""
+        self.about = fitted
+
+    def fit(self, effects: Sequence[str], free: bool, chosen: BoolArray | None = None, start: Fitted | None = None) -> Fitted:
+        """Fit loads and the parameters of effects to the rows of ``chosen`` trials (all if not given), by Gauss-Newton.
+
+        Rows count by Student weights. The result's residuals and densities are those of all rows. ``start``: a fit of the same
+        effects to all trials, which is near.
+        """
+        use = np.ones(len(self.trial), dtype=bool) if chosen is None else chosen[self.trial]
+        effects = [*effects, *(id for id in self.nuisance if id not in effects)]
+        values: Values = {id: np.zeros(SIZES[id]) for id in effects}
+        loads = self.nominal.copy()
+        begin = start or self.about
+        if begin is not None:
+            values |= {id: value for id, value in begin.values.items() if id in values}
+            loads = begin.loads.copy() if free or start else loads
+        residual = self.residual(loads, values)
+        for _ in range(self.steps if start is None else self.few):
+            directions, base, precision = self.base(values, free)
+            q = len(precision)
+            design = np.concatenate((base, *(self.columns(id, loads, values) for id in effects)), axis=1)
+            scale = _scale(residual[use])
+            weights = (_TAIL + 1) / (_TAIL + residual**2 / scale) * use
+            data = design.T @ (weights[:, None] * design)
+            prior = np.zeros_like(data)
+            prior[:q, :q] = precision * scale
+            away = directions.T @ (self.nominal - loads)
+            hessian = data + prior + 1e-12 * np.diag(np.diag(data + prior) + 1e-30)
+            pull = design.T @ (weights * residual)
+            pull[:q] += scale * (precision @ away)
+            step = np.linalg.lstsq(hessian, pull, rcond=1e-14)[0]
+            before = after = _loss(residual[use], scale, away, precision)
+            for share in _SHARES:
+                new_loads = loads + share * (directions @ step[:q])
+                ends = q + np.cumsum([0, *(SIZES[id] for id in effects)])
+                new_values = {
+                    id: _kept(id, values[id] + share * step[i:j]) for id, i, j in zip(effects, ends[:-1], ends[1:], strict=True)
+                }
+                new_residual = self.residual(new_loads, new_values)
+                after = _loss(new_residual[use], scale, directions.T @ (self.nominal - new_loads), precision)
+                if after <= before:
+                    loads, values, residual = new_loads, new_values, new_residual
+                    break
+            if before - after <= self.tolerance * max(before, 1.0):
+                break
+        covariance = self._spread(design, data, prior, residual, use)[q:, q:]
+        return Fitted(loads, values, covariance, residual, self.density(residual, use))
+
+    def _spread(
+        self, design: FloatArray, data: FloatArray, prior: FloatArray, residual: FloatArray, use: BoolArray
+    ) -> FloatArray:
+        """Covariance of an estimate: the scatter of the trials' own scores over the slope of the scores (a sandwich).
+
+        The slope that Student errors have is less than their weights (Huber 1981).
+        """
+        scale = _scale(residual[use])
+        ratio = residual**2 / scale
+        weights = (_TAIL + 1) / (_TAIL + ratio) * use
+        slope = float((weights * (_TAIL - ratio) / (_TAIL + ratio)).sum() / max(float(weights.sum()), 1e-30))
+        scores = by_trial(self.trial, design * (weights * residual)[:, None])
+        inverse = np.linalg.pinv(max(slope, 0.1) * data + prior)
+        trials = max(2, int((np.abs(scores).max(axis=1, initial=0.0) > 0).sum()))
+        return np.asarray(inverse @ (scores.T @ scores) @ inverse * trials / (trials - 1))
+
+    def better(self, ahead: FloatArray, behind: FloatArray, errors: float | None = None, times: float = 1.0) -> bool:
+        """Tell whether one log density (trials,) beats another by what is demanded, over the scatter of trials."""
+        n = min(len(ahead), len(behind))
+        difference = ahead[:n] - behind[:n]
+        error = float(difference.std(ddof=1) * np.sqrt(n)) if n > 1 else 0.0
+        least = max(self.demands.density, (self.demands.errors if errors is None else errors) * error)
+        return bool(difference.sum() > times * least)
+
+    def density(self, residual: FloatArray, use: BoolArray) -> FloatArray:
+        """Log density (trials,) of Student errors whose scale is that of the rows in use."""
+        scale = _scale(residual[use])
+        rows = -0.5 * (_TAIL + 1) * np.log1p(residual**2 / (_TAIL * scale)) - 0.5 * np.log(scale)
+        return by_trial(self.trial, rows[:, None])[:, 0]
+
+    def tests(self, fitted: Fitted, free: bool, candidates: Sequence[str]) -> dict[str, ScoreTest]:
+        """Test effects that are not fitted by one Gauss-Newton step, loads and the other effects refitted."""
+        residual = fitted.residual
+        scale = _scale(residual)
+        weights = (_TAIL + 1) / (_TAIL + residual**2 / scale)
+        _, base, precision = self.base(fitted.values, free)
+        held = [self.columns(id, fitted.loads, fitted.values) for id in fitted.values]
+        design = np.concatenate((base, *held), axis=1)
+        hessian = design.T @ (weights[:, None] * design)
+        hessian[: len(precision), : len(precision)] += precision * scale
+        hessian += 1e-12 * np.diag(np.diag(hessian) + 1e-30)
+        found: dict[str, ScoreTest] = {}
+        for id in candidates:
+            columns = self.columns(id, fitted.loads, fitted.values)
+            clean = columns - design @ np.linalg.lstsq(hessian, design.T @ (weights[:, None] * columns), rcond=1e-14)[0]
+            information = columns.T @ (weights[:, None] * clean)
+            information = (information + information.T) / 2
+            least = 1e-12 * max(1e-30, np.abs(columns).max(initial=0.0) ** 2)
+            if id in self.nuisance or not np.isfinite(information).all() or np.linalg.eigvalsh(information)[0] <= least:
+                found[id] = ScoreTest.blind(information / scale, self.trial)
+                continue
+            pull = clean.T @ (weights * residual)
+            estimate = np.linalg.solve(information, pull)
+            left = residual - clean @ estimate
+            outer = (weights[:, None, None] * clean[:, :, None] * clean[:, None, :]).reshape(len(clean), -1)
+            shares = by_trial(self.trial, outer).reshape(-1, SIZES[id], SIZES[id])
+            scores = by_trial(self.trial, clean * (weights * left)[:, None])
+            found[id] = ScoreTest(
+                float(statistics(pull[None], scores[None])[0]), float(pull @ estimate) / scale, estimate, information / scale,
+                scores, shares,
+            )  # fmt: skip
+        return found
+
+
+def _scale(residual: FloatArray) -> float:
+    """Robust mean square of residuals."""
+    return max(1e-12, float(np.median(residual**2)) / 0.455) if len(residual) else 1.0
+
+
+def _loss(residual: FloatArray, scale: float, away: FloatArray, precision: FloatArray) -> float:
+    """What a fit makes small: Student errors, and loads that are ``away`` from the nominal ones."""
+    return float((_TAIL + 1) * np.log1p(residual**2 / (_TAIL * scale)).sum() + away @ precision @ away)
+
+
+def _kept(id: str, value: FloatArray) -> FloatArray:
+    """Values within what makes sense."""
+    if id in ("anisotropy-world", "anisotropy-object"):
+        size = float(np.hypot(*value))
+        return value if size <= 0.6 else value * (0.6 / size)
+    if id == "drift":
+        return np.clip(value, -0.9, 5.0)
+    if id == "pressure-spread":
+        return np.clip(value, -0.8, 2.0)
+    if id == "speed-dependence":
+        return np.clip(value, -0.5, 0.5)
+    return value
+
+
+def by_trial(trial: np.ndarray, rows: FloatArray) -> FloatArray:
+    """Sums (trials, d) of rows (n, d)."""
+    count = int(trial.max()) + 1 if len(trial) else 1
+    sums = [np.bincount(trial, rows[:, k], minlength=count) for k in range(rows.shape[1])]
+    return np.array(sums, dtype=np.float64).reshape(rows.shape[1], count).T

@@ -1,0 +1,156 @@
+"""The equations of a log without forces: where pushes end, against where they end in simulation.
+
+``log(p(θ, s)⁻¹ q) = noise`` in ``(x, y, rho θ)`` for the measured end ``q`` of a push and its end ``p`` when it is carried out
+again with effects ``θ`` on a surface ``s``: the nominal pressure moved and stretched about its centre (an affine map).
+With these go the gaps of the fingers.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from stablepush._arrays import FloatArray
+from stablepush.diagnosis.equations import SIZES, Demands, Fitted, Values
+from stablepush.diagnosis.observations import Observations
+from stablepush.diagnosis.replay import MOVING, Replay, misses
+from stablepush.diagnosis.system import System
+from stablepush.logs import Rig
+from stablepush.models import IdealLimitSurface
+from stablepush.support import SupportDistribution
+
+#: Prior standard deviations of a shift of the pressure (over the radius of gyration) and of its stretch; differences for both.
+_SHIFT, _STRETCH = 0.2, 0.2
+_SMALL = (0.02, 0.02, 0.05, 0.05, 0.05)
+#: Cells along each side in which the nominal pressure is gathered.
+_CELLS = 5
+#: Noise of an end before it is known from what a free pressure leaves: share of what the prior lets the surface do to it, and
+#: units of the noise of a pose.
+_SHARE, _NOISE = 0.1, 1.5
+
+
+class Motions(System):
+    """The whitened equations of a log without forces. ``loads`` stand for the surface: shift (2,) of the pressure over ``rho``,
+    and stretches along x, along y and askew.
+
+    Attributes
+    ----------
+    pushes : list of Replay
+        Those that can be simulated.
+    spread : array, shape (3n,)
+        Noise in m of the components of the ends.
+    """
+
+    # every residual is a simulation of all pushes
+    steps, few, tolerance = 5, 1, 1e-3
+    # ends follow effects far from linearly: one step tells little, and the fit itself may say enough
+    demands = Demands(4.0, 6.0, 2.0, 0.01, 1.5)
+
+    def __init__(self, observations: Observations, rig: Rig, pushes: list[Replay]) -> None:
+        super().__init__(observations, rig)
+        self.has_surface = True
+        self.known_scale = True
+        slider = rig.slider
+        support = slider.support or SupportDistribution(self.points, np.ones(len(self.points)))
+        total = (rig.support_friction or 0.0) * self.weight
+        self._surface = IdealLimitSurface(_coarse(support), total or 1.0, self.rho)
+        self.mu = rig.contact_friction if rig.contact_friction is not None else 1.0
+        if rig.contact_friction is None:
+            self.nuisance = (*self.nuisance, "contact-friction")
+        self.nominal = np.zeros(len(_SMALL))
+        self._slopes: dict[str, FloatArray] = {}
+        self._found: dict[Any, FloatArray] = {}
+        self.pushes = self.predictable(pushes)
+        noise = _NOISE * float(np.hypot(self.noise.position, self.rho * self.noise.angle))
+        #: How far (m, for a component of an end each) the surface moves it within its prior: pushes that friction decides
+        #: scatter with it, those that stay stuck end where the pusher goes.
+        self.reach = np.linalg.norm(self._slope("", _SMALL) * (_SHIFT, _SHIFT, _STRETCH, _STRETCH, _STRETCH), axis=1)
+        self.spread = np.hypot(noise, _SHARE * self.reach)
+        self.trial = np.concatenate((np.repeat([p.trial for p in self.pushes], 3), self.trial)).astype(int)
+
+    def surface(self, loads: FloatArray) -> IdealLimitSurface:
+        """Return the nominal pressure moved and stretched."""
+        ideal, (x, y, along, across, askew) = self._surface, np.clip(loads, -0.6, 0.6)
+        center = ideal.support.center
+        stretch = np.array(((1 + along, askew), (askew, 1 + across)))
+        points = center + self.rho * np.array((x, y)) + (ideal.support.points - center) @ stretch
+        return IdealLimitSurface(SupportDistribution(points, ideal.support.weights), ideal.friction_load, self.rho)
+
+    def misses(self, loads: FloatArray, values: Values) -> FloatArray:
+        """Return how far (n, 3) the slider was measured from where pushes end, in ``(x, y, rho θ)`` of its frame, in m."""
+        key = loads.tobytes(), tuple((id, values[id].tobytes()) for id in sorted(values) if values[id].any())
+        if key not in self._found:
+            found = misses(self.pushes, self.surface(loads), self.rig.slider, self.mu, self.moving_weight, values)
+            # what cannot be simulated is as far off as nothing else
+            self._found[key] = np.nan_to_num(found, nan=10 * self.rho)
+        return self._found[key]
+
+    def residual(self, loads: FloatArray, values: Values) -> FloatArray:
+        return np.concatenate((self.misses(loads, values).ravel() / self.spread, super().residual(loads, values)))
+
+    def columns(self, id: str, loads: FloatArray, values: Values) -> FloatArray:
+        ends = np.zeros((3 * len(self.pushes), SIZES[id]))
+        if id in MOVING:
+            ends = self._slope(id, (MOVING[id],) * SIZES[id]) / self.spread[:, None]
+        return np.concatenate((ends, self.gap_columns(id, values.get(id))))
+
+    def base(self, values: Values, free: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
+        count = len(self.nominal) if free else 0
+        slopes = self._slope("", _SMALL)[:, :count] / self.spread[:, None]
+        gaps = np.zeros((len(self.trial) - len(slopes), count))
+        precision = np.diag(1 / np.array((_SHIFT, _SHIFT, _STRETCH, _STRETCH, _STRETCH))[:count] ** 2)
+        return np.eye(len(self.nominal))[:, :count], np.concatenate((slopes, gaps)), precision
+
+    def _slope(self, id: str, small: tuple[float, ...]) -> FloatArray:
+        """Derivatives (3n, d) of the ends, by differences about the nominal simulation or the last fit that was
+        settled on: the fits use these."""
+        if id not in self._slopes:
+            found = []
+            for k, size in enumerate(small):
+                step = np.zeros(len(small))
+                step[k] = size
+                found.append((self._nearby(id, np.zeros(len(small))) - self._nearby(id, step)).ravel() / size)
+            self._slopes[id] = np.stack(found, axis=-1)
+        return self._slopes[id]
+
+    def _nearby(self, id: str, step: FloatArray) -> FloatArray:
+        """Misses at a step in the surface, or in the parameters of an effect, from where fits begin."""
+        loads, values = (self.nominal, {}) if self.about is None else (self.about.loads, self.about.values)
+        if not id:
+            return self.misses(loads + step, values)
+        return self.misses(loads, {**values, id: values.get(id, np.zeros(len(step))) + step})
+
+    def settle(self, fitted: Fitted) -> None:
+        super().settle(fitted)
+        self._slopes.clear()
+
+
+def _coarse(support: SupportDistribution) -> SupportDistribution:
+    """Return a few points for many: the centres of those that share a cell."""
+    points, weights = support.points, support.weights
+    if len(points) <= _CELLS**2:
+        return support
+    low = points.min(axis=0)
+    cells = np.minimum((points - low) / np.maximum(np.ptp(points, axis=0), 1e-9) * _CELLS, _CELLS - 1).astype(int)
+    _, cell = np.unique(cells @ (_CELLS, 1), return_inverse=True)
+    total = np.bincount(cell, weights)
+    centers = np.stack([np.bincount(cell, weights * points[:, k]) / total for k in range(2)], axis=-1)
+    return SupportDistribution(centers, total)
+
+
+def motions_of(observations: Observations, rig: Rig, pushes: list[Replay]) -> Motions:
+    """Return the equations of a log without forces; the noise of ends is what a free pressure leaves of them: of those that the
+    surface hardly moves, and of the others."""
+    system = Motions(observations, rig, pushes)
+    if not system.pushes:
+        return system
+    left = system.fit([], True).residual[: 3 * len(system.pushes)] * system.spread
+    reach = system.reach
+    stuck = reach <= np.median(reach)
+    still = np.sqrt(np.median(left[stuck] ** 2) / 0.455)
+    moved = np.maximum(left[~stuck] ** 2 - still**2, 0.0) / np.maximum(reach[~stuck], 1e-12) ** 2
+    share = np.sqrt(np.median(moved) / 0.455) if len(moved) else 0.0
+    system.spread = np.hypot(max(float(still), float(system.spread.min())), float(share) * reach)
+    system.end_noise = np.sqrt((system.spread.reshape(-1, 3) ** 2).sum(axis=1))
+    return system
