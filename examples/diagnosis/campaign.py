@@ -106,11 +106,11 @@ def covered(report: sp.GapReport, effects: list[sp.Effect]) -> str:
     return " ".join(found)
 
 
-def one(job: tuple[str, int, int]) -> dict[str, object]:
-    """Simulate a log and diagnose it; the diagnosis sees the log alone."""
-    name, seed, pushes = job
-    id = name.removeprefix(POSES)
-    # the same rigs for all effects would let one unlucky rig count often: effect and seed together make the rig
+def world(id: str, seed: int, pushes: int, **campaign: object) -> tuple[sp.VirtualRig, list[sp.Command], int]:
+    """A random rig with an effect, a campaign of pushes (options of ``random_pushes``), and a seed for its noise.
+
+    The same rigs for all effects would let one unlucky rig count often: effect and seed together make the rig.
+    """
     rng = np.random.default_rng([seed, *id.encode()])
     hull = shapely.MultiPoint(rng.uniform(-0.07, 0.07, (7, 2))).convex_hull
     vertices = shapely.get_coordinates(shapely.orient_polygons(hull))[:-1] - shapely.get_coordinates(hull.centroid)
@@ -131,8 +131,16 @@ def one(job: tuple[str, int, int]) -> dict[str, object]:
     two = two and longest > 2.2 * (spacing / 2 + radius)
     pusher = sp.Pusher.two_fingers(spacing, radius) if two else sp.Pusher.finger(radius)
     rig = sp.VirtualRig(slider, surface, grip, pusher, effects, noise, 0.12 if id == "heavy-tail" else 0.01, 0.005)
-    commands = sp.random_pushes(slider, pusher, pushes, seed=int(rng.integers(2**31)))
-    draw = int(rng.integers(2**31))
+    commands = sp.random_pushes(slider, pusher, pushes, seed=int(rng.integers(2**31)), **campaign)  # type: ignore[arg-type]
+    return rig, commands, int(rng.integers(2**31))
+
+
+def one(job: tuple[str, int, int]) -> dict[str, object]:
+    """Simulate a log and diagnose it; the diagnosis sees the log alone."""
+    name, seed, pushes = job
+    id = name.removeprefix(POSES)
+    rig, commands, draw = world(id, seed, pushes)
+    effects = list(rig.effects)
     log = in_squares(rig, commands, draw) if id == "checkerboard" else rig.execute(commands, seed=draw).log
     if name.startswith(POSES):
         log = sp.PushLog(log.rig, log.trials, {c: v for c, v in log.samples.items() if c not in FORCES})
@@ -141,7 +149,8 @@ def one(job: tuple[str, int, int]) -> dict[str, object]:
     seconds = time.perf_counter() - begin
     truth = [f"{e.id}:{name}={'/'.join(f'{x:.6g}' for x in v)}" for e in effects for name, v in e.values.items()]
     return {
-        "effect": name, "truth": " ".join(truth), "seed": seed, "share": share, "kind": "two" if two else "one",
+        "effect": name, "truth": " ".join(truth), "seed": seed, "share": SHARES[seed % len(SHARES)],
+        "kind": "two" if len(rig.pusher.fingers) == 2 else "one",
         "verdict": report.verdict, "named": " ".join(report.named),
         "closed": next((e["closed"] for e in report.shrink if e["channel"] in ("wrench", "pose")), np.nan),
         "covered": covered(report, effects), "seconds": seconds,

@@ -65,7 +65,7 @@ def _write_pushes(report: GapReport, path: Path) -> None:
     if not proposed:
         print(f"{path}: not written: {report.next_experiment['why']}")
         return
-    names = [name for name in proposed[0] if name != "expected_difference_N"]
+    names = [name for name in proposed[0] if not name.startswith("expected")]
     write_atomically(path, table_text({name: np.array([push[name] for push in proposed]) for name in names}))
 
 

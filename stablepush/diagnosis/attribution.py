@@ -10,12 +10,15 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from stablepush._arrays import FloatArray
-from stablepush.diagnosis.equations import OF_BODY, OF_PRESSURE, SIZES, Fitted, ScoreTest, Values
+from stablepush.diagnosis.equations import OF_BODY, OF_PRESSURE, RANGES, SIZES, Fitted, ScoreTest, Values
+from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.system import System
-from stablepush.se2 import rotate_vectors
+from stablepush.effects import CATALOGUE
 
 #: Draws of the bootstrap of the greatest statistic.
 _DRAWS = 999
+#: Effects count from this share of half of their plausible range.
+_LEAST = 0.03
 #: Effects that may act together, and that are fitted in a step.
 _MOST, _TRIED = 4, 4
 #: Alternatives are looked at if they gain at least this share of what the chosen effect gains.
@@ -123,9 +126,7 @@ def attribute(system: System, said: Callable[[str], None]) -> Attribution:
         others = system.fit([e for e in chosen if e != id], free)
         tests |= system.tests(others, free, [id])
     tests |= system.tests(final, free, [id for id in SIZES if id not in chosen])
-    # what a sensor is mounted at turns the force away from the normal as friction would
-    turn = float(final.values["force-rotation"][0]) if "force-rotation" in final.values else 0.0
-    return Attribution(chosen, rivals, absorbed, free, final, tests, scores, slip_friction(system, turn))
+    return Attribution(chosen, rivals, absorbed, free, final, tests, scores, slip_friction(system, final))
 
 
 def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitted]:
@@ -140,7 +141,7 @@ def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitt
         for id, test in tests.items():
             # times what an effect must do at least that it has to do, if it could be by chance
             times = 1.0 if chance[id] <= demands.chance else demands.sure
-            if test.gain > demands.gain and times < np.inf and _possible(id, test.estimate):
+            if min(test.gain, test.statistic) > demands.gain and times < np.inf and _possible(id, test.estimate):
                 entering.append((test.gain, id, times))
         tried = [(system.fit([*chosen, id], True), id, times) for _, id, times in sorted(entering, reverse=True)[:_TRIED]]
         tried = [one for one in tried if system.better(one[0].density, current.density, times=one[2])]
@@ -186,8 +187,8 @@ def by_chance(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[str, float]
 
 
 def _possible(id: str, estimate: FloatArray) -> bool:
-    """Whether an estimate has the sign that the effect must have."""
-    return not (id in ("inertia", "latency") and estimate[0] < 0)
+    """Whether an estimate has the sign that the effect must have, and a size that matters."""
+    return float(np.linalg.norm(estimate)) > _LEAST * RANGES[id] and not (id in ("inertia", "latency") and estimate[0] < 0)
 
 
 def _rivals(system: System, chosen: list[str], current: Fitted) -> list[str]:
@@ -213,20 +214,23 @@ def _nominal_density(system: System, chosen: list[str]) -> FloatArray:
     return system.density(residual, np.ones(len(residual), dtype=bool))
 
 
-def slip_friction(system: System, turn: float = 0.0) -> ContactFriction | None:
+def slip_friction(system: System, fitted: Fitted) -> ContactFriction | None:
     """Friction of the contact from the direction of the force while fingers slip; None if too few trials do, or forces lack.
 
-    ``turn``: angle (rad) by which the sensor turns forces.
+    What ``fitted`` effects of the sensors do to the force is taken back: they turn it away from the normal as friction would.
     """
     o, rig = system.observations, system.rig
     if not system.has_wrench:
         return None
+    acting = {id: v for id, v in fitted.values.items() if id in PARAMETERS}
+    rest = {id: v for id, v in acting.items() if CATALOGUE[id].acts != "sensing"}
+    sensed = system.model.predict(fitted.loads, acting) - system.model.predict(fitted.loads, rest)
     normal = np.where(np.isfinite(o.normal[:, 0]), o.normal[:, 0], o.normal[:, 1])
     known = np.isfinite(normal).all(axis=1) & np.isfinite(o.slip)
     # two fingers on one face only
     both = np.isfinite(o.normal).all(axis=(1, 2))
     known &= ~both | (np.nansum(o.normal[:, 0] * o.normal[:, 1], axis=1) > 0.99)
-    force = rotate_vectors(-turn, o.wrench[:, :2])
+    force = (o.wrench - sensed)[:, :2]
     along = (force * normal).sum(axis=1)
     across = force[:, 1] * normal[:, 0] - force[:, 0] * normal[:, 1]
     lever = np.linalg.norm(np.where(np.isfinite(o.place[:, 0]), o.place[:, 0], o.place[:, 1]), axis=1)

@@ -18,6 +18,12 @@ _TAIL = 5.0
 _SHARES = (1.0, 0.5, 0.25, 0.1, 0.02)
 #: Effects that are fitted, and numbers of their parameters.
 SIZES: Mapping[str, int] = {**PARAMETERS, "contact-geometry": 1, "contact-friction": 1}
+#: Half of the plausible range of the parameters as they are fitted.
+RANGES: Mapping[str, float] = {
+    "anisotropy-world": 0.2, "anisotropy-object": 0.2, "speed-dependence": 0.15, "spatial-variation": 1.0, "drift": 0.3,
+    "pressure-shift": 0.01, "pressure-spread": 0.35, "tilt": 0.05, "inertia": 3.0, "force-bias": 1.0, "force-rotation": 0.3,
+    "frame-offset": 0.01, "latency": 0.3, "contact-geometry": 0.01, "contact-friction": 0.4,
+}  # fmt: skip
 #: Effects that only reshape the surface in the body frame, and those of them that a refitted pressure takes in.
 OF_BODY = ("pressure-shift", "pressure-spread", "anisotropy-object")
 OF_PRESSURE = OF_BODY[:2]
@@ -27,9 +33,10 @@ Values = dict[str, FloatArray]
 class Demands(NamedTuple):
     """What an effect must do to be named.
 
-    ``gain``: what the sum of squares over its scale falls by, in one step; ``density``: what the log density of the trials rises
-    by, and ``errors``: how many of its standard errors over trials that must be. ``chance``: so improbable a statistic, of any
-    effect, comes about by chance at most this often, unless density and errors are ``sure`` times as large.
+    ``gain``: what the sum of squares over its scale falls by, in one step, and what the statistic is, at least. ``density``: what
+    the log density of the trials rises by, and ``errors``: how many of its standard errors over trials that must be. ``chance``:
+    so improbable a statistic, of any effect, comes about by chance at most this often, unless density and errors are ``sure``
+    times as large.
     """
 
     gain: float
@@ -120,7 +127,7 @@ class Equations(ABC):
     nuisance: tuple[str, ...] = ()
     steps, few, tolerance = 12, 12, 1e-7
     about: Fitted | None = None
-    demands = Demands(12.0, 6.0, 2.0, 0.01, np.inf)
+    demands = Demands(18.0, 6.0, 2.0, 0.01, np.inf)
 
     @abstractmethod
     def residual(self, loads: FloatArray, values: Values) -> FloatArray:
@@ -190,24 +197,38 @@ class Equations(ABC):
     def _spread(
         self, design: FloatArray, data: FloatArray, prior: FloatArray, residual: FloatArray, use: BoolArray
     ) -> FloatArray:
-        """Covariance of an estimate: the scatter of the trials' own scores over the slope of the scores (a sandwich).
+        """Covariance of an estimate: how it scatters when a trial is left out (jackknife, one step for each trial).
 
         The slope that Student errors have is less than their weights (Huber 1981).
         """
         scale = _scale(residual[use])
         ratio = residual**2 / scale
         weights = (_TAIL + 1) / (_TAIL + ratio) * use
-        slope = float((weights * (_TAIL - ratio) / (_TAIL + ratio)).sum() / max(float(weights.sum()), 1e-30))
-        scores = by_trial(self.trial, design * (weights * residual)[:, None])
-        inverse = np.linalg.pinv(max(slope, 0.1) * data + prior)
-        trials = max(2, int((np.abs(scores).max(axis=1, initial=0.0) > 0).sum()))
-        return np.asarray(inverse @ (scores.T @ scores) @ inverse * trials / (trials - 1))
+        slope = max(0.1, float((weights * (_TAIL - ratio) / (_TAIL + ratio)).sum() / max(float(weights.sum()), 1e-30)))
+        hessian = slope * data + prior
+        hessian = hessian + 1e-12 * np.diag(np.diag(hessian) + 1e-30)
+        total, count = np.zeros_like(hessian), 0
+        for trial in np.unique(self.trial[use]):
+            rows = np.flatnonzero((self.trial == trial) & use)
+            mine = weights[rows, None] * design[rows]
+            pull = mine.T @ residual[rows]
+            if pull.any():
+                moved = np.linalg.lstsq(hessian - slope * (mine.T @ design[rows]), pull, rcond=1e-12)[0]
+                total += np.outer(moved, moved)
+                count += 1
+        return np.asarray(total * (count - 1) / max(1, count))
 
     def better(self, ahead: FloatArray, behind: FloatArray, errors: float | None = None, times: float = 1.0) -> bool:
-        """Tell whether one log density (trials,) beats another by what is demanded, over the scatter of trials."""
+        """Tell whether one log density (trials,) beats another by what is demanded, over the scatter of trials.
+
+        No one trial carries it: the greatest gain counts as much as the next. The scatter is that of the trials that lose: a
+        few pushes that tell causes apart gain far more than others, which is no scatter.
+        """
         n = min(len(ahead), len(behind))
-        difference = ahead[:n] - behind[:n]
-        error = float(difference.std(ddof=1) * np.sqrt(n)) if n > 1 else 0.0
+        difference = np.sort(ahead[:n] - behind[:n])
+        if n > 1:
+            difference[-1] = difference[-2]
+        error = float(np.sqrt(2 * np.square(np.minimum(difference, 0.0)).sum()))
         least = max(self.demands.density, (self.demands.errors if errors is None else errors) * error)
         return bool(difference.sum() > times * least)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,6 +13,7 @@ from stablepush.diagnosis.attribution import Attribution, attribute
 from stablepush.diagnosis.equations import SIZES
 from stablepush.diagnosis.motions import motions_of
 from stablepush.diagnosis.observations import heading, observe
+from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import replays
 from stablepush.diagnosis.shrink import ends_are_off, explains_most, gap, hold_out, shrink
 from stablepush.diagnosis.system import System, system_of
@@ -29,34 +29,6 @@ VERDICTS = ("none", "absorbed", "named", "ambiguous", "unknown")
 _UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
 #: Residuals so many times the noise are no fit, whatever they follow.
 _MISFIT = 4.0
-#: Statistic of an effect at which it is as probable as not, and over which odds grow by e.
-_EVEN, _ODDS = 18.0, 3.0
-#: Effects whose estimates are more uncertain than this share of their range cannot be seen in a log.
-_BLIND = 0.5
-#: Half of the plausible range of the parameters as they are fitted.
-_RANGES = {
-    "anisotropy-world": 0.2, "anisotropy-object": 0.2, "speed-dependence": 0.15, "spatial-variation": 1.0, "drift": 0.3,
-    "pressure-shift": 0.01, "pressure-spread": 0.35, "tilt": 0.05, "inertia": 3.0, "force-bias": 1.0, "force-rotation": 0.3,
-    "frame-offset": 0.01, "latency": 0.3, "contact-geometry": 0.01, "contact-friction": 0.4,
-}  # fmt: skip
-_UNSEEN = {
-    "anisotropy-world": "needs forces and pushes in several directions over the table",
-    "anisotropy-object": "needs forces and pushes in several directions of the slider",
-    "speed-dependence": "needs forces and pushes at different speeds",
-    "spatial-variation": "needs forces and pushes at different places",
-    "drift": "needs forces over many trials",
-    "pressure-shift": "needs forces and moments",
-    "pressure-spread": "needs moments of turning pushes",
-    "tilt": "needs forces, headings that vary, and the slider's mass",
-    "inertia": "needs forces while the speed changes",
-    "force-bias": "needs forces and headings that vary",
-    "force-rotation": "needs forces in directions that vary against the motion",
-    "frame-offset": "needs moments, or fingers on several faces",
-    "latency": "needs poses of pusher and slider at different speeds",
-    "contact-geometry": "needs poses of the pusher and the radius of its fingers",
-    "contact-friction": "needs forces while fingers slip along a face",
-    "model-capacity": "needs forces of motions all round the limit surface",
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,7 +146,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     said("where the gap lies")
     where = localise(system, system.observations.wrench - held.wrenches["before"]) if system.has_wrench else []
     closed = shrink(held)
-    ranking = _ranking(system, found, effects)
+    ranking = rank(system, found, effects)
     # poses alone tell the shape of the surface, not its size
     sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
     surface = system.surface(found.final.loads) if sized else None
@@ -210,7 +182,7 @@ def _too_little(log: PushLog, name: str) -> GapReport:
     """The answer to a log that can show nothing."""
     words = "the log has fewer than two pushes in which the slider is seen to move: nothing can be said"
     ranking = [
-        {"effect": id, "probability": 0.02, "parameters": {}, "identifiable": False, "reason": _UNSEEN[id]} for id in CATALOGUE
+        {"effect": id, "probability": 0.02, "parameters": {}, "identifiable": False, "reason": UNSEEN[id]} for id in CATALOGUE
     ]
     nothing = np.zeros((0, 3))
     after = {"separates": [], "pushes": [], "why": "more pushes in headings, places, speeds and faces that vary, in random order"}
@@ -218,93 +190,6 @@ def _too_little(log: PushLog, name: str) -> GapReport:
         name, len(log), [], "none", [], [], [], ranking, [], [], after, f"{words[0].upper()}{words[1:]}.", [words], None, {}, {},
         {}, nothing, nothing, nothing, np.zeros(0), np.zeros(0),
     )  # fmt: skip
-
-
-def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, dict[str, Any]]:
-    """Parameters of the catalogue, with 95 % intervals, from those that are fitted."""
-    units = {p.name: p.unit for p in CATALOGUE[id].parameters}
-
-    def entry(name: str, estimate: Any, low: Any, high: Any) -> dict[str, dict[str, Any]]:
-        pairs = [list(p) for p in zip(low, high, strict=True)] if isinstance(estimate, list) else [low, high]
-        return {name: {"estimate": estimate, "ci95": pairs, "unit": units[name]}}
-
-    if id in ("anisotropy-world", "anisotropy-object"):
-        size, error = float(np.hypot(*value)), float(np.sqrt((errors**2).mean()))
-        direction = 0.5 * math.atan2(float(value[1]), float(value[0]))
-        spread = min(math.pi / 2, 0.98 * error / max(size, 1e-9))
-
-        def ratio(d: float) -> float:
-            d = min(max(d, 0.0), 0.9)
-            return math.sqrt((1 + d) / (1 - d))
-
-        found = entry("ratio", ratio(size), ratio(size - 1.96 * error), ratio(size + 1.96 * error))
-        return found | entry("direction", direction, direction - spread, direction + spread)
-    name = CATALOGUE[id].parameters[0].name
-    shift = 1.0 if id == "pressure-spread" else 0.0
-    estimates = (value + shift).tolist()
-    low, high = (value + shift - 1.96 * errors).tolist(), (value + shift + 1.96 * errors).tolist()
-    if len(estimates) == 1:
-        return entry(name, estimates[0], low[0], high[0])
-    return entry(name, estimates, low, high)
-
-
-def _ranking(system: System, found: Attribution, effects: list[str]) -> list[dict[str, Any]]:
-    errors: dict[str, FloatArray] = {}
-    at = 0
-    for id in found.final.values:
-        deviation = np.sqrt(np.maximum(np.diag(found.final.covariance), 0.0))
-        errors[id] = deviation[at : at + SIZES[id]]
-        at += SIZES[id]
-    entries = []
-    for id in CATALOGUE:
-        probability, parameters, identifiable = 0.02, {}, False
-        reason: str | None = _UNSEEN[id]
-        if id == "contact-friction" and system.has_wrench:
-            contact = found.contact
-            if contact is not None and system.rig.contact_friction is not None:
-                interval = [contact.estimate - 1.96 * contact.error, contact.estimate + 1.96 * contact.error]
-                parameters = {"mu": {"estimate": contact.estimate, "ci95": interval, "unit": "1"}}
-                identifiable, reason = True, None
-                probability = 1 - min(1.0, 50 * contact.p_value) if contact.p_value < 1 else 0.02
-        elif id == "model-capacity":
-            if system.has_surface and "free" in found.scores:
-                identifiable, reason = True, None
-                probability = 0.3 if found.absorbed and not found.chosen else 0.05
-        else:
-            test = found.tests[id]
-            estimate = test.estimate
-            values = np.linalg.eigvalsh(test.information)
-            blind = bool(values[0] <= 0 or 1 / math.sqrt(values[0]) > _BLIND * _RANGES[id])
-            identifiable, reason = not blind, _UNSEEN[id] if blind else None
-            if id in found.final.values:
-                estimate, deviation = found.final.values[id], errors[id]
-            else:
-                deviation = np.full(SIZES[id], 1 / math.sqrt(values[0]) if values[0] > 0 else _RANGES[id])
-            if id == "contact-geometry":
-                estimate = estimate + (system.observations.finger_radius or 0.0)
-            if id == "contact-friction":
-                estimate = estimate + (system.rig.contact_friction or 0.0)
-            parameters = _parameters(id, np.asarray(estimate), np.asarray(deviation))
-            evidence = min(test.statistic, test.gain) - 2 * (SIZES[id] - 1)
-            probability = 1 / (1 + math.exp(-max(-30.0, min(30.0, (evidence - _EVEN) / _ODDS))))
-            if id in found.chosen:
-                probability = max(probability, 0.9)
-            elif id not in effects:
-                probability = min(probability, 0.3)
-        if id in effects and len(found.rivals):
-            probability = min(
-                probability, 1 / (1 + len(found.rivals)) if id in (*found.rivals, *found.chosen[-1:]) else probability
-            )
-        entries.append(
-            {
-                "effect": id,
-                "probability": float(np.clip(probability, 0.001, 0.999)),
-                "parameters": parameters,
-                "identifiable": identifiable,
-                "reason": reason,
-            }
-        )
-    return sorted(entries, key=lambda entry: -entry["probability"])
 
 
 def _plain(entry: dict[str, Any]) -> dict[str, Any]:
@@ -320,8 +205,8 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
         return {"separates": pair, "pushes": [], "why": why}
     from stablepush.diagnosis.candidates import separating_pushes
 
-    values = {id: found.final.values.get(id, found.tests[id].estimate) for id in pair}
-    pushes = separating_pushes(system, found.final.loads, values)
+    others = [id for id in found.chosen if id not in pair]
+    pushes = separating_pushes(system, {id: system.fit([*others, id], found.free) for id in pair})
     why = f"{pair[0]} and {pair[1]} predict loads that differ most here, at the sizes estimated from this log"
     return {"separates": pair, "pushes": pushes, "why": why}
 

@@ -110,7 +110,8 @@ class Motions(System):
             for k, size in enumerate(small):
                 step = np.zeros(len(small))
                 step[k] = size
-                found.append((self._nearby(id, np.zeros(len(small))) - self._nearby(id, step)).ravel() / size)
+                # to both sides: what makes a finger slip one way may make it stick the other way
+                found.append((self._nearby(id, -step) - self._nearby(id, step)).ravel() / (2 * size))
             self._slopes[id] = np.stack(found, axis=-1)
         return self._slopes[id]
 

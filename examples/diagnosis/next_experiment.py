@@ -1,0 +1,97 @@
+"""Logs that cannot tell one cause from another: what the pushes that the diagnosis proposes settle, against as many random ones.
+
+Small campaigns (few pushes, one place, one speed, few headings) on random rigs are diagnosed until enough are ambiguous; then the
+same rig makes the proposed pushes as well, or random ones, and the longer log is diagnosed again.
+
+    python examples/diagnosis/next_experiment.py [--logs 40] [--pushes 12] [--more 2] [--jobs 2]
+"""
+
+from __future__ import annotations
+
+import argparse
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from itertools import count, islice
+
+import campaign
+import numpy as np
+
+import stablepush as sp
+from stablepush.commands import poke
+from stablepush.se2 import compose, inverse
+
+#: Effects that small campaigns confuse, and how strong they are.
+CONFUSED = (
+    "anisotropy-world", "anisotropy-object", "speed-dependence", "spatial-variation", "drift", "tilt", "force-bias",
+    "force-rotation", "frame-offset", "contact-geometry",
+)  # fmt: skip
+#: Where the slider is put in a small campaign: within this many rad of one heading, and this many m of one place.
+TURN, FIELD = 0.3, 0.04
+
+
+def small(command: sp.Command, rng: np.random.Generator) -> sp.Command:
+    """The same push of a slider that is put as it always is."""
+    assert command.start is not None
+    start = np.array((*rng.uniform(-FIELD / 2, FIELD / 2, 2), rng.uniform(-TURN, TURN)))
+    return replace(command, start=start, place=compose(start, compose(inverse(command.start), command.place)))
+
+
+def named(log: sp.PushLog, truth: str) -> tuple[str, bool, sp.GapReport]:
+    report = sp.diagnose(log)
+    return report.verdict, report.named == [truth], report
+
+
+def one(job: tuple[str, int, int, int]) -> tuple[str, ...] | None:
+    """None if the small log is not ambiguous; else the effect, what was said of it, and verdicts with more pushes."""
+    id, seed, pushes, wanted = job
+    rig, commands, draw = campaign.world(id, seed, pushes, groups=0, speeds=(0.015, 0.025))
+    rng = np.random.default_rng(seed)
+    commands = [small(command, rng) for command in commands]
+    verdict, _, report = named(rig.execute(commands, seed=draw).log, id)
+    proposed = report.next_experiment["pushes"]
+    if verdict != "ambiguous" or not proposed:
+        return None
+    more = [
+        poke(
+            rig.slider, rig.pusher, push["edge"], push["along"], start=(push["x"], push["y"], push["theta"]),
+            direction=push["direction"], way=push["way"], speed=push["speed"],
+        )
+        for push in proposed[:wanted]
+    ]  # fmt: skip
+    others = sp.random_pushes(rig.slider, rig.pusher, len(more), seed=seed, groups=0)
+    words = []
+    for extra in (more, others):
+        verdict, right, longer = named(rig.execute([*commands, *extra], seed=draw).log, id)
+        words += [verdict, "right" if right else "wrong", " ".join(longer.named)]
+    return (id, " ".join(report.named), *words)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--logs", type=int, default=40)
+    parser.add_argument("--pushes", type=int, default=12)
+    parser.add_argument("--more", type=int, default=2, help="pushes that are added")
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=2)
+    options = parser.parse_args()
+    jobs = ((id, options.first_seed + seed, options.pushes, options.more) for seed in count() for id in CONFUSED)
+    found: list[tuple[str, ...]] = []
+    tried = 0
+    with ProcessPoolExecutor(options.jobs) as pool:
+        while len(found) < options.logs:
+            for row in pool.map(one, list(islice(jobs, 10 * options.jobs))):
+                tried += 1
+                if row is not None and len(found) < options.logs:
+                    found.append(row)
+                    print(f"{row[0]:<20s} said {row[1]:<50s} proposed: {row[2]} {row[4]}; random: {row[5]} {row[7]}", flush=True)
+    print(f"{len(found)} ambiguous logs of {tried} that were simulated; the true cause among those said in ", end="")
+    print(sum(row[0] in row[1].split() for row in found))
+    for word, at in (("proposed", 3), ("random", 6)):
+        right = sum(row[at] == "right" for row in found)
+        wrong = sum(row[at - 1] == "named" and row[at] == "wrong" for row in found)
+        share = campaign.interval(right, len(found))
+        print(f"{options.more} {word} pushes more: {right} of {len(found)} resolved ({share}), something else named {wrong}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,141 @@
+"""All effects of the catalogue, most probable first: parameters with intervals, and what a log cannot show."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from stablepush._arrays import FloatArray
+from stablepush.diagnosis.attribution import Attribution
+from stablepush.diagnosis.equations import RANGES, SIZES
+from stablepush.diagnosis.system import System
+from stablepush.effects import CATALOGUE
+
+#: Evidence for an effect, the lesser of its statistic and its gain, at which it is as probable as not, and over which odds grow
+#: by e: for effects that are not named, and for those that are. Found on simulated logs apart from those that are reported.
+_EVEN, _ODDS = 18.0, 3.0
+_EVEN_CHOSEN, _ODDS_CHOSEN = 21.0, 4.0
+#: What the jackknife is short of, and the share of an estimate that it may be off beside its scatter, since rows are means over
+#: parts of pushes; found likewise.
+_SHORT = 1.15
+_OTHERS = 0.01
+_SYSTEMATIC = {"inertia": 0.2}
+#: Effects whose estimates are more uncertain than this share of their range cannot be seen in a log.
+_BLIND = 0.5
+UNSEEN = {
+    "anisotropy-world": "needs forces and pushes in several directions over the table",
+    "anisotropy-object": "needs forces and pushes in several directions of the slider",
+    "speed-dependence": "needs forces and pushes at different speeds",
+    "spatial-variation": "needs forces and pushes at different places",
+    "drift": "needs forces over many trials",
+    "pressure-shift": "needs forces and moments",
+    "pressure-spread": "needs moments of turning pushes",
+    "tilt": "needs forces, headings that vary, and the slider's mass",
+    "inertia": "needs forces while the speed changes",
+    "force-bias": "needs forces and headings that vary",
+    "force-rotation": "needs forces in directions that vary against the motion",
+    "frame-offset": "needs moments, or fingers on several faces",
+    "latency": "needs poses of pusher and slider at different speeds",
+    "contact-geometry": "needs poses of the pusher and the radius of its fingers",
+    "contact-friction": "needs forces while fingers slip along a face",
+    "model-capacity": "needs forces of motions all round the limit surface",
+}
+
+
+def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, dict[str, Any]]:
+    """Parameters of the catalogue, with 95 % intervals, from those that are fitted."""
+    units = {p.name: p.unit for p in CATALOGUE[id].parameters}
+
+    def entry(name: str, estimate: Any, low: Any, high: Any) -> dict[str, dict[str, Any]]:
+        pairs = [list(p) for p in zip(low, high, strict=True)] if isinstance(estimate, list) else [low, high]
+        return {name: {"estimate": estimate, "ci95": pairs, "unit": units[name]}}
+
+    if id in ("anisotropy-world", "anisotropy-object"):
+        size, error = float(np.hypot(*value)), float(np.sqrt((errors**2).mean()))
+        direction = 0.5 * math.atan2(float(value[1]), float(value[0]))
+        spread = min(math.pi / 2, 0.98 * error / max(size, 1e-9))
+
+        def ratio(d: float) -> float:
+            d = min(max(d, 0.0), 0.9)
+            return math.sqrt((1 + d) / (1 - d))
+
+        found = entry("ratio", ratio(size), ratio(size - 1.96 * error), ratio(size + 1.96 * error))
+        return found | entry("direction", direction, direction - spread, direction + spread)
+    name = CATALOGUE[id].parameters[0].name
+    shift = 1.0 if id == "pressure-spread" else 0.0
+    estimates = (value + shift).tolist()
+    low, high = (value + shift - 1.96 * errors).tolist(), (value + shift + 1.96 * errors).tolist()
+    if len(estimates) == 1:
+        return entry(name, estimates[0], low[0], high[0])
+    return entry(name, estimates, low, high)
+
+
+def rank(system: System, found: Attribution, effects: list[str]) -> list[dict[str, Any]]:
+    """Return the entries of ``ranking`` as ``diagnosis/1`` has them; ``effects``: those that the verdict names."""
+    entries = []
+    for id in CATALOGUE:
+        if id == "contact-friction" and system.has_wrench:
+            entry = _of_slip(system, found)
+        elif id == "model-capacity":
+            # a refitted surface takes it: nothing speaks for it but that another surface fits better
+            seen = system.has_surface and "free" in found.scores
+            entry = (0.3 if seen and found.absorbed and not found.chosen else 0.05 if seen else 0.02, {}, seen)
+        else:
+            entry = _of_fit(id, system, found, effects)
+        probability, parameters, seen = entry
+        if id in effects and found.rivals and id in (*found.rivals, *found.chosen[-1:]):
+            probability = min(probability, 1 / (1 + len(found.rivals)))
+        entries.append(
+            {
+                "effect": id,
+                "probability": float(np.clip(probability, 0.001, 0.999)),
+                "parameters": parameters,
+                "identifiable": seen,
+                "reason": None if seen else UNSEEN[id],
+            }
+        )
+    return sorted(entries, key=lambda entry: -entry["probability"])
+
+
+Entry = tuple[float, dict[str, dict[str, Any]], bool]
+
+
+def _of_slip(system: System, found: Attribution) -> Entry:
+    """Friction at the fingers, from the forces of those that slip."""
+    contact = found.contact
+    if contact is None or system.rig.contact_friction is None:
+        return 0.02, {}, False
+    far = float(student.ppf(0.975, contact.trials - 1)) * contact.error
+    interval = [contact.estimate - far, contact.estimate + far]
+    probability = 1 - min(1.0, 50 * contact.p_value) if contact.p_value < 1 else 0.02
+    return probability, {"mu": {"estimate": contact.estimate, "ci95": interval, "unit": "1"}}, True
+
+
+def _of_fit(id: str, system: System, found: Attribution, effects: list[str]) -> Entry:
+    """An effect that is fitted, or tested beside those that are."""
+    test, size = found.tests[id], SIZES[id]
+    values = np.linalg.eigvalsh(test.information)
+    deviation = np.full(size, 1 / math.sqrt(values[0]) if values[0] > 0 else RANGES[id])
+    blind = bool(deviation[0] > _BLIND * RANGES[id])
+    estimate = test.estimate
+    if id in found.final.values:
+        estimate = found.final.values[id]
+        at = sum(SIZES[k] for k in list(found.final.values)[: list(found.final.values).index(id)])
+        deviation = np.sqrt(np.maximum(np.diag(found.final.covariance)[at : at + size], 0.0))
+    deviation = np.hypot(_SHORT * deviation, _SYSTEMATIC.get(id, _OTHERS) * float(np.linalg.norm(estimate)))
+    nominal = {"contact-geometry": system.observations.finger_radius, "contact-friction": system.rig.contact_friction}
+    parameters = _parameters(id, np.asarray(estimate + (nominal.get(id) or 0.0)), deviation)
+    evidence = min(test.statistic, test.gain) - 2 * (size - 1)
+    if id in found.chosen:
+        probability = min(0.99, max(0.5, _logistic((evidence - _EVEN_CHOSEN) / _ODDS_CHOSEN)))
+    else:
+        probability = _logistic((evidence - _EVEN) / _ODDS)
+        probability = probability if id in effects else min(probability, 0.3)
+    return probability, parameters, not blind
+
+
+def _logistic(value: float) -> float:
+    return 1 / (1 + math.exp(-max(-30.0, min(30.0, value))))
