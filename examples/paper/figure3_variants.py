@@ -19,8 +19,14 @@ from stablepush.planar import normalize_wrench, unit
 
 METHODS = ("poly4-cvx", "quadratic")
 VARIANTS = {
-    "3pts_noise_free": ("as in figure 3", "facets by area", "weights of a flat Dirichlet", "moments over the unit radius"),
-    "ring_noisy": ("as in figure 3", "loads renormalised", "moments over the unit radius"),
+    "3pts_noise_free": (
+        "as in figure 3",
+        "facets by area",
+        "weights of a flat Dirichlet",
+        "moments over the unit radius",
+        "loads as unit vectors",
+    ),
+    "ring_noisy": ("as in figure 3", "loads renormalised", "loads as unit vectors", "moments over the unit radius"),
 }
 
 
@@ -58,6 +64,8 @@ def run_trial(case: str, variant: str, trial: int) -> dict[str, list[float]]:
     seen_loads = loads[rest] + noise * rng.normal(size=loads[rest].shape)
     if variant == "loads renormalised":
         seen_loads *= np.linalg.norm(loads[rest], axis=1, keepdims=True) / np.linalg.norm(seen_loads, axis=1, keepdims=True)
+    if variant == "loads as unit vectors":
+        seen_loads = unit(seen_loads)
     seen = unit(directions[rest] + noise * rng.normal(size=directions[rest].shape))
     errors: dict[str, list[float]] = {method: [] for method in METHODS}
     for count, method in product(figure3.TRAIN, METHODS):

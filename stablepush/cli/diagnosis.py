@@ -52,7 +52,12 @@ def diagnose(
     for entry in report.shrink:
         low, high = entry["ci95"]
         sizes = f"{entry['before']:.4g} {entry['unit']} before, {entry['after']:.4g} after, floor {entry['floor']:.4g}"
-        print(f"{entry['channel']}: {sizes}; closed {100 * entry['closed']:.0f} % ({100 * low:.0f} to {100 * high:.0f})")
+        print(f"{entry['channel']}: {sizes}; closed {100 * entry['closed']:.0f} % ({_percent(low)} to {_percent(high)})")
+
+
+def _percent(share: float) -> str:
+    """A share in percent; where there is hardly a gap its interval says nothing."""
+    return "below -100" if share < -1 else f"{100 * share:.0f}"
 
 
 def _write_pushes(report: GapReport, path: Path) -> None:
@@ -98,7 +103,7 @@ def _page(report: GapReport) -> str:
         (
             entry["channel"],
             f"{number(entry['before'])} {entry['unit']} before, {number(entry['after'])} after, floor {number(entry['floor'])}; "
-            f"closed {100 * entry['closed']:.0f} % ({100 * entry['ci95'][0]:.0f} to {100 * entry['ci95'][1]:.0f}), "
+            f"closed {100 * entry['closed']:.0f} % ({_percent(entry['ci95'][0])} to {_percent(entry['ci95'][1])}), "
             f"{entry['held_out_trials']} held-out trials",
         )
         for entry in report.shrink
@@ -122,8 +127,8 @@ def _page(report: GapReport) -> str:
         parameters = "; ".join(
             f"{name} {number(p['estimate'])} ({number(p['ci95'])}) {p['unit']}" for name, p in entry["parameters"].items()
         )
-        why = "" if entry["identifiable"] else f" This log cannot show it: {entry['reason']}."
-        rows.append((entry["effect"], f"{entry['probability']:.2f}. {parameters}{why}"))
+        said = parameters if entry["identifiable"] else f"This log cannot show it: {entry['reason']}."
+        rows.append((entry["effect"], f"{entry['probability']:.2f}. {said}"))
     text = "Probability of each effect of the catalogue given the others that are named, and its parameters with 95 % intervals."
     sections.append(Section.with_picture("Why", figure_png(plot_effects(report)), text, rows))
     after = report.next_experiment

@@ -125,7 +125,10 @@ def attribute(system: System, said: Callable[[str], None]) -> Attribution:
     for id in chosen:
         others = system.fit([e for e in chosen if e != id], free)
         tests |= system.tests(others, free, [id])
-    tests |= system.tests(final, free, [id for id in SIZES if id not in chosen])
+    tests |= system.tests(final, free, [id for id in SIZES if id not in (*chosen, *rivals)])
+    if rivals:
+        # each in the place of the cause that it cannot be told from
+        tests |= system.tests(system.fit(chosen[:-1], free), free, rivals)
     return Attribution(chosen, rivals, absorbed, free, final, tests, scores, slip_friction(system, final))
 
 

@@ -111,20 +111,19 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     observations = observe(log)
     if len(np.unique(observations.trial)) < 2:
         return _too_little(log, name)
-    pushes = replays(log, observations)
-    all_pushes = len(pushes)
+    replayed = replays(log, observations)
     forces = bool(observations.has_wrench.any())
     system: System
-    if pushes and not forces:
-        system = motions = motions_of(observations, log.rig, pushes)
+    if replayed and not forces:
+        system = motions = motions_of(observations, log.rig, replayed)
         pushes = motions.pushes
     else:
         system = system_of(observations, log.rig)
-        pushes = system.predictable(pushes)
+        pushes = system.predictable(replayed)
     found = attribute(system, said)
     said("how far the gap shrinks")
     named = found.named
-    held = hold_out(system, found, log, pushes)
+    held = hold_out(system, found, log, pushes, replayed)
     share, p_share, size = 0.0, 1.0, 0.0
     if system.has_wrench:
         left = system.observations.wrench - held.wrenches["after"]
@@ -150,15 +149,15 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     # poses alone tell the shape of the surface, not its size
     sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
     surface = system.surface(found.final.loads) if sized else None
-    report_effects = {entry["effect"]: _plain(entry) for entry in ranking if entry["effect"] in effects}
-    notes = _notes(log, system, found, share, p_share, all_pushes - len(pushes))
+    report_effects = {entry["effect"]: _plain(entry) for entry in ranking if entry["effect"] in named}
+    notes = _notes(log, system, found, share, p_share, len(replayed) - len(pushes))
     return GapReport(
         log=name,
         trials=len(log),
         channels=[entry["channel"] for entry in closed],
         verdict=verdict,
         named=effects,
-        gap=gap(system, held, pushes),
+        gap=gap(system, held),
         where=where,
         ranking=ranking,
         shrink=closed,

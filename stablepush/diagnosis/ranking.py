@@ -47,11 +47,11 @@ UNSEEN = {
 
 def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, dict[str, Any]]:
     """Parameters of the catalogue, with 95 % intervals, from those that are fitted."""
-    units = {p.name: p.unit for p in CATALOGUE[id].parameters}
+    known = {p.name: p for p in CATALOGUE[id].parameters}
 
     def entry(name: str, estimate: Any, low: Any, high: Any) -> dict[str, dict[str, Any]]:
         pairs = [list(p) for p in zip(low, high, strict=True)] if isinstance(estimate, list) else [low, high]
-        return {name: {"estimate": estimate, "ci95": pairs, "unit": units[name]}}
+        return {name: {"estimate": estimate, "ci95": pairs, "unit": known[name].unit}}
 
     if id in ("anisotropy-world", "anisotropy-object"):
         size, error = float(np.hypot(*value)), float(np.sqrt((errors**2).mean()))
@@ -66,8 +66,9 @@ def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, dic
         return found | entry("direction", direction, direction - spread, direction + spread)
     name = CATALOGUE[id].parameters[0].name
     shift = 1.0 if id == "pressure-spread" else 0.0
-    estimates = (value + shift).tolist()
-    low, high = (value + shift - 1.96 * errors).tolist(), (value + shift + 1.96 * errors).tolist()
+    # not beyond what makes sense
+    least, most = known[name].least, known[name].most
+    estimates, low, high = (np.clip(value + shift + k * errors, least, most).tolist() for k in (0.0, -1.96, 1.96))
     if len(estimates) == 1:
         return entry(name, estimates[0], low[0], high[0])
     return entry(name, estimates, low, high)
@@ -75,6 +76,9 @@ def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, dic
 
 def rank(system: System, found: Attribution, effects: list[str]) -> list[dict[str, Any]]:
     """Return the entries of ``ranking`` as ``diagnosis/1`` has them; ``effects``: those that the verdict names."""
+    # causes that the log cannot tell apart share the probability of the one that was fitted
+    apart = (*found.rivals, *found.chosen[-1:]) if found.rivals else ()
+    shared = _of_fit(found.chosen[-1], system, found, effects)[0] / len(apart) if apart else 0.0
     entries = []
     for id in CATALOGUE:
         if id == "contact-friction" and system.has_wrench:
@@ -86,8 +90,8 @@ def rank(system: System, found: Attribution, effects: list[str]) -> list[dict[st
         else:
             entry = _of_fit(id, system, found, effects)
         probability, parameters, seen = entry
-        if id in effects and found.rivals and id in (*found.rivals, *found.chosen[-1:]):
-            probability = min(probability, 1 / (1 + len(found.rivals)))
+        if id in apart:
+            probability = shared
         entries.append(
             {
                 "effect": id,

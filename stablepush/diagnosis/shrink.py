@@ -3,7 +3,7 @@ to."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,12 +14,12 @@ from scipy.stats import t as student
 from stablepush._arrays import FloatArray
 from stablepush.contact import PushContact
 from stablepush.diagnosis.attribution import FOLDS, Attribution, folds_of
-from stablepush.diagnosis.equations import Fitted, Values
+from stablepush.diagnosis.equations import Values
 from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.replay import Replay, misses
 from stablepush.diagnosis.system import IN_GAPS, System
 from stablepush.errors import ConvergenceError, InputError
-from stablepush.logs import PushLog, Rig
+from stablepush.logs import PushLog
 from stablepush.models import IdealLimitSurface
 from stablepush.oracle import StabilityOracle
 from stablepush.planar import angle_between, twist_from_cor
@@ -50,81 +50,113 @@ class HeldOut:
     floors: dict[str, float]
 
 
-def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[Replay]) -> HeldOut:
-    """Predict every trial by fits to the others: five folds, repeats kept together."""
-    o, rig = system.observations, system.rig
-    folds = folds_of(system)
-    wrenches = {k: np.zeros_like(o.wrench) for k in _FITS} if system.has_wrench else {}
-    squares: dict[str, dict[str, FloatArray]] = {}
-    trials: dict[str, np.ndarray] = {}
-    floors: dict[str, float] = {}
-    gap_trial = np.concatenate([o.trial[rows] for _, rows in system.gap_rows]).astype(int)
-    gaps = np.concatenate([o.gap[rows, k] for k, rows in system.gap_rows])
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fold:
+    """Trials (all,) that are left out, and loads, surfaces and effects that were fitted to the others, by name of the fit."""
+
+    test: np.ndarray
+    loads: dict[str, FloatArray]
+    values: dict[str, Values]
+    surfaces: dict[str, IdealLimitSurface]
+
+
+def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[Replay], labelled: Sequence[Replay]) -> HeldOut:
+    """Predict every trial by fits to the others: five folds, repeats kept together.
+
+    ``pushes``: those whose ends are measurements; ``labelled``: all of known way.
+    """
+    held = HeldOut({}, {}, {}, {}, {})
+    folds = list(_folds(system, found))
     if system.has_wrench:
-        squares["twist"] = {k: np.zeros(len(o.time)) for k in _FITS}
-        trials["wrench"] = trials["twist"] = o.trial
-        floors["twist"] = 0.0
-    ends = {k: np.zeros((len(pushes), 3)) for k in _FITS}
-    push_trial = np.array([push.trial for push in pushes], dtype=int)
-    if not pushes and len(gaps):
-        squares["pose"] = {k: np.square(gaps) for k in _FITS}
-        trials["pose"], floors["pose"] = gap_trial, system.gap_noise**2
-    labels = _labels(pushes, log) if system.has_surface and rig.contact_friction is not None else {}
+        _wrenches(held, system, folds)
+    if system.has_surface and pushes:
+        _ends(held, system, folds, pushes)
+    elif any(len(rows) for _, rows in system.gap_rows):
+        _gaps(held, system, folds)
+    labels = _labels(labelled, log) if system.has_surface and system.rig.contact_friction is not None else {}
     if labels:
-        squares["stability"] = {k: np.zeros(len(labels)) for k in _FITS}
-        trials["stability"], floors["stability"] = np.array(list(labels)), 0.0
-    nominal = system.surface(system.nominal) if system.has_surface else None
-    before = _angles(system, nominal, o.wrench) if nominal is not None and system.has_wrench else None
-    free = system.fit([], True)
+        _stability(held, folds, labels)
+    return held
+
+
+def _folds(system: System, found: Attribution) -> Iterator[_Fold]:
+    folds, free = folds_of(system), system.fit([], True)
     for k in range(FOLDS):
         test = folds == k
         if not test.any():
             continue
         train = ~test if not test.all() else test
-        mended = system.fit(found.chosen, found.free, train, found.final)
-        if "pose" in squares:
-            squares["pose"]["after"][test[gap_trial]] = _gaps_left(system, gaps, mended.values)[test[gap_trial]] ** 2
-        if nominal is None:
-            continue
-        plain = system.fit([], True, train, free)
-        surfaces = {"before": nominal, "refit": system.surface(plain.loads), "after": system.surface(mended.loads)}
-        values = {"before": {}, "refit": {}, "after": {**mended.values, **found.slips(system)}}
-        here = np.flatnonzero(test[push_trial])
-        for key, surface in surfaces.items():
-            chosen = [pushes[int(i)] for i in here]
-            ends[key][here] = misses(chosen, surface, rig.slider, _mu(rig), system.moving_weight, values[key])
-        for at, (trial, (contact, twist, stable)) in enumerate(labels.items()):
-            if test[trial]:
-                for key, surface in surfaces.items():
-                    changed = float(values[key].get("contact-friction", np.zeros(1))[0])
-                    touching = replace(contact, mu=max(0.0, contact.mu + changed))
-                    guess = bool(StabilityOracle(surface, touching).is_stable(twist))
-                    squares["stability"][key][at] = float(guess != stable)
-        rows = test[o.trial]
-        if before is None or not rows.any():
-            continue
+        mended, plain = system.fit(found.chosen, found.free, train, found.final), system.fit([], True, train, free)
         scaled = system.nominal if system.known_scale else system.fit([], False, train).loads
-        acting = of_wrench(mended.values)
-        for key, loads, acts in (("before", scaled, {}), ("refit", plain.loads, {}), ("after", mended.loads, acting)):
-            wrenches[key][rows] = system.model.predict(loads, acts)[rows]
-        correction = system.model.predict(mended.loads, acting) - system.model.predict(mended.loads, {})
-        squares["twist"]["before"][rows] = before[rows] ** 2
-        squares["twist"]["refit"][rows] = _angles(system, surfaces["refit"], o.wrench)[rows] ** 2
-        squares["twist"]["after"][rows] = _angles(system, surfaces["after"], o.wrench - correction)[rows] ** 2
-        floors["twist"] += float(_twist_floor(system, surfaces["after"], mended, rows).sum()) / len(o.time)
-    if system.has_wrench:
-        squares["wrench"] = {k: size(system, o.wrench - w) for k, w in wrenches.items()}
-        floors["wrench"] = wrench_floor(system)
-    simulated = np.isfinite([ends[k] for k in _FITS]).all(axis=(0, 2))
-    if nominal is not None and simulated.any():
-        trials["pose"] = push_trial[simulated]
-        squares["pose"] = {k: (ends[k][simulated] ** 2).sum(axis=1) for k in _FITS}
-        floors["pose"] = float((system.end_noise[simulated] ** 2).mean())
-    return HeldOut(wrenches, ends, squares, trials, floors)
+        loads = {"before": scaled, "refit": plain.loads, "after": mended.loads}
+        values: dict[str, Values] = {"before": {}, "refit": {}, "after": {**mended.values, **found.slips(system)}}
+        surfaces = {k: system.surface(m) for k, m in loads.items()} if system.has_surface else {}
+        yield _Fold(test, loads, values, surfaces)
 
 
-def _mu(rig: Rig) -> float:
-    return rig.contact_friction if rig.contact_friction is not None else 1.0
+def _wrenches(held: HeldOut, system: System, folds: list[_Fold]) -> None:
+    """Loads of the measured motions, and directions of motion of the measured loads."""
+    o = system.observations
+    wrenches = {k: np.zeros_like(o.wrench) for k in _FITS}
+    angles = {k: np.zeros(len(o.time)) for k in _FITS}
+    floor = 0.0
+    for fold in folds:
+        rows = fold.test[o.trial]
+        for key in _FITS:
+            acting = of_wrench(fold.values[key])
+            wrench = system.model.predict(fold.loads[key], acting)
+            wrenches[key][rows] = wrench[rows]
+            # what the effects do to a load is taken back before the surface is asked for its motion
+            load = o.wrench - (wrench - system.model.predict(fold.loads[key], {}))
+            angles[key][rows] = _angles(system, fold.surfaces[key], load)[rows]
+        floor += float(_twist_floor(system, fold, rows).sum()) / len(o.time)
+    held.wrenches.update(wrenches)
+    held.squares["wrench"] = {k: size(system, o.wrench - w) for k, w in wrenches.items()}
+    held.squares["twist"] = {k: angle**2 for k, angle in angles.items()}
+    held.trials["wrench"] = held.trials["twist"] = o.trial
+    held.floors["wrench"], held.floors["twist"] = wrench_floor(system), floor
+
+
+def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Replay]) -> None:
+    """Where pushes end."""
+    trial, rig = np.array([push.trial for push in pushes], dtype=int), system.rig
+    mu = rig.contact_friction if rig.contact_friction is not None else 1.0
+    for key in _FITS:
+        ends = np.zeros((len(pushes), 3))
+        for fold in folds:
+            here = np.flatnonzero(fold.test[trial])
+            chosen = [pushes[int(i)] for i in here]
+            ends[here] = misses(chosen, fold.surfaces[key], rig.slider, mu, system.moving_weight, fold.values[key])
+        held.ends[key] = ends
+    simulated = np.isfinite([held.ends[k] for k in _FITS]).all(axis=(0, 2))
+    if simulated.any():
+        held.trials["pose"] = trial[simulated]
+        held.squares["pose"] = {k: (held.ends[k][simulated] ** 2).sum(axis=1) for k in _FITS}
+        held.floors["pose"] = float((system.end_noise[simulated] ** 2).mean())
+
+
+def _gaps(held: HeldOut, system: System, folds: list[_Fold]) -> None:
+    """Gaps between fingers and outline, where pushes cannot be carried out again."""
+    o = system.observations
+    trial = np.concatenate([o.trial[rows] for _, rows in system.gap_rows]).astype(int)
+    gaps = np.concatenate([o.gap[rows, k] for k, rows in system.gap_rows])
+    held.squares["pose"] = dict.fromkeys(_FITS, gaps**2)
+    for fold in folds:
+        left = gaps - sum(system.gap_change(id, v) for id, v in fold.values["after"].items() if id in IN_GAPS)
+        held.squares["pose"]["after"][fold.test[trial]] = left[fold.test[trial]] ** 2
+    held.trials["pose"], held.floors["pose"] = trial, system.gap_noise**2
+
+
+def _stability(held: HeldOut, folds: list[_Fold], labels: dict[int, tuple[PushContact, FloatArray, bool]]) -> None:
+    """Whether pushes that should have stuck did: 1 where the oracle errs."""
+    held.squares["stability"] = {k: np.zeros(len(labels)) for k in _FITS}
+    held.trials["stability"], held.floors["stability"] = np.array(list(labels)), 0.0
+    for at, (trial, (contact, twist, stable)) in enumerate(labels.items()):
+        fold = next(fold for fold in folds if fold.test[trial])
+        for key, surface in fold.surfaces.items():
+            changed = float(fold.values[key].get("contact-friction", np.zeros(1))[0])
+            touching = replace(contact, mu=max(0.0, contact.mu + changed))
+            held.squares["stability"][key][at] = float(StabilityOracle(surface, touching).is_stable(twist) != stable)
 
 
 def of_wrench(values: Values) -> Values:
@@ -184,10 +216,10 @@ def _angles(system: System, surface: IdealLimitSurface, wrenches: FloatArray) ->
     return np.nan_to_num(angle_between(_twists(surface, wrenches) * scale, system.observations.twist * scale))
 
 
-def _twist_floor(system: System, surface: IdealLimitSurface, fitted: Fitted, rows: np.ndarray) -> FloatArray:
+def _twist_floor(system: System, fold: _Fold, rows: np.ndarray) -> FloatArray:
     """Mean squared angles of rows that noise of forces and motion alone would leave."""
     rng = np.random.default_rng(0)
-    clean = system.model.predict(fitted.loads, {})[rows]
+    clean = system.model.predict(fold.loads["after"], {})[rows]
     force = system.noise.force
     scale = np.array((1.0, 1.0, system.rho))
     motion = system.observations.twist[rows]
@@ -195,15 +227,8 @@ def _twist_floor(system: System, surface: IdealLimitSurface, fitted: Fitted, row
     for _ in range(_DRAWS):
         load = clean + force * rng.normal(size=clean.shape) * (1.0, 1.0, system.moment_noise)
         moved = motion + system.motion_noise[rows] * rng.normal(size=motion.shape)
-        total += np.nan_to_num(angle_between(_twists(surface, load) * scale, moved * scale)) ** 2
+        total += np.nan_to_num(angle_between(_twists(fold.surfaces["after"], load) * scale, moved * scale)) ** 2
     return total / _DRAWS
-
-
-def _gaps_left(system: System, gaps: FloatArray, values: Values) -> FloatArray:
-    for id, value in values.items():
-        if id in IN_GAPS:
-            gaps = gaps - system.gap_change(id, value)
-    return gaps
 
 
 def _labels(pushes: Sequence[Replay], log: PushLog) -> dict[int, tuple[PushContact, FloatArray, bool]]:
@@ -263,7 +288,7 @@ def _closed(channel: str, unit: str, trial: np.ndarray, squares: dict[str, Float
     }
 
 
-def gap(system: System, held: HeldOut, pushes: Sequence[Replay]) -> list[dict[str, Any]]:
+def gap(system: System, held: HeldOut) -> list[dict[str, Any]]:
     """Return the size of the gap, channel by channel, as ``diagnosis/1`` has it."""
     o = system.observations
     entries: list[dict[str, Any]] = []
@@ -272,7 +297,7 @@ def gap(system: System, held: HeldOut, pushes: Sequence[Replay]) -> list[dict[st
             continue
         if channel == "wrench":
             p = _lack_of_fit(system.white(o.wrench - held.wrenches["before"]).reshape(-1, 3), o.trial)
-        elif channel == "pose" and not pushes:
+        elif channel == "pose" and not held.ends:
             gaps = np.concatenate([o.gap[rows, k] for k, rows in system.gap_rows])
             p = _lack_of_fit((gaps / system.gap_noise)[:, None], held.trials["pose"])
         else:
