@@ -389,6 +389,7 @@ def test_commanded_rotations_are_carried_out_from_where_fingers_touch():
     ends = {}
     for name, values in log.samples.items():
         ends[name] = np.concatenate([values[log.rows(trial)][[0, -1]] for trial in log.trials["trial"]])
+    ends["phase"] = np.array(["rest", "retract"] * 3, dtype=object)
     short = sp.PushLog(log.rig, log.trials, ends)
     found = replays(short, observe(short))
     assert [push.trial for push in found] == [0, 1, 2] and not any(push.logged for push in found)
@@ -452,3 +453,50 @@ def test_a_chance_push_is_left_out_of_the_poses():
     kept = system.predictable(found)
     assert 20 < len(kept) <= len(found) == 40
     assert len(system.end_noise) == len(kept) and (system.end_noise > 0).all()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_thin_fingers_of_unknown_radius_are_no_error(seed):
+    """Noise can put the pusher a little inside of the outline."""
+    slider = sp.Slider(triangle().vertices, MASS, pressure())
+    pusher = sp.Pusher.finger(0.0)
+    rig = sp.VirtualRig(slider, sp.IdealLimitSurface(pressure(), LOAD), 0.5, pusher, [], sp.Noise(0.02, 2e-4, 2e-3))
+    log = rig.execute(sp.random_pushes(slider, pusher, 8, seed=seed, groups=0), seed=seed).log
+    check_schema(sp.diagnose(edited(log, FORCES, finger_radius=None)))
+
+
+def test_readings_at_rest_are_the_sensors_own():
+    """A slope and an offset of the sensor pull alike while the slider is pushed, but not before."""
+    for effect in ("force-bias:force=0.15/-0.1", "tilt:slope=0.012/-0.008"):
+        log = make_log(effect, count=24)
+        rest, force = observe(log).rest
+        assert len(rest) >= 20
+        bias = np.array((0.15, -0.1)) if "bias" in effect else np.zeros(2)
+        assert np.abs(force.mean(axis=0) - bias).max() < 0.03
+        assert sp.diagnose(log).named == [effect.split(":")[0]]
+
+
+def test_stability_counts_where_only_the_first_row_tells_where_fingers_are():
+    log = make_log(two=True, count=24)
+    pusher = {name: np.array(log.samples[name]) for name in ("px", "py", "ptheta")}
+    for trial in log.trials["trial"]:
+        for values in pusher.values():
+            values[log.rows(trial)[1:]] = np.nan
+    columns = ("cor_x", "cor_y", "sense", "stable")
+    turns = np.isfinite(np.stack([np.asarray(log.trials[c], dtype=float) for c in columns])).all(axis=0)
+    report = sp.diagnose(sp.PushLog(log.rig, log.trials, {**log.samples, **pusher}))
+    assert turns.sum() >= 4
+    assert next(e for e in report.shrink if e["channel"] == "stability")["held_out_trials"] == turns.sum()
+
+
+def test_a_log_of_one_group_is_left_out_by_trials():
+    log = make_log(count=20)
+    trials = {**log.trials, "group": np.full(20, "a", dtype=object)}
+    assert sp.diagnose(sp.PushLog(log.rig, trials, log.samples)).verdict == "none"
+
+
+def test_shares_are_those_of_the_figures_beside_them():
+    for log in (make_log("drift:rate=-0.2"), make_log(count=20)):
+        for e in sp.diagnose(log).shrink:
+            share = (e["before"] ** 2 - e["after"] ** 2) / (e["before"] ** 2 - e["floor"] ** 2)
+            assert abs(e["closed"] - np.clip(share, -10, 1)) < 1e-6 and e["ci95"][1] <= 1.0

@@ -29,7 +29,8 @@ def by_rows(log: sp.PushLog) -> Observations:
     """Rows as if each were a push of its own."""
     o = observe(log)
     return replace(
-        o, trial=np.arange(len(o.trial)), names=[str(k) for k in range(len(o.trial))], group=[""] * len(o.trial)
+        o, trial=np.arange(len(o.trial)), names=[str(k) for k in range(len(o.trial))], group=[""] * len(o.trial),
+        rest=(o.rest[0][:0], o.rest[1][:0]),
     )  # fmt: skip
 
 

@@ -139,12 +139,15 @@ def _page(report: GapReport) -> str:
     words = f"To separate {' and '.join(after['separates'])}: {after['why']}." if after["separates"] else f"{after['why']}."
     sections.append(Section("What to try next", words, pushes))
     how = (
-        "Loads of support points under the outline and the parameters of effects are fitted jointly to the measured wrenches and "
-        "to the gaps between fingers and outline, each row weighted by the noise of forces and motion and by how far off it is. "
-        "Without forces the ends of pushes are fitted instead, each carried out again in simulation. An effect is named if no "
-        "effect would show so clearly by chance more than once in a hundred logs (signs of the trials' scores drawn at random), "
-        "and the log density grows by enough over its scatter between trials; the others are judged given it. Shares of the gap "
-        "are those of trials left out of the fit, five folds, repeats kept together."
+        "Loads of support points under the outline and the parameters of effects are fitted jointly to the measured "
+        "wrenches and to the gaps between fingers and outline, each row weighted by the noise of forces and motion and by "
+        "how far off it is. Without forces the ends of pushes are fitted in the place of wrenches, each carried out again "
+        "in simulation. An effect is named if no effect would show so clearly by chance more than once in a hundred logs "
+        "(signs of the trials' scores drawn at random; without forces a larger gain may do instead), and the log density "
+        "grows by enough over its scatter between trials; the others are judged given it. Pressure is named if it "
+        "predicts held-out trials as well as any pressure does, friction of the fingers if forces of those that slip say "
+        "so. Which effects act was found on all trials; shares of the gap are those of trials left out of the fit, five "
+        "folds, repeats kept together."
     )
     sections.append(Section("How it was computed", how))
     sections.append(Section("Data quality", "", [("note", note) for note in report.notes] or [("note", "nothing to remark")]))

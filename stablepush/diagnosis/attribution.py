@@ -47,13 +47,14 @@ class ContactFriction:
 class Attribution:
     """What acts on a log.
 
-    ``chosen``: effects that act; ``rivals``: those that the log cannot tell from one of them; ``free``: whether the refitted
-    pressure is needed; ``final``: the fit with all of it; ``tests`` of all effects, each given the others that are
-    chosen; ``scores`` by name: held-out log densities (trials,) of the nominal simulation and its refits.
+    ``chosen``: effects that act; ``rivals``: those that the log cannot tell from one of them, ``rivalled``;
+    ``free``: whether the refitted pressure is needed; ``final``: the fit with all of it; ``tests`` of all effects, each given
+    the others that are chosen; ``scores`` by name: held-out log densities (trials,) of the nominal simulation and its refits.
     """
 
     chosen: list[str]
     rivals: list[str]
+    rivalled: str
     absorbed: bool
     free: bool
     final: Fitted
@@ -78,7 +79,9 @@ class Attribution:
 def folds_of(system: System, seed: int = 0) -> np.ndarray:
     """Number of the fold of each trial; trials of one group stay together."""
     groups = system.observations.group
-    keys = [g if g else f"trial {k}" for k, g in enumerate(groups)]
+    # a log that is one group has no folds but by trial
+    together = len({g if g else k for k, g in enumerate(groups)}) > 1
+    keys = [g if g and together else f"trial {k}" for k, g in enumerate(groups)]
     names = list(dict.fromkeys(keys))
     order = np.random.default_rng(seed).permutation(len(names))
     fold = {names[i]: rank % FOLDS for rank, i in enumerate(order)}
@@ -99,7 +102,7 @@ def held_out(system: System, effects: Sequence[str], free: bool, folds: np.ndarr
 def attribute(system: System, said: Callable[[str], None]) -> Attribution:
     """Find which effects act on a log."""
     chosen, current = _steps(system, said)
-    rivals = _rivals(system, chosen, current)
+    rivalled, rivals = _rivals(system, chosen, current)
     scores: dict[str, FloatArray] = {}
     absorbed, free = False, True
     if system.has_surface:
@@ -120,6 +123,7 @@ def attribute(system: System, said: Callable[[str], None]) -> Attribution:
             scores |= body
             if named:
                 chosen, rivals, free = named[:1], named[1:], False
+                rivalled = named[0]
     final = system.fit(chosen, free)
     tests: dict[str, ScoreTest] = {}
     for id in chosen:
@@ -128,8 +132,8 @@ def attribute(system: System, said: Callable[[str], None]) -> Attribution:
     tests |= system.tests(final, free, [id for id in SIZES if id not in (*chosen, *rivals)])
     if rivals:
         # each in the place of the cause that it cannot be told from
-        tests |= system.tests(system.fit(chosen[:-1], free), free, rivals)
-    return Attribution(chosen, rivals, absorbed, free, final, tests, scores, slip_friction(system, final))
+        tests |= system.tests(system.fit([e for e in chosen if e != rivalled], free), free, rivals)
+    return Attribution(chosen, rivals, rivalled, absorbed, free, final, tests, scores, slip_friction(system, final))
 
 
 def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitted]:
@@ -178,8 +182,8 @@ def _as_good_as_free(system: System, scores: dict[str, FloatArray], body: dict[s
 def by_chance(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[str, float]:
     """Return how often the most improbable statistic of all effects is as improbable as each one's, when there is no effect.
 
-    The scores are linearised at the fit; trials keep their errors but for the sign, the same for all effects (the step-down
-    maximum of Westfall and Young 1993 by the score bootstrap of Kline and Santos 2012).
+    The scores are linearised at the fit; trials keep their errors but for the sign, the same for all effects (the least
+    p-value of Westfall and Young 1993 by the score bootstrap of Kline and Santos 2012).
     """
     trials = max((len(test.scores) for test in tests.values()), default=0)
     signs = np.random.default_rng(seed).choice((-1.0, 1.0), (_DRAWS, trials))
@@ -194,10 +198,10 @@ def _possible(id: str, estimate: FloatArray) -> bool:
     return float(np.linalg.norm(estimate)) > _LEAST * RANGES[id] and not (id in ("inertia", "latency") and estimate[0] < 0)
 
 
-def _rivals(system: System, chosen: list[str], current: Fitted) -> list[str]:
-    """Effects that would explain the log about as well in the place of a chosen one."""
-    found: list[str] = []
+def _rivals(system: System, chosen: list[str], current: Fitted) -> tuple[str, list[str]]:
+    """A chosen effect, and those that would explain the log about as well in its place."""
     for id in chosen:
+        found: list[str] = []
         others = [e for e in chosen if e != id]
         without = system.fit(others, True)
         tests = system.tests(without, True, [e for e in BEYOND_PRESSURE if e not in others])
@@ -206,7 +210,9 @@ def _rivals(system: System, chosen: list[str], current: Fitted) -> list[str]:
                 continue
             if not system.better(current.density, system.fit([*others, rival], True).density):
                 found.append(rival)
-    return list(dict.fromkeys(found))
+        if found:
+            return id, found
+    return "", []
 
 
 def _nominal_density(system: System, chosen: list[str]) -> FloatArray:

@@ -36,7 +36,7 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict
     if not entries:
         return []
     model = ForwardModel(o, system.points, system.weight, system.rig.slider.radius_of_gyration**2, system.center)
-    noise = np.array((system.noise.force,) * 2 + (system.noise.force * system.rho,))
+    noise = system.noise.force * np.array((1.0, 1.0, system.moment_noise))
 
     def readings(id: str, fitted: Fitted, step: FloatArray) -> FloatArray:
         """Loads and gap (n, 4) of all pushes over their noise, with an effect a step away from where it was fitted."""
@@ -71,7 +71,7 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict
         total += float(squares[best])
         pulled = [b + pull[best] for b, pull in zip(pulled, pulls, strict=True)]
         informed = [a + gram[best] for a, gram in zip(informed, grams, strict=True)]
-    force = np.linalg.norm(difference[:, :3] * system.noise.force, axis=1)
+    force = np.linalg.norm(difference[:, :3] * noise / (1, 1, system.rho), axis=1)
     away = np.abs(difference[:, 3]) * system.gap_noise
     return [{**entries[i], "expected_difference_N": float(force[i]), "expected_difference_m": float(away[i])} for i in chosen]
 

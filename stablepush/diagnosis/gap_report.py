@@ -35,8 +35,8 @@ _MISFIT = 4.0
 class GapReport:
     """The answer to a log; :meth:`to_json` gives ``diagnosis/1``.
 
-    ``surface``: the mended limit surface (None without forces); ``effects``: what acts with its values, as the catalogue has
-    them.
+    ``surface``: the mended limit surface (None if the log does not tell its size); ``effects``: what acts with its values, as the
+    catalogue has them.
     """
 
     log: str
@@ -123,18 +123,21 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     found = attribute(system, said)
     said("how far the gap shrinks")
     named = found.named
-    held = hold_out(system, found, log, pushes, replayed)
+    held = hold_out(system, found, log, pushes)
     share, p_share, size = 0.0, 1.0, 0.0
     if system.has_wrench:
         left = system.observations.wrench - held.wrenches["after"]
         white = system.white(left).reshape(-1, 3)
         size = float(np.sqrt(np.median(white**2) / 0.455))
         share, p_share = flexible_share(system, white)
+    closed = shrink(held)
     unknown = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
-    if unknown and not explains_most(held):
+    # a cause that brings no channel nearer on trials that it was not fitted to explains nothing
+    worse = bool(named and closed) and max(entry["closed"] for entry in closed) <= 0
+    if worse or (unknown and not explains_most(held)):
         verdict, effects = "unknown", []
     elif found.rivals:
-        verdict, effects = "ambiguous", list(dict.fromkeys([*named, *found.rivals]))
+        verdict, effects = "ambiguous", [found.rivalled, *found.rivals, *(id for id in named if id != found.rivalled)]
     elif named:
         verdict, effects = "named", named
     else:
@@ -144,7 +147,6 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
             verdict = "unknown"
     said("where the gap lies")
     where = localise(system, system.observations.wrench - held.wrenches["before"]) if system.has_wrench else []
-    closed = shrink(held)
     ranking = rank(system, found, effects)
     # poses alone tell the shape of the surface, not its size
     sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
@@ -198,8 +200,11 @@ def _plain(entry: dict[str, Any]) -> dict[str, Any]:
 def _next(system: System, found: Attribution, effects: list[str], ranking: list[dict[str, Any]]) -> dict[str, Any]:
     """The pushes that best separate the two causes most in play."""
     likely = [*effects, *(entry["effect"] for entry in ranking if entry["identifiable"])]
-    pair = list(dict.fromkeys(id for id in likely if id in SIZES))[:2]
-    if len(pair) < 2 or not system.has_wrench:
+    # straight pushes do not tell of the fingers' friction
+    pair = list(dict.fromkeys(id for id in likely if id in SIZES and id != "contact-friction"))[:2]
+    if found.rivals:
+        pair = [found.rivalled, found.rivals[0]]
+    if len(pair) < 2 or not system.has_wrench or "contact-friction" in pair:
         why = "more pushes in headings, places, speeds and faces that vary, in random order"
         return {"separates": pair, "pushes": [], "why": why}
     from stablepush.diagnosis.candidates import separating_pushes
@@ -220,7 +225,8 @@ def _sentence(verdict: str, effects: list[str], shrink: list[dict[str, Any]], fo
     words = [CATALOGUE[id].what for id in effects]
     if verdict == "none":
         if not forces:
-            seen = "Pushes end where the nominal simulation says, within their scatter" if shrink else "Nothing stands out"
+            carried = any(entry["channel"] == "stability" or entry["channel"] == "pose" for entry in shrink)
+            seen = "No cause stands out of the scatter of the poses" if carried else "Nothing stands out"
             return f"{seen}; without forces little more can be said."
         if not noise:
             return "The nominal simulation fits as well as any pressure would, and no cause stands out of the scatter."
@@ -247,7 +253,9 @@ def _notes(log: PushLog, system: System, found: Attribution, share: float, p_sha
         radius = system.observations.finger_radius or 0.0
         notes.append(f"the rig does not say how thick fingers are: {1000 * radius:.2g} mm, as they usually are from the outline")
     if left_out:
-        notes.append(f"{left_out} pushes end where noise takes them, such as past a corner: they were left out of the poses")
+        notes.append(
+            f"{left_out} pushes end where noise takes them, such as past a corner, or cannot be simulated: left out of the poses"
+        )
     if not any(system.observations.group):
         notes.append("no repeated pushes: the scatter of repeats is not known")
     if system.has_wrench and not system.known_scale:

@@ -43,7 +43,7 @@ class Motions(System):
     """
 
     # every residual is a simulation of all pushes
-    steps, few, tolerance = 5, 1, 1e-3
+    steps, few, tolerance = 5, 4, 1e-3
     # ends follow effects far from linearly: one step tells little, and the fit itself may say enough
     demands = Demands(4.0, 6.0, 2.0, 0.01, 1.5)
 
@@ -55,7 +55,6 @@ class Motions(System):
         support = slider.support or SupportDistribution(self.points, np.ones(len(self.points)))
         total = (rig.support_friction or 0.0) * self.weight
         self._surface = IdealLimitSurface(_coarse(support), total or 1.0, self.rho)
-        self.mu = rig.contact_friction if rig.contact_friction is not None else 1.0
         if rig.contact_friction is None:
             self.nuisance = (*self.nuisance, "contact-friction")
         self.nominal = np.zeros(len(_SMALL))
@@ -153,5 +152,6 @@ def motions_of(observations: Observations, rig: Rig, pushes: list[Replay]) -> Mo
     moved = np.maximum(left[~stuck] ** 2 - still**2, 0.0) / np.maximum(reach[~stuck], 1e-12) ** 2
     share = np.sqrt(np.median(moved) / 0.455) if len(moved) else 0.0
     system.spread = np.hypot(max(float(still), float(system.spread.min())), float(share) * reach)
-    system.end_noise = np.sqrt((system.spread.reshape(-1, 3) ** 2).sum(axis=1))
+    if rig.noise is None:
+        system.end_noise = np.sqrt((system.spread.reshape(-1, 3) ** 2).sum(axis=1))
     return system

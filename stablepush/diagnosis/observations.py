@@ -9,12 +9,14 @@ import shapely
 
 from stablepush._arrays import BoolArray, FloatArray
 from stablepush.logs import PushLog
-from stablepush.se2 import compose, exp, inverse, transform_points, wrap_angle
+from stablepush.se2 import compose, exp, inverse, rotate_vectors, transform_points, wrap_angle
 from stablepush.se2 import log as log_of
 
 #: Fingers farther (m) than this from where fingers usually are, beside the outline, do not touch it; nor do those that are
 #: farther from it than the other length.
 _TOUCH, _NEAR = 3e-3, 8e-3
+#: Fingers farther (m) from the outline than this do not touch it for sure.
+_AWAY = 1e-3
 #: Radius (m) that fingers have at most, where it is not said.
 _WIDEST = 0.03
 #: Rows of a trial, at most: of more, means over equal parts are taken.
@@ -57,6 +59,8 @@ class Observations:
         Time (s) over which the row's twist is a mean: noise of poses counts the less the longer it is.
     group : list of str
         Of each trial; blank if none.
+    rest : tuple of arrays (m,) of int and (m, 2)
+        Trials, and forces (N) in W, of readings before the push while no finger touches: what they read is the sensor's own.
     finger_radius : float or None
         In m: the rig's, else the distance at which fingers usually are from the outline; None if neither is known.
     """
@@ -76,6 +80,7 @@ class Observations:
     slip: FloatArray
     span: FloatArray
     group: list[str]
+    rest: tuple[np.ndarray, FloatArray]
     finger_radius: float | None
 
     @property
@@ -162,8 +167,30 @@ def observe(log: PushLog) -> Observations:
     from_rest = np.array([name in rested for name in names], dtype=bool)
     return Observations(
         names, trial, rank[trial], time, pose, twist, _rates(trial, time, twist, span, from_rest), wrench, pusher,
-        normal, place, gap, slip, span, group, radius,
+        normal, place, gap, slip, span, group, _at_rest(log, names, rows_of, poses), radius,
     )  # fmt: skip
+
+
+def _at_rest(log: PushLog, names: list[str], pushes: dict[str, np.ndarray], poses: FloatArray) -> tuple[np.ndarray, FloatArray]:
+    """Trials (m,) and forces (m, 2) in W of readings at rest, before the push, with the pusher away from the outline."""
+    s = log.samples
+    if not {"fx", "fy", "px", "py", "phase"} <= set(s) or log.rig.contact_kind == "held":
+        return np.zeros(0, dtype=int), np.zeros((0, 2))
+    times, force = np.asarray(s["t"], dtype=np.float64), np.stack((s["fx"], s["fy"]), axis=-1).astype(np.float64)
+    pusher = np.stack((s["px"], s["py"]), axis=-1).astype(np.float64)
+    good = np.isfinite(np.column_stack((poses, force, pusher, times))).all(axis=1) & (np.asarray(s["phase"]) == "rest")
+    trials, rows = [], []
+    for k, name in enumerate(names):
+        begin = times[pushes[name]].min() if len(pushes[name]) else -np.inf
+        mine = [i for i in log.rows(name) if good[i] and times[i] < begin]
+        trials += [k] * len(mine)
+        rows += mine
+    trial, row = np.array(trials, dtype=int), np.array(rows, dtype=int)
+    if len(row):
+        centers = rotate_vectors(-poses[row, 2], pusher[row] - poses[row, :2])
+        away = nearest(log.rig.slider.vertices, centers)[2] - (log.rig.finger_radius or 0.0) > _AWAY
+        trial, row = trial[away], row[away]
+    return trial, rotate_vectors(poses[row, 2], force[row])
 
 
 def _spans(trial: np.ndarray, time: FloatArray, whole: dict[int, float]) -> FloatArray:
@@ -229,7 +256,7 @@ def _fingers(
             gap[known, k], normal[known, k], place[known, k] = away, inward, near
         if radius is None:
             near_by = np.abs(gap) < _WIDEST
-            radius = float(np.median(gap[near_by])) if near_by.any() else None
+            radius = max(0.0, float(np.median(gap[near_by]))) if near_by.any() else None
         gap -= radius or 0.0
         # fingers of a radius that is not quite the nominal one touch at the gap that most rows have
         near_by = np.abs(gap) < _NEAR

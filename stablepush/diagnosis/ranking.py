@@ -26,14 +26,14 @@ _SYSTEMATIC = {"inertia": 0.2}
 #: Effects whose estimates are more uncertain than this share of their range cannot be seen in a log.
 _BLIND = 0.5
 UNSEEN = {
-    "anisotropy-world": "needs forces and pushes in several directions over the table",
-    "anisotropy-object": "needs forces and pushes in several directions of the slider",
+    "anisotropy-world": "needs forces, or pushes that slip, in several directions over the table",
+    "anisotropy-object": "needs forces, or pushes that slip, in several directions of the slider",
     "speed-dependence": "needs forces and pushes at different speeds",
-    "spatial-variation": "needs forces and pushes at different places",
+    "spatial-variation": "needs forces, or pushes that slip, at different places",
     "drift": "needs forces over many trials",
-    "pressure-shift": "needs forces and moments",
+    "pressure-shift": "needs forces and moments, or pushes that turn the slider",
     "pressure-spread": "needs moments of turning pushes",
-    "tilt": "needs forces, headings that vary, and the slider's mass",
+    "tilt": "needs headings that vary, the slider's mass, and forces or the friction of the support",
     "inertia": "needs forces while the speed changes",
     "force-bias": "needs forces and headings that vary",
     "force-rotation": "needs forces in directions that vary against the motion",
@@ -77,8 +77,8 @@ def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, dic
 def rank(system: System, found: Attribution, effects: list[str]) -> list[dict[str, Any]]:
     """Return the entries of ``ranking`` as ``diagnosis/1`` has them; ``effects``: those that the verdict names."""
     # causes that the log cannot tell apart share the probability of the one that was fitted
-    apart = (*found.rivals, *found.chosen[-1:]) if found.rivals else ()
-    shared = _of_fit(found.chosen[-1], system, found, effects)[0] / len(apart) if apart else 0.0
+    apart = (found.rivalled, *found.rivals) if found.rivals else ()
+    shared = _of_fit(found.rivalled, system, found, effects)[0] / len(apart) if apart else 0.0
     entries = []
     for id in CATALOGUE:
         if id == "contact-friction" and system.has_wrench:
@@ -130,7 +130,7 @@ def _of_fit(id: str, system: System, found: Attribution, effects: list[str]) -> 
         at = sum(SIZES[k] for k in list(found.final.values)[: list(found.final.values).index(id)])
         deviation = np.sqrt(np.maximum(np.diag(found.final.covariance)[at : at + size], 0.0))
     deviation = np.hypot(_SHORT * deviation, _SYSTEMATIC.get(id, _OTHERS) * float(np.linalg.norm(estimate)))
-    nominal = {"contact-geometry": system.observations.finger_radius, "contact-friction": system.rig.contact_friction}
+    nominal = {"contact-geometry": system.observations.finger_radius, "contact-friction": system.mu}
     parameters = _parameters(id, np.asarray(estimate + (nominal.get(id) or 0.0)), deviation)
     evidence = min(test.statistic, test.gain) - 2 * (size - 1)
     if id in found.chosen:
@@ -138,7 +138,7 @@ def _of_fit(id: str, system: System, found: Attribution, effects: list[str]) -> 
     else:
         probability = _logistic((evidence - _EVEN) / _ODDS)
         probability = probability if id in effects else min(probability, 0.3)
-    return probability, parameters, not blind
+    return probability, parameters, not blind or (id == "contact-friction" and id in system.nuisance)
 
 
 def _logistic(value: float) -> float:

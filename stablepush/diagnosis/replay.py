@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
+from stablepush._arrays import BoolArray, FloatArray
 from stablepush.contact import PushContact
 from stablepush.diagnosis.observations import Observations, nearest
 from stablepush.effects import principal
@@ -26,8 +26,9 @@ from stablepush.slider import Slider
 _RADIUS = 5e-3
 #: Contact points nearer than this (m) are one finger's.
 _SAME_POINT = 1e-3
-#: Way (m) of a finger in a step of the simulation: ends are within about 0.01 mm of those of small steps.
-_STEP = 2e-3
+#: Way of a finger in a step of the simulation, in m and over the slider's radius of gyration, the greater of the two: ends are
+#: within about 0.1 mm of those of small steps on a slider of 5 cm.
+_STEP, _STEP_SHARE = 2e-3, 0.04
 #: Parameters of effects that change where a slider goes, sizes of them that count as small, and the least radius of a finger.
 MOVING: Mapping[str, float] = {
     "anisotropy-world": 0.05, "anisotropy-object": 0.05, "spatial-variation": 0.2, "pressure-shift": 1e-3,
@@ -37,6 +38,8 @@ MOVING: Mapping[str, float] = {
 _THIN = 1e-4
 #: Pieces of constant twist that a logged way is followed in, at most.
 _MOST_PIECES = 16
+#: Lever (m) by which turns of the pusher count as way.
+_ARM = 0.05
 #: Draws of the noise of first poses.
 _DRAWS = 4
 
@@ -56,8 +59,6 @@ class Replay:
         The pusher's first pose in W, and twists in its own frame with durations.
     logged : bool
         Whether the motion is the way as it was logged, up to the last pose; else as it was commanded, to rest.
-    contact : PushContact, optional
-        Where two fingers touch at first, in B.
     """
 
     trial: int
@@ -67,76 +68,118 @@ class Replay:
     place: FloatArray
     motion: list[tuple[FloatArray, float]]
     logged: bool
-    contact: PushContact | None
+
+
+class _Sheet:
+    """Columns of a log's samples, and what is known of its fingers."""
+
+    def __init__(self, log: PushLog, observations: Observations) -> None:
+        s, rig = log.samples, log.rig
+
+        def columns(*names: str) -> FloatArray:
+            blank = np.full(len(s["t"]), np.nan)
+            return np.stack([np.asarray(s[c], dtype=np.float64) if c in s else blank for c in names], axis=-1)
+
+        self.log, self.outline = log, rig.slider.vertices
+        self.poses, self.pushers, self.times = columns("x", "y", "theta"), columns("px", "py", "ptheta"), columns("t")[:, 0]
+        self.points = columns("c1x", "c1y", "c2x", "c2y").reshape(-1, 2, 2)
+        self.phases = np.asarray(s["phase"]) if "phase" in s else None
+        self.two = rig.contact_kind == "two-point"
+        if not self.two:
+            # how a single round finger is turned does not matter
+            self.pushers[:, 2] = np.where(np.isfinite(self.pushers[:, 2]), self.pushers[:, 2], 0.0)
+        spread = np.linalg.norm(self.points[:, 0] - self.points[:, 1], axis=1)
+        half = float(np.median(spread[np.isfinite(spread)])) / 2 if np.isfinite(spread).any() else math.nan
+        self.places = np.array(((0.0, half), (0.0, -half))) if self.two else np.zeros((1, 2))
+        self.radius = observations.finger_radius if observations.finger_radius is not None else _RADIUS
+        self.mu = rig.contact_friction if rig.contact_friction is not None else 1.0
+        self.seen: BoolArray = np.asarray(np.isfinite(self.poses).all(axis=1) & np.isfinite(self.times))
+        self.told: BoolArray = self.seen & np.isfinite(self.pushers).all(axis=1) & bool(np.isfinite(self.places).all())
+        self.touched: BoolArray = np.asarray(np.isfinite(self.points).all(axis=(1, 2)))
+
+    def rows(self, trial: str) -> np.ndarray:
+        rows = self.log.rows(trial)
+        return np.asarray(rows[np.argsort(self.times[rows], kind="stable")])
+
+    def contact(self, rows: np.ndarray) -> PushContact | None:
+        """Where two fingers are nearest to the outline in the first of rows that tells, else the contact points that it logs."""
+        told, touched = rows[self.told[rows]], rows[self.touched[rows]]
+        if self.two and len(told):
+            places = transform_points(compose(inverse(self.poses[told[0]]), self.pushers[told[0]]), self.places)
+        elif len(touched):
+            places = self.points[touched[0]]
+        else:
+            return None
+        points, normals, _ = nearest(self.outline, places)
+        apart = np.linalg.norm(points[0] - points[1]) >= _SAME_POINT
+        return PushContact(points, normals, self.mu) if apart else None
+
+
+def first_contacts(log: PushLog, observations: Observations) -> dict[int, PushContact]:
+    """Return where two fingers touch at first, in B, of trials by number where the log tells."""
+    sheet = _Sheet(log, observations)
+    found = {k: sheet.contact(sheet.rows(name)) for k, name in enumerate(observations.names)}
+    return {k: contact for k, contact in found.items() if contact is not None}
 
 
 def replays(log: PushLog, observations: Observations) -> list[Replay]:
     """Return the pushes of a log whose way is known, and where the slider was before and after."""
-    s, o, rig = log.samples, observations, log.rig
-    outline, two = rig.slider.vertices, rig.contact_kind == "two-point"
-    if rig.contact_kind == "held":
+    if log.rig.contact_kind == "held":
         return []
+    sheet = _Sheet(log, observations)
+    found = [_logged(sheet, k, name) or _commanded(sheet, k, name) for k, name in enumerate(observations.names)]
+    return [push for push in found if push is not None]
 
-    def columns(*names: str) -> FloatArray:
-        blank = np.full(len(s["t"]), np.nan)
-        return np.stack([np.asarray(s[c], dtype=np.float64) if c in s else blank for c in names], axis=-1)
 
-    poses, pushers, times = columns("x", "y", "theta"), columns("px", "py", "ptheta"), columns("t")[:, 0]
-    if not two:
-        # how a single round finger is turned does not matter
-        pushers[:, 2] = np.where(np.isfinite(pushers[:, 2]), pushers[:, 2], 0.0)
-    points = columns("c1x", "c1y", "c2x", "c2y").reshape(-1, 2, 2)
-    spread = np.linalg.norm(points[:, 0] - points[:, 1], axis=1)
-    half = float(np.median(spread[np.isfinite(spread)])) / 2 if np.isfinite(spread).any() else math.nan
-    radius = o.finger_radius if o.finger_radius is not None else _RADIUS
-    mu = rig.contact_friction if rig.contact_friction is not None else 1.0
-    known, told = np.isfinite(poses).all(axis=1) & np.isfinite(times), np.isfinite(pushers).all(axis=1)
-    places = np.array(((0.0, half), (0.0, -half))) if two else np.zeros((1, 2))
+def _logged(sheet: _Sheet, trial: int, name: str) -> Replay | None:
+    """A push by the pusher's logged way."""
+    rows = sheet.rows(name)
+    rows = rows[sheet.told[rows]]
+    rows = rows[np.concatenate(([True], np.diff(sheet.times[rows]) > 0))] if len(rows) else rows
+    if len(rows) < 2:
+        return None
+    rows = _knots(rows, sheet.pushers, sheet.phases)
+    motion = []
+    for i, j in pairwise(rows):
+        step = compose(inverse(sheet.pushers[i]), sheet.pushers[j])
+        step[2] = wrap_angle(step[2])
+        span = float(sheet.times[j] - sheet.times[i])
+        motion.append((log_of(step) / span, span))
+    first, last = rows[0], rows[-1]
+    pusher = Pusher(sheet.places, sheet.radius)
+    return Replay(trial, sheet.poses[first], sheet.poses[last], pusher, sheet.pushers[first], motion, True)
+
+
+def _commanded(sheet: _Sheet, trial: int, name: str) -> Replay | None:
+    """A rotation as it was commanded, from where the fingers touch at first."""
     wanted = ("cor_x", "cor_y", "sense", "angle")
-    commanded = {c: np.asarray(log.trials[c], dtype=np.float64) for c in wanted} if set(wanted) <= set(log.trials) else {}
-    found: list[Replay] = []
-    for trial, name in enumerate(o.names):
-        rows = log.rows(name)
-        rows = rows[np.argsort(times[rows], kind="stable")]
-        seen, both = rows[known[rows]], rows[(known & told)[rows]]
-        both = both[np.concatenate(([True], np.diff(times[both]) > 0))] if len(both) else both
-        if len(both) >= 2 and np.isfinite(places).all():
-            # of many rows, places on the way that are even in time
-            both = both[np.unique(np.linspace(0, len(both) - 1, min(len(both), _MOST_PIECES + 1)).round().astype(int))]
-            contact = None
-            if two:
-                fingers = transform_points(compose(inverse(poses[both[0]]), pushers[both[0]]), places)
-                contact = _contact(*nearest(outline, fingers)[:2], mu)
-            motion = []
-            for i, j in pairwise(both):
-                step = compose(inverse(pushers[i]), pushers[j])
-                step[2] = wrap_angle(step[2])
-                span = float(times[j] - times[i])
-                motion.append((log_of(step) / span, span))
-            found.append(
-                Replay(
-                    trial, poses[both[0]], poses[both[-1]], Pusher(places, radius), pushers[both[0]], motion, True, contact
-                )
-            )  # fmt: skip
-            continue
-        touching = rows[np.isfinite(points[rows]).all(axis=(1, 2))]
-        if len(seen) < 2 or not len(touching) or not commanded:
-            continue
-        cor_x, cor_y, sense, angle = (float(commanded[c][trial]) for c in wanted)
-        contact = _contact(*nearest(outline, points[touching[0]])[:2], mu)
-        if contact is None or not np.isfinite((cor_x, cor_y, sense, angle)).all():
-            continue
-        pusher = Pusher.of_contact(contact, radius)
-        docked = pusher.docked(contact)
-        twist = transport_twist(twist_from_cor((cor_x, cor_y), sense), inverse(docked))
-        start = poses[seen[0]]
-        found.append(Replay(trial, start, poses[seen[-1]], pusher, compose(start, docked), [(twist, abs(angle))], False, contact))
-    return found
+    rows = sheet.rows(name)
+    seen, touched = rows[sheet.seen[rows]], rows[sheet.touched[rows]]
+    if not set(wanted) <= set(sheet.log.trials) or len(seen) < 2 or not len(touched):
+        return None
+    cor_x, cor_y, sense, angle = (float(sheet.log.trials[c][trial]) for c in wanted)
+    contact = sheet.contact(touched[:1])
+    # where the slider was last seen while it was pushed, the rotation was not at its end
+    under_way = sheet.phases is not None and sheet.phases[seen[-1]] == "push"
+    if contact is None or under_way or not np.isfinite((cor_x, cor_y, sense, angle)).all():
+        return None
+    pusher = Pusher.of_contact(contact, sheet.radius)
+    docked = pusher.docked(contact)
+    twist = transport_twist(twist_from_cor((cor_x, cor_y), sense), inverse(docked))
+    start, end = sheet.poses[seen[0]], sheet.poses[seen[-1]]
+    return Replay(trial, start, end, pusher, compose(start, docked), [(twist, abs(angle))], False)
 
 
-def _contact(points: FloatArray, normals: FloatArray, mu: float) -> PushContact | None:
-    apart = len(points) == 2 and np.linalg.norm(points[0] - points[1]) >= _SAME_POINT
-    return PushContact(points, normals, mu) if apart else None
+def _knots(rows: np.ndarray, pushers: FloatArray, phases: np.ndarray | None) -> np.ndarray:
+    """Rows (k,) at places that are even on the pusher's way, from the last one before the push."""
+    if phases is not None and (phases[rows] == "push").any():
+        rows = rows[max(0, int(np.argmax(phases[rows] == "push")) - 1) :]
+    steps = np.diff(pushers[rows], axis=0)
+    way = np.concatenate(([0.0], np.cumsum(np.hypot(*steps[:, :2].T) + _ARM * np.abs(wrap_angle(steps[:, 2])))))
+    if len(rows) <= _MOST_PIECES + 1 or way[-1] == 0:
+        return rows
+    at = np.searchsorted(way, np.linspace(0, way[-1], _MOST_PIECES + 1), side="right") - 1
+    return rows[np.unique(np.append(at, len(rows) - 1))]
 
 
 def friction_of(surface: IdealLimitSurface, values: Mapping[str, FloatArray], weight: float) -> TableFriction:
@@ -201,7 +244,16 @@ def carry_out(replay: Replay, friction: TableFriction, slider: Slider, mu: float
     # the tracked origin lies off the centre of mass by the offset
     start = compose(replay.start, -offset)
     try:
-        trace = simulate_push(friction, slider, pusher, mu, start, replay.place, replay.motion, step=_STEP)
+        trace = simulate_push(
+            friction,
+            slider,
+            pusher,
+            mu,
+            start,
+            replay.place,
+            replay.motion,
+            step=max(_STEP, _STEP_SHARE * slider.characteristic_length),
+        )
     except (InputError, ConvergenceError):
         return np.full(3, np.nan)
     end = trace.poses[-1]

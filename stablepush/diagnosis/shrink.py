@@ -16,7 +16,7 @@ from stablepush.contact import PushContact
 from stablepush.diagnosis.attribution import FOLDS, Attribution, folds_of
 from stablepush.diagnosis.equations import Values
 from stablepush.diagnosis.forward import PARAMETERS
-from stablepush.diagnosis.replay import Replay, misses
+from stablepush.diagnosis.replay import Replay, first_contacts, misses
 from stablepush.diagnosis.system import IN_GAPS, System
 from stablepush.errors import ConvergenceError, InputError
 from stablepush.logs import PushLog
@@ -60,10 +60,10 @@ class _Fold:
     surfaces: dict[str, IdealLimitSurface]
 
 
-def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[Replay], labelled: Sequence[Replay]) -> HeldOut:
+def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[Replay]) -> HeldOut:
     """Predict every trial by fits to the others: five folds, repeats kept together.
 
-    ``pushes``: those whose ends are measurements; ``labelled``: all of known way.
+    ``pushes``: those whose ends are measurements.
     """
     held = HeldOut({}, {}, {}, {}, {})
     folds = list(_folds(system, found))
@@ -73,7 +73,7 @@ def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[
         _ends(held, system, folds, pushes)
     elif any(len(rows) for _, rows in system.gap_rows):
         _gaps(held, system, folds)
-    labels = _labels(labelled, log) if system.has_surface and system.rig.contact_friction is not None else {}
+    labels = _labels(system, log) if system.has_surface and system.rig.contact_friction is not None else {}
     if labels:
         _stability(held, folds, labels)
     return held
@@ -89,7 +89,8 @@ def _folds(system: System, found: Attribution) -> Iterator[_Fold]:
         mended, plain = system.fit(found.chosen, found.free, train, found.final), system.fit([], True, train, free)
         scaled = system.nominal if system.known_scale else system.fit([], False, train).loads
         loads = {"before": scaled, "refit": plain.loads, "after": mended.loads}
-        values: dict[str, Values] = {"before": {}, "refit": {}, "after": {**mended.values, **found.slips(system)}}
+        unknown = {id: v for id, v in plain.values.items() if id in system.nuisance}
+        values: dict[str, Values] = {"before": {}, "refit": unknown, "after": {**mended.values, **found.slips(system)}}
         surfaces = {k: system.surface(m) for k, m in loads.items()} if system.has_surface else {}
         yield _Fold(test, loads, values, surfaces)
 
@@ -120,13 +121,12 @@ def _wrenches(held: HeldOut, system: System, folds: list[_Fold]) -> None:
 def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Replay]) -> None:
     """Where pushes end."""
     trial, rig = np.array([push.trial for push in pushes], dtype=int), system.rig
-    mu = rig.contact_friction if rig.contact_friction is not None else 1.0
     for key in _FITS:
         ends = np.zeros((len(pushes), 3))
         for fold in folds:
             here = np.flatnonzero(fold.test[trial])
             chosen = [pushes[int(i)] for i in here]
-            ends[here] = misses(chosen, fold.surfaces[key], rig.slider, mu, system.moving_weight, fold.values[key])
+            ends[here] = misses(chosen, fold.surfaces[key], rig.slider, system.mu, system.moving_weight, fold.values[key])
         held.ends[key] = ends
     simulated = np.isfinite([held.ends[k] for k in _FITS]).all(axis=(0, 2))
     if simulated.any():
@@ -231,17 +231,17 @@ def _twist_floor(system: System, fold: _Fold, rows: np.ndarray) -> FloatArray:
     return total / _DRAWS
 
 
-def _labels(pushes: Sequence[Replay], log: PushLog) -> dict[int, tuple[PushContact, FloatArray, bool]]:
+def _labels(system: System, log: PushLog) -> dict[int, tuple[PushContact, FloatArray, bool]]:
     """Contact, commanded twist and whether it was stable, of trials by number, where the log has them all."""
     needed = ("cor_x", "cor_y", "sense", "stable")
     if not set(needed) <= set(log.trials):
         return {}
     columns = np.stack([np.asarray(log.trials[c], dtype=np.float64) for c in needed], axis=-1)
     found = {}
-    for push in pushes:
-        x, y, sense, stable = columns[push.trial]
-        if push.contact is not None and np.isfinite((x, y, sense, stable)).all():
-            found[push.trial] = (push.contact, twist_from_cor((x, y), sense), bool(stable))
+    for trial, contact in first_contacts(log, system.observations).items():
+        x, y, sense, stable = columns[trial]
+        if np.isfinite((x, y, sense, stable)).all():
+            found[trial] = (contact, twist_from_cor((x, y), sense), bool(stable))
     return found
 
 
@@ -267,7 +267,7 @@ def _closed(channel: str, unit: str, trial: np.ndarray, squares: dict[str, Float
     mean = sums.sum(axis=0)
     b, a = mean[0] / mean[2], mean[1] / mean[2]
     # what is left cannot be less than the noise: the noise is less than said then
-    floor = min(floor, float(a))
+    floor = min(floor, float(a), 0.999 * float(b))
 
     def share(before: FloatArray, after: FloatArray) -> FloatArray:
         low = np.minimum(floor, 0.999 * before)
@@ -275,7 +275,7 @@ def _closed(channel: str, unit: str, trial: np.ndarray, squares: dict[str, Float
 
     shares = share(drawn[:, 0] / drawn[:, 2], drawn[:, 1] / drawn[:, 2])
     # where there is hardly a gap its share is anything
-    low, high = np.clip(np.quantile(shares, (0.025, 0.975)), -10.0, 10.0)
+    low, high = np.clip(np.quantile(shares, (0.025, 0.975)), -10.0, 1.0)
     return {
         "channel": channel,
         "unit": unit,

@@ -64,6 +64,8 @@ class System(Equations):
         grid = SupportDistribution.from_polygon(slider.vertices, side / _CELLS).points
         self.points = np.concatenate((support.points, grid))
         self.weight = (slider.mass or 0.0) * rig.gravity
+        #: Friction of the fingers; 1 where it is not known.
+        self.mu = rig.contact_friction if rig.contact_friction is not None else 1.0
         self.known_scale = bool(self.weight and rig.support_friction)
         #: Weight (N) with which a slope of the table pulls at a slider whose friction is known; else 0.
         self.moving_weight = self.weight if self.has_wrench or self.known_scale else 0.0
@@ -86,9 +88,10 @@ class System(Equations):
         # rows of the gaps: finger by finger, where one touches
         self.gap_rows = [(k, np.flatnonzero(np.isfinite(o.gap[:, k]))) for k in range(2)]
         self.gap_noise = float(np.hypot(self.noise.position * 1.05, (o.finger_radius or 0.0) * self.noise.angle))
-        self.trial = np.concatenate(
-            ([np.repeat(o.trial, 3)] if self.has_wrench else []) + [o.trial[rows] for _, rows in self.gap_rows]
-        ).astype(int)
+        trial, self.rest = o.rest if self.has_wrench else (np.zeros(0, dtype=int), np.zeros((0, 2)))
+        parts = [np.repeat(o.trial, 3)] if self.has_wrench else []
+        parts += [o.trial[rows] for _, rows in self.gap_rows] + [np.repeat(trial, 2)]
+        self.trial = np.concatenate(parts).astype(int)
         if rig.finger_radius is None and any(len(rows) for _, rows in self.gap_rows):
             self.nuisance = ("contact-geometry",)
 
@@ -122,8 +125,7 @@ class System(Equations):
         if not self.has_surface or not pushes:
             self.end_noise = np.zeros(0)
             return []
-        mu = self.rig.contact_friction if self.rig.contact_friction is not None else 1.0
-        moved = carried(pushes, self.surface(self.nominal), self.rig.slider, mu, self.moving_weight, self.noise)
+        moved = carried(pushes, self.surface(self.nominal), self.rig.slider, self.mu, self.moving_weight, self.noise)
         own = float(np.sqrt(2 * self.noise.position**2 + (self.rho * self.noise.angle) ** 2))
         kept = moved <= _AMPLIFIED * own
         self.end_noise = np.hypot(moved[kept], own)
@@ -168,7 +170,9 @@ class System(Equations):
         for id in values:
             if id in IN_GAPS and len(gaps):
                 gaps = gaps - self.gap_change(id, values[id]) / self.gap_noise
-        return np.concatenate((*parts, gaps))
+        # what a sensor reads that touches nothing is its offset
+        bias = values.get("force-bias", np.zeros(2))
+        return np.concatenate((*parts, gaps, (self.rest - bias).ravel() / self.noise.force))
 
     def columns(self, id: str, loads: FloatArray, values: Values) -> FloatArray:
         size = SIZES[id]
@@ -187,10 +191,13 @@ class System(Equations):
                 parts.append(self.white(np.stack(derivatives, axis=-1)))
             else:
                 parts.append(np.zeros((3 * len(self.observations.time), size)))
-        return np.concatenate((*parts, self.gap_columns(id, values.get(id))))
+        at_rest = np.zeros((self.rest.size, size))
+        if id == "force-bias":
+            at_rest = np.tile(np.eye(2), (len(self.rest), 1)) / self.noise.force
+        return np.concatenate((*parts, self.gap_columns(id, values.get(id)), at_rest))
 
     def base(self, values: Values, free: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
-        gaps = sum(len(rows) for _, rows in self.gap_rows)
+        gaps = sum(len(rows) for _, rows in self.gap_rows) + self.rest.size
         if not self.has_wrench:
             return np.zeros((len(self.points), 0)), np.zeros((gaps, 0)), np.zeros((0, 0))
         total = float(self.nominal.sum())
