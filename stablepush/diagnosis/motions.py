@@ -20,8 +20,8 @@ from stablepush.logs import Rig
 from stablepush.models import IdealLimitSurface
 from stablepush.support import SupportDistribution
 
-#: Prior standard deviations of a shift of the pressure (over the radius of gyration) and of its stretch; differences for both.
-_SHIFT, _STRETCH = 0.2, 0.2
+#: Prior standard deviations of a shift of the pressure (over the radius of gyration) and of its stretches; differences for them.
+_PRIOR = (0.2, 0.2, 0.2, 0.2, 0.2)
 _SMALL = (0.02, 0.02, 0.05, 0.05, 0.05)
 #: Cells along each side in which the nominal pressure is gathered.
 _CELLS = 5
@@ -64,7 +64,7 @@ class Motions(System):
         noise = _NOISE * float(np.hypot(self.noise.position, self.rho * self.noise.angle))
         #: How far (m, for a component of an end each) the surface moves it within its prior: pushes that friction decides
         #: scatter with it, those that stay stuck end where the pusher goes.
-        self.reach = np.linalg.norm(self._slope("", _SMALL) * (_SHIFT, _SHIFT, _STRETCH, _STRETCH, _STRETCH), axis=1)
+        self.reach = np.linalg.norm(self._slope("", _SMALL) * _PRIOR, axis=1)
         self.spread = np.hypot(noise, _SHARE * self.reach)
         self.trial = np.concatenate((np.repeat([p.trial for p in self.pushes], 3), self.trial)).astype(int)
 
@@ -98,7 +98,7 @@ class Motions(System):
         count = len(self.nominal) if free else 0
         slopes = self._slope("", _SMALL)[:, :count] / self.spread[:, None]
         gaps = np.zeros((len(self.trial) - len(slopes), count))
-        precision = np.diag(1 / np.array((_SHIFT, _SHIFT, _STRETCH, _STRETCH, _STRETCH))[:count] ** 2)
+        precision = np.diag(1 / np.array(_PRIOR)[:count] ** 2)
         return np.eye(len(self.nominal))[:, :count], np.concatenate((slopes, gaps)), precision
 
     def _slope(self, id: str, small: tuple[float, ...]) -> FloatArray:
