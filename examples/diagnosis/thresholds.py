@@ -15,10 +15,9 @@ from functools import partial
 
 import campaign
 import numpy as np
-from scipy.stats import chi2
 
 from stablepush.diagnosis.attribution import BEYOND_PRESSURE
-from stablepush.diagnosis.equations import SIZES, Fitted, Values
+from stablepush.diagnosis.equations import Fitted, Values
 from stablepush.diagnosis.observations import observe
 from stablepush.diagnosis.system import system_of
 
@@ -45,26 +44,26 @@ def main() -> None:
         fitted = system.fit([], True)
         tests = system.tests(fitted, True, BEYOND_PRESSURE)
         signs = np.random.default_rng(k).choice((-1.0, 1.0), (options.draws, len(fitted.density)))
-        linear = np.ones(options.draws)
-        for id, test in tests.items():
-            linear = np.minimum(linear, chi2.sf(test.under_none(signs), SIZES[id]))
-        full, measured = np.ones(options.draws), system.residual
+        linear = np.zeros(options.draws)
+        for test in tests.values():
+            linear = np.minimum(linear, test.log_p(test.under_none(signs)))
+        full, measured = np.zeros(options.draws), system.residual
         for i, sign in enumerate(signs):
             moved = (sign[system.trial] - 1) * fitted.residual
             # the rows that would have been measured, had the errors had these signs
             system.residual = partial(_moved, measured, moved)  # type: ignore[method-assign]
             again: Fitted = system.fit([], True, start=fitted)
             found = system.tests(again, True, BEYOND_PRESSURE)
-            full[i] = min(chi2.sf(test.statistic, SIZES[id]) for id, test in found.items())
+            full[i] = min(test.log_p(test.statistic) for test in found.values())
         system.residual = measured  # type: ignore[method-assign]
         both.append((linear, full))
-        cells = [f"{np.quantile(values, level):16.2e}" for level in LEVELS for values in (linear, full)]
+        cells = [f"{np.exp(np.quantile(values, level)):16.2e}" for level in LEVELS for values in (linear, full)]
         print(f"{k:>4d}" + "".join(cells), flush=True)
     scores, refits = (np.concatenate(parts) for parts in zip(*both, strict=True))
     for level in LEVELS:
         share = np.mean([(full <= np.quantile(linear, level)).mean() for linear, full in both])
         print(f"refits that are as improbable as {100 * level:.0f} % of the scores: {100 * share:.1f} %")
-    print(f"correlation of the logarithms, draw by draw: {np.corrcoef(np.log(scores), np.log(refits))[0, 1]:.3f}")
+    print(f"correlation of the logarithms, draw by draw: {np.corrcoef(scores, refits)[0, 1]:.3f}")
 
 
 if __name__ == "__main__":

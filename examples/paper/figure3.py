@@ -64,7 +64,9 @@ def run_trial(case: str, trial: int) -> dict[str, list[float]]:
     rng = np.random.default_rng((list(CASES).index(case), trial))
     loads, directions = trial_pairs(points, rng)
     test = slice(0, TEST)
-    seen_loads = loads[TEST:] + noise * rng.normal(size=loads[TEST:].shape)
+    seen_loads = loads[TEST:]
+    if noise:  # the paper makes unit vectors of noisy loads as well as of noisy twists
+        seen_loads = unit(seen_loads + noise * rng.normal(size=seen_loads.shape))
     seen = unit(directions[TEST:] + noise * rng.normal(size=directions[TEST:].shape))
     validation = np.arange(VALIDATION)
     errors: dict[str, list[float]] = {method: [] for method in METHODS}

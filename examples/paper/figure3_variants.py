@@ -1,7 +1,8 @@
 """What figure 3 leaves open, and how much of the difference to the published numbers it can make.
 
-The paper does not say how facets share the points sampled on them, how weights of legs are drawn, by which length moments
-are scaled, or whether loads are renormalised after noise. Each variant changes one of these; methods as published.
+The paper does not say how facets share the points sampled on them, how weights of legs are drawn, or by which length moments
+are scaled; that noisy loads become unit vectors could be meant of twists alone. Each variant changes one of these, or a number
+that the paper gives (half of the pairs of legs on facets); methods as published.
 
     python examples/paper/figure3_variants.py --published published.json [--trials 50]
 """
@@ -23,10 +24,11 @@ VARIANTS = {
         "as in figure 3",
         "facets by area",
         "weights of a flat Dirichlet",
+        "weights all the same",
         "moments over the unit radius",
-        "loads as unit vectors",
+        "a quarter on facets",
     ),
-    "ring_noisy": ("as in figure 3", "loads renormalised", "loads as unit vectors", "moments over the unit radius"),
+    "ring_noisy": ("as in figure 3", "loads as they are", "loads of the clean size", "moments over the unit radius"),
 }
 
 
@@ -35,6 +37,7 @@ def pairs(points: int, rng: np.random.Generator, variant: str) -> tuple[np.ndarr
     if points == 3:
         angles = rng.uniform(0, 2 * np.pi, 3)
         shares = rng.dirichlet(np.ones(3)) if variant == "weights of a flat Dirichlet" else rng.uniform(size=3)
+        shares = np.ones(3) if variant == "weights all the same" else shares
         feet = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
         support = sp.SupportDistribution(feet - shares / shares.sum() @ feet, shares)
     else:
@@ -42,7 +45,7 @@ def pairs(points: int, rng: np.random.Generator, variant: str) -> tuple[np.ndarr
     rho = 1.0 if variant == "moments over the unit radius" else None
     ideal = sp.IdealLimitSurface(support, 1.0, rho)
     rho = ideal.characteristic_length
-    on_facets = figure3.PAIRS // 2 if points == 3 else 0
+    on_facets = figure3.PAIRS // (4 if variant == "a quarter on facets" else 2) if points == 3 else 0
     directions = unit(rng.normal(size=(figure3.PAIRS - on_facets, 3)))
     loads = normalize_wrench(ideal.wrench(directions / (1, 1, rho)), rho)
     if on_facets:
@@ -62,9 +65,9 @@ def run_trial(case: str, variant: str, trial: int) -> dict[str, list[float]]:
     loads, directions = pairs(points, rng, variant)
     test, rest = slice(0, figure3.TEST), slice(figure3.TEST, None)
     seen_loads = loads[rest] + noise * rng.normal(size=loads[rest].shape)
-    if variant == "loads renormalised":
+    if variant == "loads of the clean size":
         seen_loads *= np.linalg.norm(loads[rest], axis=1, keepdims=True) / np.linalg.norm(seen_loads, axis=1, keepdims=True)
-    if variant == "loads as unit vectors":
+    elif noise and variant != "loads as they are":
         seen_loads = unit(seen_loads)
     seen = unit(directions[rest] + noise * rng.normal(size=directions[rest].shape))
     errors: dict[str, list[float]] = {method: [] for method in METHODS}

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 from scipy.stats import t as student
 
 from stablepush._arrays import FloatArray
@@ -187,10 +186,10 @@ def by_chance(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[str, float]
     """
     trials = max((len(test.scores) for test in tests.values()), default=0)
     signs = np.random.default_rng(seed).choice((-1.0, 1.0), (_DRAWS, trials))
-    least = np.ones(_DRAWS)
-    for id, test in tests.items():
-        least = np.minimum(least, chi2.sf(test.under_none(signs), SIZES[id]))
-    return {id: float((1 + (least <= chi2.sf(test.statistic, SIZES[id])).sum()) / (1 + _DRAWS)) for id, test in tests.items()}
+    least = np.zeros(_DRAWS)
+    for test in tests.values():
+        least = np.minimum(least, test.log_p(test.under_none(signs)))
+    return {id: float((1 + (least <= test.log_p(test.statistic)).sum()) / (1 + _DRAWS)) for id, test in tests.items()}
 
 
 def _possible(id: str, estimate: FloatArray) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import f as f_distribution
 
 from stablepush._arrays import BoolArray, FloatArray
 from stablepush.diagnosis.forward import PARAMETERS
@@ -16,6 +17,8 @@ from stablepush.diagnosis.forward import PARAMETERS
 _TAIL = 5.0
 #: Shares of a Gauss-Newton step that are tried until it helps.
 _SHARES = (1.0, 0.5, 0.25, 0.1, 0.02)
+#: Least logarithm of a chance, where its formula underflows.
+_LEAST_LOG = -500.0
 #: Effects that are fitted, and numbers of their parameters.
 SIZES: Mapping[str, int] = {**PARAMETERS, "contact-geometry": 1, "contact-friction": 1}
 #: Half of the plausible range of the parameters as they are fitted.
@@ -94,6 +97,19 @@ class ScoreTest:
         steps = np.linalg.solve(total, pulls.T).T
         left = signs[:, :, None] * self.scores - np.einsum("tij,nj->nti", self.shares, steps)
         return statistics(pulls, left)
+
+    def log_p(self, statistic: FloatArray | float) -> FloatArray:
+        """Logarithm of the chance of so large a statistic (any shape) without the effect, as Hotelling's T² has it.
+
+        The scatter of few trials is itself uncertain: what counts as their number is ``(Σ s)² / Σ s²`` of their shares in the
+        information (Satterthwaite 1946).
+        """
+        d, total = len(self.estimate), self.shares.sum(axis=0)
+        if not total.any():
+            return np.zeros(np.shape(statistic))
+        share = np.einsum("ij,tji->t", np.linalg.inv(total), self.shares)
+        trials = max(float(share.sum()) ** 2 / float((share**2).sum()), d + 1.0)
+        return np.maximum(f_distribution.logsf(np.asarray(statistic) / d, d, trials - d), _LEAST_LOG)
 
 
 def statistics(pulls: FloatArray, scores: FloatArray) -> FloatArray:

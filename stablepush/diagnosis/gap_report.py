@@ -15,7 +15,7 @@ from stablepush.diagnosis.motions import motions_of
 from stablepush.diagnosis.observations import heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import replays
-from stablepush.diagnosis.shrink import ends_are_off, explains_most, gap, hold_out, shrink
+from stablepush.diagnosis.shrink import closes_touch, ends_are_off, explains_most, gap, hold_out, shrink
 from stablepush.diagnosis.system import System, system_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise
 from stablepush.effects import CATALOGUE
@@ -29,6 +29,8 @@ VERDICTS = ("none", "absorbed", "named", "ambiguous", "unknown")
 _UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
 #: Residuals so many times the noise are no fit, whatever they follow.
 _MISFIT = 4.0
+#: A sentence speaks of a channel whose gap closes by more than this share.
+_SAID = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +135,8 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     closed = shrink(held)
     unknown = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
     # a cause that brings no channel nearer on trials that it was not fitted to explains nothing
-    worse = bool(named and closed) and max(entry["closed"] for entry in closed) <= 0
+    touch = closes_touch(held)
+    worse = bool(named and closed) and max(touch, *(entry["closed"] for entry in closed)) <= 0
     if worse or (unknown and not explains_most(held)):
         verdict, effects = "unknown", []
     elif found.rivals:
@@ -165,7 +168,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         shrink=closed,
         worse=[entry["channel"] for entry in closed if entry["after"] > 1.02 * entry["before"]],
         next_experiment=_next(system, found, effects, ranking),
-        sentence=_sentence(verdict, effects, closed, system.has_wrench, log.rig.noise is not None),
+        sentence=_sentence(verdict, effects, closed, touch, system.has_wrench, log.rig.noise is not None),
         notes=notes,
         surface=surface,
         effects=report_effects,
@@ -215,13 +218,11 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
     return {"separates": pair, "pushes": pushes, "why": why}
 
 
-def _sentence(verdict: str, effects: list[str], shrink: list[dict[str, Any]], forces: bool, noise: bool) -> str:
-    closed = next((entry for entry in shrink if entry["channel"] == "wrench"), shrink[0] if shrink else None)
-    how = (
-        ""
-        if closed is None
-        else f"; {100 * closed['closed']:.0f} % of the gap in the {closed['channel']} closes on held-out trials"
-    )
+def _sentence(verdict: str, effects: list[str], shrink: list[dict[str, Any]], touch: float, forces: bool, noise: bool) -> str:
+    # of the first channel that comes nearer: a cause need not show in all
+    shares = {f"the {entry['channel']}": entry["closed"] for entry in shrink} | {"how fingers touch": touch}
+    nearer = [(channel, share) for channel, share in shares.items() if share > _SAID]
+    how = f"; {100 * nearer[0][1]:.0f} % of the gap in {nearer[0][0]} closes on held-out trials" if nearer else ""
     words = [CATALOGUE[id].what for id in effects]
     if verdict == "none":
         if not forces:

@@ -13,7 +13,7 @@ from stablepush.se2 import compose, exp, inverse, rotate_vectors, transform_poin
 from stablepush.se2 import log as log_of
 
 #: Fingers farther (m) than this from where fingers usually are, beside the outline, do not touch it; nor do those that are
-#: farther from it than the other length.
+#: farther from it than the other length. Where contact points are logged, they tell, and the other length alone counts.
 _TOUCH, _NEAR = 3e-3, 8e-3
 #: Fingers farther (m) from the outline than this do not touch it for sure.
 _AWAY = 1e-3
@@ -158,7 +158,9 @@ def observe(log: PushLog) -> Observations:
     pusher[list(ends)] = np.nan
     # a sensor that reads nothing at all tells nothing of the load
     wrench[~np.abs(wrench).any(axis=1)] = np.nan
-    radius, normal, place, gap, slip = _fingers(log, trial, time, pose, twist, pusher, columns("c1x", "c1y", "c2x", "c2y"))
+    # each contact point for itself: a finger may touch alone
+    points = np.stack((columns("c1x", "c1y"), columns("c2x", "c2y")), axis=1)
+    radius, normal, place, gap, slip = _fingers(log, trial, time, pose, twist, pusher, points)
     begun = np.asarray(log.trials["start_time"], dtype=np.float64)
     rank = np.argsort(np.argsort(begun, kind="stable"), kind="stable") / max(1, len(names) - 1)
     group = [str(g) for g in log.trials["group"]] if "group" in log.trials else [""] * len(names)
@@ -228,7 +230,7 @@ def _fingers(
     pose: FloatArray,
     twist: FloatArray,
     pusher: FloatArray,
-    logged: FloatArray,
+    points: FloatArray,
 ) -> tuple[float | None, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Radius, normals, places, gaps and slip of the fingers, from the pusher's poses, else from the contact points that are
     logged."""
@@ -239,10 +241,8 @@ def _fingers(
     if log.rig.contact_kind == "held":
         return radius, normal, place, gap, slip
     outline = log.rig.slider.vertices
-    points = logged.reshape(n, 2, 2)
-    two = log.rig.contact_kind == "two-point"
-    both = np.isfinite(points).all(axis=(1, 2))
-    half = float(np.median(np.linalg.norm(points[both, 0] - points[both, 1], axis=1))) / 2 if two and both.any() else 0.0
+    half = half_spacing(log)
+    half = half if np.isfinite(half) else 0.0
     # how the pusher is turned does not matter to what sits in its origin: one finger, or the middle of two that are flush
     if half == 0.0:
         pusher = np.where(np.isfinite(pusher) | (np.arange(3) < 2), pusher, 0.0)
@@ -271,7 +271,7 @@ def _fingers(
                 away[~np.isfinite(away)] = np.inf
                 rows_seen = np.flatnonzero(seen[:, c])
                 owned[rows_seen, away[rows_seen].argmin(axis=1)] = True
-            touching &= owned
+            touching = owned & near_by
         for k in range(2):
             gap[~touching[:, k], k] = np.nan
             normal[~touching[:, k], k], place[~touching[:, k], k] = np.nan, np.nan
@@ -297,6 +297,28 @@ def _fingers(
             # the slider slips against the finger the other way round
             slip[good] = np.where(np.isfinite(slip[good]), 0.5 * (slip[good] - along), -along)
     return radius, normal, place, gap, slip
+
+
+def half_spacing(log: PushLog) -> float:
+    """Half the distance (m) between two fingers, from the contact points that are logged; 0 for one finger, NaN if not known."""
+    s, wanted = log.samples, ("x", "y", "theta", "px", "py", "ptheta", "c1x", "c1y", "c2x", "c2y")
+    if log.rig.contact_kind != "two-point":
+        return 0.0
+    blank = np.full(len(s["t"]), np.nan)
+    sheet = np.stack([np.asarray(s[c], dtype=np.float64) if c in s else blank for c in wanted], axis=-1)
+    points = sheet[:, 6:].reshape(-1, 2, 2)
+    both = np.isfinite(points).all(axis=(1, 2))
+    if both.any():
+        return float(np.median(np.linalg.norm(points[both, 0] - points[both, 1], axis=1))) / 2
+    # fingers that never touch together are beside the pusher's axis, each behind its contact
+    point = np.where(np.isfinite(points[:, 0]), points[:, 0], points[:, 1])
+    known = np.isfinite(sheet[:, :6]).all(axis=1) & np.isfinite(point).all(axis=1)
+    if not known.any():
+        return np.nan
+    near, inward, _ = nearest(log.rig.slider.vertices, point[known])
+    centers = (near - (log.rig.finger_radius or 0.0) * inward)[:, None]
+    seen = transform_points(compose(inverse(sheet[known, 3:6]), sheet[known, :3]), centers)[:, 0]
+    return float(np.median(np.abs(seen[:, 1])))
 
 
 def nearest(outline: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from stablepush._arrays import BoolArray, FloatArray
 from stablepush.contact import PushContact
-from stablepush.diagnosis.observations import Observations, nearest
+from stablepush.diagnosis.observations import Observations, half_spacing, nearest
 from stablepush.effects import principal
 from stablepush.errors import ConvergenceError, InputError
 from stablepush.logs import Noise, PushLog
@@ -88,8 +88,7 @@ class _Sheet:
         if not self.two:
             # how a single round finger is turned does not matter
             self.pushers[:, 2] = np.where(np.isfinite(self.pushers[:, 2]), self.pushers[:, 2], 0.0)
-        spread = np.linalg.norm(self.points[:, 0] - self.points[:, 1], axis=1)
-        half = float(np.median(spread[np.isfinite(spread)])) / 2 if np.isfinite(spread).any() else math.nan
+        half = half_spacing(log)
         self.places = np.array(((0.0, half), (0.0, -half))) if self.two else np.zeros((1, 2))
         self.radius = observations.finger_radius if observations.finger_radius is not None else _RADIUS
         self.mu = rig.contact_friction if rig.contact_friction is not None else 1.0

@@ -41,6 +41,7 @@ class HeldOut:
 
     ``wrenches``: the predicted wrenches (n, 3) themselves; empty without forces. ``ends``: how far (m, 3) from where pushes
     end in simulation the slider was measured, as ``(x, y, rho θ)`` of its frame; NaN where they cannot be simulated.
+    The channel ``"touch"``, gaps between fingers and outline, is for judgements; reports have it where it stands for poses.
     """
 
     wrenches: dict[str, FloatArray]
@@ -69,10 +70,13 @@ def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[
     folds = list(_folds(system, found))
     if system.has_wrench:
         _wrenches(held, system, folds)
+    if any(len(rows) for _, rows in system.gap_rows):
+        _gaps(held, system, folds)
     if system.has_surface and pushes:
         _ends(held, system, folds, pushes)
-    elif any(len(rows) for _, rows in system.gap_rows):
-        _gaps(held, system, folds)
+    elif "touch" in held.squares:
+        for part in (held.squares, held.trials, held.floors):
+            part["pose"] = part["touch"]  # type: ignore[assignment, index]
     labels = _labels(system, log) if system.has_surface and system.rig.contact_friction is not None else {}
     if labels:
         _stability(held, folds, labels)
@@ -136,15 +140,15 @@ def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Re
 
 
 def _gaps(held: HeldOut, system: System, folds: list[_Fold]) -> None:
-    """Gaps between fingers and outline, where pushes cannot be carried out again."""
+    """Gaps between fingers and outline."""
     o = system.observations
     trial = np.concatenate([o.trial[rows] for _, rows in system.gap_rows]).astype(int)
     gaps = np.concatenate([o.gap[rows, k] for k, rows in system.gap_rows])
-    held.squares["pose"] = dict.fromkeys(_FITS, gaps**2)
+    held.squares["touch"] = {key: gaps**2 for key in _FITS}
     for fold in folds:
         left = gaps - sum(system.gap_change(id, v) for id, v in fold.values["after"].items() if id in IN_GAPS)
-        held.squares["pose"]["after"][fold.test[trial]] = left[fold.test[trial]] ** 2
-    held.trials["pose"], held.floors["pose"] = trial, system.gap_noise**2
+        held.squares["touch"]["after"][fold.test[trial]] = left[fold.test[trial]] ** 2
+    held.trials["touch"], held.floors["touch"] = trial, system.gap_noise**2
 
 
 def _stability(held: HeldOut, folds: list[_Fold], labels: dict[int, tuple[PushContact, FloatArray, bool]]) -> None:
@@ -182,6 +186,13 @@ def wrench_floor(system: System) -> float:
     loads = np.abs(system.nominal)
     most = max(float(loads.max()), _SMOOTH * float(loads.sum())) ** 2 + 1e-30
     return float((force + motion * most / (motion + most)).mean())
+
+
+def closes_touch(held: HeldOut) -> float:
+    """Return the share of the gaps between fingers and outline that closes; 0 where none are measured."""
+    if "touch" not in held.squares:
+        return 0.0
+    return float(_closed("touch", "m", held.trials["touch"], held.squares["touch"], held.floors["touch"])["closed"])
 
 
 def explains_most(held: HeldOut) -> bool:
