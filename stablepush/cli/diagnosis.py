@@ -13,7 +13,6 @@ from stablepush.errors import InputError
 
 if TYPE_CHECKING:
     from stablepush.diagnosis import GapReport
-    from stablepush.logs import PushLog
 
 
 def diagnose(
@@ -46,7 +45,7 @@ def diagnose(
     if pushes is not None:
         _write_pushes(report, pushes)
     if mended is not None:
-        _write_mended(data, report, mended)
+        _write_mended(report, mended)
     print(f"{log}: {report.verdict}{': ' + ', '.join(report.named) if report.named else ''}")
     print(report.sentence)
     for entry in report.shrink:
@@ -74,7 +73,7 @@ def _write_pushes(report: GapReport, path: Path) -> None:
     write_atomically(path, table_text({name: np.array([push[name] for push in proposed]) for name in names}))
 
 
-def _write_mended(data: PushLog, report: GapReport, folder: Path) -> None:
+def _write_mended(report: GapReport, folder: Path) -> None:
     from stablepush.files import write_json
     from stablepush.formats import model_to_json
     from stablepush.logs.pushlog import rig_to_json
@@ -82,8 +81,8 @@ def _write_mended(data: PushLog, report: GapReport, folder: Path) -> None:
     if report.surface is None:
         print(f"{folder}: not written: a mended simulation needs forces, or a rig that says the mass and the support's friction")
         return
-    extra = {**(data.rig.extra or {}), "effects": report.effects}
-    write_json(folder / "rig.json", rig_to_json(replace(data.rig, extra=extra)))
+    extra = {**(report.rig.extra or {}), "effects": report.effects}
+    write_json(folder / "rig.json", rig_to_json(replace(report.rig, extra=extra)))
     write_json(folder / "model.json", {**model_to_json(report.surface), "effects": report.effects})
 
 

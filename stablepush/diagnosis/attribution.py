@@ -22,6 +22,8 @@ _LEAST = 0.03
 _MOST, _TRIED = 4, 4
 #: Alternatives are looked at if they gain at least this share of what the chosen effect gains.
 _RIVAL = 0.5
+#: An alternative that needs values beyond this many times half of their plausible range is none.
+_MOST_PLAUSIBLE = 1.5
 #: Parts into which trials fall for held-out judgements.
 FOLDS = 5
 #: Slip counts from so many of its own standard errors, and from this share of the speed.
@@ -207,7 +209,9 @@ def _rivals(system: System, chosen: list[str], current: Fitted) -> tuple[str, li
         for rival in BEYOND_PRESSURE:
             if rival in chosen or tests[rival].gain < _RIVAL * tests[id].gain or not _possible(rival, tests[rival].estimate):
                 continue
-            if not system.better(current.density, system.fit([*others, rival], True).density):
+            instead = system.fit([*others, rival], True)
+            plausible = float(np.linalg.norm(instead.values[rival])) <= _MOST_PLAUSIBLE * RANGES[rival]
+            if plausible and not system.better(current.density, instead.density):
                 found.append(rival)
         if found:
             return id, found

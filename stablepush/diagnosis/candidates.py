@@ -18,12 +18,15 @@ from stablepush.se2 import compose
 
 #: Headings of the slider, speeds (m/s) and places (m from the origin of W, both ways) that are looked at; pushes proposed.
 _HEADINGS, _SPEEDS, _PLACES, _PROPOSED = 12, (0.005, 0.02, 0.06), (-0.1, 0.1), 8
+#: How often each is made, and what the sum of squares must differ by, between the causes, for pushes to be worth while.
+_TIMES, _TOLD = 2, 10.0
 #: Way of a push, in m.
 _WAY = 0.04
 
 
 def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict[str, Any]]:
-    """Return pushes that tell two effects apart, each as it was fitted, the most telling first.
+    """Return pushes that tell two effects apart, each as it was fitted, the most telling first, each twice: the diagnosis
+    believes no single push. None if not even all of them would.
 
     Chosen one by one so that what is left of the difference of the two predictions, over the noise, is largest when either effect
     takes what values suit it better, as far as the log lets it (the T-criterion of Atkinson and Fedorov 1975, linearised).
@@ -59,21 +62,29 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict
     pulls = [np.einsum("nrd,nr->nd", slope, difference) for slope in slopes]
     grams = [np.einsum("nrd,nre->nde", slope, slope) for slope in slopes]
     chosen: list[int] = []
-    total, pulled, informed = 0.0, [np.zeros(len(k)) for k in known], list(known)
-    for _ in range(min(_PROPOSED, len(entries))):
+    total, told, pulled, informed = 0.0, 0.0, [np.zeros(len(k)) for k in known], list(known)
+    while len(chosen) < min(_PROPOSED // _TIMES, len(entries)):
         left = np.full(len(entries), np.inf)
         for pull, gram, b, a in zip(pulls, grams, pulled, informed, strict=True):
-            taken = np.einsum("nd,nde,ne->n", b + pull, np.linalg.pinv(a + gram, hermitian=True), b + pull)
-            left = np.minimum(left, total + squares - taken)
+            slope, information = b + _TIMES * pull, a + _TIMES * gram
+            taken = np.einsum("nd,nde,ne->n", slope, np.linalg.pinv(information, hermitian=True), slope)
+            left = np.minimum(left, total + _TIMES * squares - taken)
         left[chosen] = -np.inf
         best = int(left.argmax())
+        told = float(left[best])
         chosen.append(best)
-        total += float(squares[best])
-        pulled = [b + pull[best] for b, pull in zip(pulled, pulls, strict=True)]
-        informed = [a + gram[best] for a, gram in zip(informed, grams, strict=True)]
+        total += _TIMES * float(squares[best])
+        pulled = [b + _TIMES * pull[best] for b, pull in zip(pulled, pulls, strict=True)]
+        informed = [a + _TIMES * gram[best] for a, gram in zip(informed, grams, strict=True)]
+    if told < _TOLD:
+        return []
     force = np.linalg.norm(difference[:, :3] * noise / (1, 1, system.rho), axis=1)
     away = np.abs(difference[:, 3]) * system.gap_noise
-    return [{**entries[i], "expected_difference_N": float(force[i]), "expected_difference_m": float(away[i])} for i in chosen]
+    return [
+        {**entries[i], "expected_difference_N": float(force[i]), "expected_difference_m": float(away[i])}
+        for i in chosen
+        for _ in range(_TIMES)
+    ]
 
 
 def _possible(system: System) -> tuple[list[dict[str, Any]], FloatArray, Observations]:

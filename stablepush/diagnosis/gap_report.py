@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from stablepush.diagnosis.system import System, system_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise
 from stablepush.effects import CATALOGUE
 from stablepush.errors import InputError
-from stablepush.logs import PushLog
+from stablepush.logs import PushLog, Rig
 from stablepush.models import IdealLimitSurface
 
 VERDICTS = ("none", "absorbed", "named", "ambiguous", "unknown")
@@ -37,6 +37,7 @@ _SAID = 0.05
 class GapReport:
     """The answer to a log; :meth:`to_json` gives ``diagnosis/1``.
 
+    ``rig``: the log's, with the friction and the radius of the fingers as the log has them where they were not known;
     ``surface``: the mended limit surface (None if the log does not tell its size); ``effects``: what acts with its values, as the
     catalogue has them.
     """
@@ -54,6 +55,7 @@ class GapReport:
     next_experiment: dict[str, Any]
     sentence: str
     notes: list[str]
+    rig: Rig
     surface: IdealLimitSurface | None
     effects: dict[str, dict[str, Any]]
     residuals: dict[str, FloatArray] = field(repr=False)
@@ -170,6 +172,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         next_experiment=_next(system, found, effects, ranking),
         sentence=_sentence(verdict, effects, closed, touch, system.has_wrench, log.rig.noise is not None),
         notes=notes,
+        rig=_completed(log.rig, system, found),
         surface=surface,
         effects=report_effects,
         residuals={k: system.observations.wrench - v for k, v in held.wrenches.items()},
@@ -191,9 +194,22 @@ def _too_little(log: PushLog, name: str) -> GapReport:
     nothing = np.zeros((0, 3))
     after = {"separates": [], "pushes": [], "why": "more pushes in headings, places, speeds and faces that vary, in random order"}
     return GapReport(
-        name, len(log), [], "none", [], [], [], ranking, [], [], after, f"{words[0].upper()}{words[1:]}.", [words], None, {}, {},
-        {}, nothing, nothing, nothing, np.zeros(0), np.zeros(0),
+        name, len(log), [], "none", [], [], [], ranking, [], [], after, f"{words[0].upper()}{words[1:]}.", [words], log.rig, None,
+        {}, {}, {}, nothing, nothing, nothing, np.zeros(0), np.zeros(0),
     )  # fmt: skip
+
+
+def _completed(rig: Rig, system: System, found: Attribution) -> Rig:
+    """The rig with what the log tells of its fingers where the rig does not."""
+    mu, radius = rig.contact_friction, rig.finger_radius
+    values = found.final.values
+    if mu is None and found.contact is not None:
+        mu = found.contact.estimate
+    elif mu is None and "contact-friction" in values:
+        mu = max(0.0, system.mu + float(values["contact-friction"][0]))
+    if radius is None and system.observations.finger_radius is not None and "contact-geometry" in values:
+        radius = max(0.0, system.observations.finger_radius + float(values["contact-geometry"][0]))
+    return replace(rig, contact_friction=mu, finger_radius=radius)
 
 
 def _plain(entry: dict[str, Any]) -> dict[str, Any]:
@@ -214,7 +230,12 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
 
     others = [id for id in found.chosen if id not in pair]
     pushes = separating_pushes(system, {id: system.fit([*others, id], found.free) for id in pair})
-    why = f"{pair[0]} and {pair[1]} predict loads that differ most here, at the sizes estimated from this log"
+    why = f"{pair[0]} and {pair[1]} predict readings that differ most here, at the sizes estimated from this log"
+    if not pushes:
+        why = (
+            f"{pair[0]} and {pair[1]} predict the same, within the noise, for straight pushes of all edges that the pusher fits "
+            "on: use another pusher, or measure one of them by itself"
+        )
     return {"separates": pair, "pushes": pushes, "why": why}
 
 

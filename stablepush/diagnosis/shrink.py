@@ -144,7 +144,8 @@ def _gaps(held: HeldOut, system: System, folds: list[_Fold]) -> None:
     o = system.observations
     trial = np.concatenate([o.trial[rows] for _, rows in system.gap_rows]).astype(int)
     gaps = np.concatenate([o.gap[rows, k] for k, rows in system.gap_rows])
-    held.squares["touch"] = {key: gaps**2 for key in _FITS}
+    # neither the surface nor what a fit takes for granted changes them
+    held.squares["touch"] = {"before": gaps**2, "refit": gaps**2, "after": np.zeros_like(gaps)}
     for fold in folds:
         left = gaps - sum(system.gap_change(id, v) for id, v in fold.values["after"].items() if id in IN_GAPS)
         held.squares["touch"]["after"][fold.test[trial]] = left[fold.test[trial]] ** 2
