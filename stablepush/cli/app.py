@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from stablepush import __version__
-from stablepush.cli import diagnosis, identification, plans, regions, simulation
+from stablepush.cli import blind, diagnosis, identification, plans, regions, simulation
 from stablepush.cli.common import require_folder, require_seed, whole_number
 
 app = typer.Typer(
@@ -57,3 +57,4 @@ app.command()(plans.trajectory)
 app.command()(simulation.simulate)
 app.command()(simulation.slide)
 app.command()(diagnosis.diagnose)
+app.command()(blind.blind)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from stablepush._arrays import FloatArray
-from stablepush.diagnosis.attribution import Attribution, attribute
+from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out, slip_friction
 from stablepush.diagnosis.equations import SIZES
 from stablepush.diagnosis.motions import motions_of
 from stablepush.diagnosis.observations import heading, observe
@@ -17,7 +17,7 @@ from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import replays
 from stablepush.diagnosis.shrink import closes_touch, ends_are_off, explains_most, gap, hold_out, shrink
 from stablepush.diagnosis.system import System, system_of
-from stablepush.diagnosis.where import Finding, flexible_share, localise
+from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share
 from stablepush.effects import CATALOGUE
 from stablepush.errors import InputError
 from stablepush.logs import PushLog, Rig
@@ -29,6 +29,8 @@ VERDICTS = ("none", "absorbed", "named", "ambiguous", "unknown")
 _UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
 #: Residuals so many times the noise are no fit, whatever they follow.
 _MISFIT = 4.0
+#: Nor are means of trials so large over the noise, in mean square, if repeats of a push share them with so small a p-value.
+_COMMON, _P_COMMON = 8.0, 1e-3
 #: A sentence speaks of a channel whose gap closes by more than this share.
 _SAID = 0.05
 
@@ -128,17 +130,21 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     said("how far the gap shrinks")
     named = found.named
     held = hold_out(system, found, log, pushes)
-    share, p_share, size = 0.0, 1.0, 0.0
+    share, p_share, size, common, p_common = 0.0, 1.0, 0.0, 0.0, 1.0
     if system.has_wrench:
         left = system.observations.wrench - held.wrenches["after"]
         white = system.white(left).reshape(-1, 3)
         size = float(np.sqrt(np.median(white**2) / 0.455))
         share, p_share = flexible_share(system, white)
+        common, p_common = repeats_share(system, white)
     closed = shrink(held)
     unknown = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
     # a cause that brings no channel nearer on trials that it was not fitted to explains nothing
     touch = closes_touch(held)
     worse = bool(named and closed) and max(touch, *(entry["closed"] for entry in closed)) <= 0
+    if worse and "free" in found.scores:
+        # a few rows that hardly tell anything may hide it from the mean square
+        worse = not system.better(found.scores["free"], held_out(system, [], True, folds_of(system)))
     if worse or (unknown and not explains_most(held)):
         verdict, effects = "unknown", []
     elif found.rivals:
@@ -147,8 +153,9 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         verdict, effects = "named", named
     else:
         verdict, effects = ("absorbed" if found.absorbed else "none"), []
-        # rows that hardly any model fits, and not because of a few of them; ends that are far off in many pushes
-        if size > _MISFIT or (not forces and ends_are_off(held)):
+        # rows that hardly any model fits, and not because of a few of them; something that repeats of a push have in common; ends
+        # that are far off in many pushes
+        if size > _MISFIT or (common > _COMMON and p_common < _P_COMMON) or (not forces and ends_are_off(held)):
             verdict = "unknown"
     said("where the gap lies")
     where = localise(system, system.observations.wrench - held.wrenches["before"]) if system.has_wrench else []
@@ -183,6 +190,20 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         headings=heading(system.observations),
         orders=system.observations.order,
     )
+
+
+def shrink_with(log: PushLog, effects: list[str]) -> list[dict[str, Any]]:
+    """Return how far the gap shrinks, as ``shrink`` of a report, when it is known which effects act."""
+    observations = observe(log)
+    if len(np.unique(observations.trial)) < 2:
+        return []
+    replayed = replays(log, observations)
+    system = system_of(observations, log.rig)
+    chosen = [id for id in effects if id in SIZES and (id != "contact-friction" or not system.has_wrench)]
+    final = system.fit(chosen, True)
+    contact = slip_friction(system, final) if "contact-friction" in effects else None
+    found = Attribution(chosen, [], "", False, True, final, {}, {}, contact)
+    return shrink(hold_out(system, found, log, system.predictable(replayed)))
 
 
 def _too_little(log: PushLog, name: str) -> GapReport:

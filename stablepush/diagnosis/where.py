@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import f as f_distribution
 
 from stablepush._arrays import FloatArray
 from stablepush.diagnosis.observations import heading
@@ -101,6 +102,26 @@ def localise(system: System, residual: FloatArray, seed: int = 0) -> list[Findin
         if finding.p_value <= _FALSE * rank / len(found):
             kept = rank
     return sorted((f for f in found[:kept] if f.share > 0), key=lambda f: -f.share)
+
+
+def repeats_share(system: System, white: FloatArray) -> tuple[float, float]:
+    """Robust mean square of what is left of trials' mean wrenches over what noise leaves, from whitened rows (n, 3), and the
+    p-value of an F-test that repeats of one push have it in common: scatter they do not, an effect that no fit has they do."""
+    o = system.observations
+    means = np.array([white[o.trial == t].sum(axis=0) / np.sqrt(max(1, (o.trial == t).sum())) for t in range(len(o.names))])
+    size = float(np.median(np.sum(means[np.unique(o.trial)] ** 2, axis=1)) / 2.366)
+    groups = np.array([g if t in set(o.trial) else "" for t, g in enumerate(o.group)], dtype=object)
+    between = within = 0.0
+    shared = own = 0
+    for name in set(groups) - {""}:
+        mine = means[groups == name]
+        if len(mine) > 1:
+            between += float(len(mine) * (mine.mean(axis=0) ** 2).sum())
+            within += float(((mine - mine.mean(axis=0)) ** 2).sum())
+            shared, own = shared + 3, own + 3 * (len(mine) - 1)
+    if not own or within <= 0:
+        return size, 1.0
+    return size, float(f_distribution.sf(between / shared / (within / own), shared, own))
 
 
 def flexible_share(system: System, whitened: FloatArray, seed: int = 0) -> tuple[float, float]:

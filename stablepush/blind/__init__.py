@@ -1,0 +1,5 @@
+"""The blind check: logs whose cause is sealed before the diagnosis sees them, and the score of what it said.
+
+``worlds``, ``laws``, ``engine``, ``instruments`` and ``generator`` make the logs, in a process of their own, and share no code
+with the rest of the library; ``seal`` keeps the labels, ``score`` opens them, ``check`` runs all of it.
+"""

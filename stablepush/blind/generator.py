@@ -1,0 +1,142 @@
+"""The generator's process: makes one log, seals its label, and is gone.
+
+    python -m stablepush.blind.generator SEED NUMBER PUSHES FOLDER    (the key of the seal comes on standard input)
+
+Writes ``FOLDER/log`` (``pushlog/1``) and ``FOLDER/label.sealed``.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cryptography.fernet import Fernet
+
+from stablepush.blind.engine import Engine, Truth
+from stablepush.blind.instruments import SCATTER, Row, record, write
+from stablepush.blind.laws import feet_of, loads, turned
+from stablepush.blind.worlds import Applied, World, draw
+
+#: An effect that stands out by this many times the noise of all rows together, after a free pressure has taken what it can,
+#: should be found.
+DETECTABLE = 10.0
+#: Effects that show in the gap between fingers and outline, that only reshape the surface, and draws of the noise of motion.
+_IN_GAPS, _OF_BODY, _DRAWS = ("contact-geometry", "frame-offset", "latency"), ("pressure-shift", "pressure-spread"), 6
+
+
+def generate(seed: int, number: int, pushes: int) -> tuple[dict[str, Any], tuple[Row, list[Row], list[Row]]]:
+    """Return the label of a set and its log."""
+    world = draw(seed, number, pushes)
+    rng = np.random.default_rng([seed, number, 1])
+    truths: list[Truth] = []
+    for k, push in enumerate(world.pushes):
+        # the same push comes out differently, as friction scatters
+        scattered = replace(world, mu=world.mu * (1 + (SCATTER if world.trap == "scatter" else 0.005) * float(rng.normal())))
+        truths.append(Engine(scattered).push(push, k / max(1, len(world.pushes) - 1)))
+    label: dict[str, Any] = {
+        "kind": world.kind, "trap": world.trap, "contacts": "two" if world.two else "one", "nominal_feet": world.nominal_feet,
+        "engine": "mujoco",
+        "applied": [
+            {
+                "effect": a.effect, "form": a.form, "matches": a.matches, "numbers": a.numbers,
+                "parameters": parameters(world, a), "size": size(world, a, truths),
+            }
+            for a in world.applied
+        ],
+    }  # fmt: skip
+    for a in label["applied"]:
+        a["detectable"] = a["size"] >= DETECTABLE
+    return label, record(world, truths, rng)
+
+
+def parameters(world: World, a: Applied) -> dict[str, Any]:
+    """Parameters of the catalogue, where the form is its own."""
+    n = a.numbers
+    if not a.matches:
+        return {}
+    if a.effect.startswith("anisotropy"):
+        return {"ratio": n["ratio"], "direction": n["direction"]}
+    if a.effect == "inertia":
+        return {"mass": world.mass}
+    if a.effect == "pressure-spread":
+        return {"scale": 1 + n["change"]}
+    if a.effect == "contact-friction":
+        return {"mu": world.grip + n["change"]}
+    if a.effect == "contact-geometry":
+        return {"radius": world.radius + n["change"]}
+    return {k: v for k, v in n.items() if k != "share"}
+
+
+def size(world: World, a: Applied, truths: list[Truth]) -> float:
+    """How far an effect stands out of the noise, all rows together."""
+    rows = [truth.pose[:, 0] for truth in truths]
+    orders = np.repeat(np.linspace(0, 1, len(truths)), [len(r) for r in rows])
+    pose, pusher, force, twist, gained = (
+        np.concatenate([getattr(t, name) for t in truths]) for name in ("pose", "pusher", "force", "twist", "acceleration")
+    )
+    n = len(pose)
+    if a.effect in _IN_GAPS:
+        numbers = a.numbers
+        gap = {
+            "contact-geometry": abs(numbers.get("change", 0.0)),
+            "frame-offset": float(np.hypot(*numbers.get("offset", (0, 0)))) / 2,
+            "latency": numbers.get("delay", 0.0) * float(np.median(np.hypot(twist[:, 0], twist[:, 1]))),
+        }[a.effect]  # fmt: skip
+        return float(gap / (1.5 * world.position_noise) * np.sqrt(n / 2))
+    if a.effect == "contact-friction":
+        # rows in which a finger slips along the face say by how much
+        inward = np.stack((np.cos(pusher[:, 2]), np.sin(pusher[:, 2])), axis=-1)
+        along = np.abs(force[:, 1] * inward[:, 0] - force[:, 0] * inward[:, 1])
+        normal = (force[:, :2] * inward).sum(axis=1)
+        slips = along > 0.9 * (world.grip + a.numbers["change"]) * np.maximum(normal, 1e-9)
+        return float(abs(a.numbers["change"]) * np.median(normal) / world.force_noise * np.sqrt(slips.sum() / 4))
+    plain = replace(world, applied=[other for other in world.applied if other is not a])
+    truly, units = loads(world, pose, twist, orders)
+    without, _ = loads(plain, pose, twist, orders)
+    changed = truly - without
+    back = turned(-pose[:, 2])
+    if a.effect == "inertia":
+        changed = np.column_stack((np.einsum("nij,nj->ni", back, world.mass * gained[:, :2]), np.zeros(n)))
+    if a.effect == "force-bias":
+        there = np.einsum("nij,j->ni", back, np.array(a.numbers["force"]))
+        changed = np.column_stack((there, np.zeros(n)))
+    if a.effect == "force-rotation":
+        there = a.numbers["angle"] * np.stack((-truly[:, 1], truly[:, 0]), axis=-1)
+        changed = np.column_stack((there, np.zeros(n)))
+    if a.effect == "load-transfer":
+        changed = 0.1 * truly * np.array((1.0, 1.0, -1.0))
+    rng = np.random.default_rng(0)
+    rho = float(np.sqrt(world.weights @ (world.feet**2).sum(axis=1)))
+    span = float(np.median(np.concatenate([np.diff(t.time) for t in truths])))
+    spread = np.array((world.position_noise, world.position_noise, world.angle_noise)) / span
+    moved = [loads(plain, pose, twist + spread * rng.normal(size=twist.shape), orders)[0] - without for _ in range(_DRAWS)]
+    scale = (1.0, 1.0, rho)
+    variance = (np.array(moved) / scale).var(axis=0).mean(axis=1) + world.force_noise**2
+    white = 1 / np.sqrt(variance)[:, None]
+    target = (changed / scale * white).ravel()
+    base = (units / np.array(scale)[:, None] * white[:, :, None]).reshape(3 * n, -1)
+    if a.effect in _OF_BODY or a.effect == "anisotropy-object":
+        # these are told by the nominal surface, scaled
+        _, weights = feet_of(plain)
+        base = base @ weights[:, None]
+    left = target - base @ np.linalg.lstsq(base, target, rcond=None)[0]
+    return float(np.linalg.norm(left))
+
+
+def main() -> None:
+    seed, number, pushes = (int(word) for word in sys.argv[1:4])
+    folder = Path(sys.argv[4])
+    key = sys.stdin.readline().strip()
+    label, log = generate(seed, number, pushes)
+    folder.mkdir(parents=True, exist_ok=True)
+    sealed = Fernet(key.encode()).encrypt(json.dumps(label).encode())
+    (folder / "label.sealed").write_bytes(sealed)
+    write(folder / "log", *log)
+
+
+if __name__ == "__main__":
+    main()

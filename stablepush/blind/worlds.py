@@ -1,0 +1,239 @@
+"""Random worlds: a slider on feet, a pusher, a campaign of pushes, instruments, and what is wrong with them.
+
+Nothing here comes from the rest of the library: only numpy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+#: Kinds of sets, in turn: a third clean, half with one effect.
+TURNS = (
+    "clean", "effect", "effect", "clean", "effect", "pair", "trap", "effect", "effect", "clean", "effect", "outside",
+)  # fmt: skip
+#: Forms of each effect: the first is the catalogue's, the others are not.
+FORMS: dict[str, tuple[str, ...]] = {
+    "anisotropy-world": ("ellipse", "lobes"), "anisotropy-object": ("ellipse", "lobes"),
+    "speed-dependence": ("logarithm", "stribeck"), "spatial-variation": ("gradient", "patches"), "drift": ("linear", "wear"),
+    "pressure-shift": ("shift", "weights"), "pressure-spread": ("scale", "weights"), "tilt": ("plane", "sagging"),
+    "inertia": ("mass",), "contact-friction": ("constant", "load"), "contact-geometry": ("radius", "one-finger"),
+    "force-bias": ("constant", "warming"), "force-rotation": ("angle", "crosstalk"), "frame-offset": ("constant",),
+    "latency": ("delay", "filter"),
+}  # fmt: skip
+#: Largest amplitudes, in the unit of the effect, and shares of them that sets have.
+LARGEST = {
+    "anisotropy-world": 0.32, "anisotropy-object": 0.32, "speed-dependence": 0.12, "spatial-variation": 1.2, "drift": 0.3,
+    "pressure-shift": 0.008, "pressure-spread": 0.25, "tilt": 0.03, "inertia": 1.0, "contact-friction": 0.3,
+    "contact-geometry": 0.003, "force-bias": 0.3, "force-rotation": 0.12, "frame-offset": 0.004, "latency": 0.12,
+}  # fmt: skip
+SHARES = (0.25, 0.5, 1.0)
+OUTSIDE = ("checkerboard", "threefold", "load-transfer")
+TRAPS = ("outliers", "scatter")
+#: Effects that pairs are made of.
+PAIRED = (
+    "anisotropy-world", "speed-dependence", "spatial-variation", "drift", "tilt", "contact-geometry", "force-bias", "latency",
+)  # fmt: skip
+GRAVITY = 9.81
+#: Speed (m/s) at which friction that depends on it is nominal.
+REFERENCE_SPEED = 0.02
+#: Accelerations of the pusher (m/s²) where inertia is to show; elsewhere it is at its speed before it touches.
+ROUGH = (0.5, 2.0)
+
+
+@dataclass(frozen=True)
+class Applied:
+    """An effect that acts: its id in the catalogue (or a word for what is in no catalogue), form and numbers."""
+
+    effect: str
+    form: str
+    numbers: dict[str, Any]
+
+    @property
+    def matches(self) -> bool:
+        return self.effect in FORMS and self.form == FORMS[self.effect][0]
+
+
+@dataclass(frozen=True)
+class Push:
+    """A push: start pose of the slider, first pose of the pusher's centre in B (heading: where it pushes), its twist in its own
+    frame, duration (s) and acceleration (m/s², 0: from the first at its speed); ``group`` is blank if it is made once; ``cor``:
+    the commanded rotation centre in B and its sense, of two fingers that turn."""
+
+    start: np.ndarray
+    place: np.ndarray
+    twist: np.ndarray
+    duration: float
+    acceleration: float
+    group: str
+    speed: float
+    cor: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True)
+class World:
+    """Everything that a set is made of; lengths in m, masses in kg."""
+
+    outline: np.ndarray
+    feet: np.ndarray
+    weights: np.ndarray
+    mass: float
+    mu: float
+    grip: float
+    radius: float
+    half: float
+    force_noise: float
+    position_noise: float
+    angle_noise: float
+    tracker: bool
+    rows: int
+    nominal_feet: bool
+    pushes: list[Push]
+    applied: list[Applied]
+    kind: str
+    seed: int
+    trap: str = ""
+    more: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def two(self) -> bool:
+        return self.half > 0
+
+    def of(self, effect: str) -> Applied | None:
+        return next((a for a in self.applied if a.effect == effect), None)
+
+
+def draw(seed: int, number: int, pushes: int = 60) -> World:
+    """The world of a set: the same for the same numbers."""
+    rng = np.random.default_rng([seed, number])
+    kind = TURNS[number % len(TURNS)]
+    applied: list[Applied] = []
+    trap = ""
+    if kind == "effect":
+        # every effect in turn, so that scores by effect have about as many sets
+        turn = number // len(TURNS) * TURNS.count("effect") + TURNS[: number % len(TURNS)].count("effect")
+        names = list(FORMS)
+        effect = names[turn % len(names)]
+        forms = FORMS[effect]
+        applied = [_effect(effect, forms[turn // len(names) % len(forms)], rng)]
+    elif kind == "pair":
+        applied = [_effect(str(e), FORMS[str(e)][int(rng.integers(2))], rng, 0.5) for e in rng.choice(PAIRED, 2, replace=False)]
+    elif kind == "outside":
+        word = OUTSIDE[number // len(TURNS) % len(OUTSIDE)]
+        applied = [_outside(word, rng)]
+    elif kind == "trap":
+        trap = TRAPS[number // len(TURNS) % len(TRAPS)]
+    outline, feet, weights = _slider(rng)
+    mass, mu, grip = float(rng.uniform(0.6, 1.4)), float(rng.uniform(0.2, 0.45)), float(rng.uniform(0.3, 0.7))
+    radius = float(rng.uniform(0.004, 0.007))
+    lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
+    half = 0.012 if rng.random() < 0.5 and np.sort(lengths)[-3] > 0.05 else 0.0
+    rough = any(a.effect == "inertia" for a in applied)
+    return World(
+        outline, feet, weights, mass, mu, grip, radius, half, float(rng.uniform(0.03, 0.05)), float(rng.uniform(1e-4, 2e-4)),
+        float(rng.uniform(0.0018, 0.0035)), bool(rng.random() < 0.5), int(rng.integers(6, 9)), bool(rng.random() < 0.7),
+        _campaign(outline, radius, half, pushes, rough, rng), applied, kind, seed, trap,
+    )  # fmt: skip
+
+
+def _slider(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Outline (counter-clockwise) about the centre of mass, feet and their shares of the weight."""
+    word = rng.choice(("rectangle", "triangle", "hexagon", "free"))
+    size = rng.uniform(0.04, 0.065)
+    if word == "rectangle":
+        half = size * np.array((1.0, rng.uniform(0.5, 1.0)))
+        outline = np.array(((-1, -1), (1, -1), (1, 1), (-1, 1))) * half
+    elif word == "triangle":
+        outline = 1.6 * size * np.array(((0.0, 0.0), (1.0, 0.0), (rng.uniform(0.0, 0.4), rng.uniform(0.7, 1.0))))
+    elif word == "hexagon":
+        angles = np.arange(6) * np.pi / 3 + 0.1
+        outline = size * np.stack((rng.uniform(1.0, 1.3) * np.cos(angles), np.sin(angles)), axis=-1)
+    else:
+        angles = 2 * np.pi * (np.arange(5) + rng.uniform(-0.15, 0.15, 5)) / 5
+        outline = size * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+    middle = outline.mean(axis=0)
+    # feet under corners, or under these and the middles of edges
+    around = np.concatenate((outline, (outline + np.roll(outline, -1, axis=0)) / 2))
+    count = int(rng.integers(3, 6))
+    corners = around[np.sort(rng.choice(len(outline) if count <= len(outline) else len(around), count, replace=False))]
+    feet = middle + (corners - middle) * rng.uniform(0.55, 0.92, (count, 1))
+    weights = rng.uniform(0.5, 1.5, count)
+    weights /= weights.sum()
+    center = weights @ feet
+    return outline - center, feet - center, weights
+
+
+def _campaign(outline: np.ndarray, radius: float, half: float, count: int, rough: bool, rng: np.random.Generator) -> list[Push]:
+    """Pushes in random order; of many, four are made four times."""
+    again = 4 if count >= 24 else 0
+    single = [_push(outline, radius, half, rough, rng, "") for _ in range(count - 4 * again)]
+    repeated = [_push(outline, radius, half, rough, rng, f"r{k + 1}") for k in range(again)]
+    pushes = single + [push for push in repeated for _ in range(4)]
+    return [pushes[i] for i in rng.permutation(len(pushes))]
+
+
+def _push(outline: np.ndarray, radius: float, half: float, rough: bool, rng: np.random.Generator, group: str) -> Push:
+    lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
+    room = 2 * half + 2 * radius + 0.006
+    edge = int(rng.choice(np.flatnonzero(lengths > room)))
+    a, b = outline[edge], outline[(edge + 1) % len(outline)]
+    along = (b - a) / lengths[edge]
+    normal = np.array((-along[1], along[0]))
+    free = lengths[edge] - room
+    middle = a + along * (room / 2 + free * rng.uniform(0.1, 0.9))
+    start = np.array((*rng.uniform(-0.15, 0.15, 2), rng.uniform(-np.pi, np.pi)))
+    place = middle - (radius + 3e-4) * normal
+    heading = float(np.arctan2(normal[1], normal[0]))
+    speed = float(np.exp(rng.uniform(np.log(0.006), np.log(0.03)))) if not rough else float(rng.uniform(0.06, 0.15))
+    cor = None
+    if rng.random() < 0.5:
+        away = rng.uniform(-0.35, 0.35)
+        twist = np.array((np.cos(away), np.sin(away), 0.0))
+    else:
+        # about a centre beside the pusher, at the same speed
+        reach = float(rng.choice((-1.0, 1.0)) * rng.uniform(0.05, 0.3))
+        back = rng.uniform(-0.02, 0.02)
+        omega = 1 / reach
+        twist = np.array((1.0, -back * omega, omega)) / np.hypot(1.0, back * omega)
+        center = place + back * normal - reach * along
+        cor = (float(center[0]), float(center[1]), float(np.sign(reach)))
+    way = rng.uniform(0.02, 0.03)
+    acceleration = float(rng.uniform(*ROUGH)) if rough else 0.0
+    spent = 0.5 * speed / acceleration if rough else 0.0
+    return Push(
+        start, np.array((*place, heading)), speed * twist, way / speed + spent, acceleration, group, speed,
+        cor if half else None,
+    )  # fmt: skip
+
+
+def _effect(effect: str, form: str, rng: np.random.Generator, least: float = 0.0) -> Applied:
+    share = float(rng.choice([s for s in SHARES if s >= least]))
+    size, angle, sign = share * LARGEST[effect], float(rng.uniform(-np.pi, np.pi)), float(rng.choice((-1.0, 1.0)))
+    vector = [size * np.cos(angle), size * np.sin(angle)]
+    numbers: dict[str, Any] = {"share": share}
+    if effect.startswith("anisotropy"):
+        numbers |= {"ratio": 1 + size, "direction": angle / 2}
+    elif effect in ("tilt", "spatial-variation", "pressure-shift", "force-bias", "frame-offset"):
+        word = {"tilt": "slope", "spatial-variation": "gradient", "force-bias": "force"}.get(effect, "offset")
+        numbers |= {word: vector}
+    elif effect == "inertia":
+        numbers |= {}
+    else:
+        word = {
+            "speed-dependence": "slope", "drift": "rate", "pressure-spread": "change", "contact-friction": "change",
+            "contact-geometry": "change", "force-rotation": "angle", "latency": "delay",
+        }[effect]  # fmt: skip
+        numbers |= {word: size if effect == "latency" else sign * size}
+    if form == "patches":
+        numbers |= {"centers": rng.uniform(-0.15, 0.15, (3, 2)).tolist(), "wide": 0.07, "size": sign * 0.25 * share}
+    return Applied(effect, form, numbers)
+
+
+def _outside(word: str, rng: np.random.Generator) -> Applied:
+    if word == "checkerboard":
+        return Applied(word, "squares", {"side": 0.05, "size": 0.2, "phase": rng.uniform(0, 0.05, 2).tolist()})
+    if word == "threefold":
+        return Applied(word, "directions", {"size": 0.1, "direction": float(rng.uniform(-np.pi, np.pi))})
+    return Applied(word, "height", {"height": 0.025})

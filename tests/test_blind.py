@@ -1,0 +1,273 @@
+"""The blind check: its generator against closed forms, its seals, its score, and all of it through the command line."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stablepush import InputError, read_pushlog
+from stablepush.blind.score import interval, outcome, score_of
+from stablepush.blind.seal import Ledger, complaint, digest, digest_of_folder, open_label
+from stablepush.blind.worlds import FORMS, TURNS, draw
+from stablepush.effects import CATALOGUE
+
+pytest.importorskip("mujoco")
+fernet = pytest.importorskip("cryptography.fernet")
+
+from stablepush.blind import laws  # noqa: E402
+from stablepush.blind.engine import Engine  # noqa: E402
+
+
+def run_cli(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "stablepush", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def said(*_: object) -> None:
+    """Progress that nobody reads."""
+
+
+def test_a_third_of_the_worlds_is_clean_and_every_effect_comes_in_every_form() -> None:
+    worlds = [draw(3, k, 4) for k in range(12 * 31)]
+    assert TURNS.count("clean") + TURNS.count("trap") >= len(TURNS) / 3
+    assert {(a.effect, a.form) for w in worlds if w.kind == "effect" for a in w.applied} == {
+        (effect, form) for effect, forms in FORMS.items() for form in forms
+    }
+    assert all(not w.applied for w in worlds if w.kind in ("clean", "trap"))
+    assert set(FORMS) <= set(CATALOGUE)
+
+
+def test_worlds_come_from_their_seed() -> None:
+    one, same, other = draw(3, 5, 6), draw(3, 5, 6), draw(4, 5, 6)
+    assert np.array_equal(one.outline, same.outline) and one.applied == same.applied
+    assert not np.array_equal(one.weights, other.weights)
+
+
+@pytest.mark.parametrize("form", [None, ("anisotropy-world", "ellipse"), ("anisotropy-object", "lobes"), ("tilt", "plane")])
+def test_mujoco_s_load_is_coulomb_s(form: tuple[str, str] | None) -> None:
+    """Means over parts of pushes against the sum over the feet: within a percent of the load, away from turns about a foot."""
+    number = next(
+        k
+        for k in range(12 * 31)
+        if (w := draw(1, k, 4)).kind == ("effect" if form else "clean")
+        and (form is None or (w.applied[0].effect, w.applied[0].form) == form)
+    )
+    world = draw(1, number, 8)
+    engine, errors = Engine(world), []
+    for push in world.pushes:
+        truth = engine.push(push, 0.0)
+        force = np.einsum("nji,nj->ni", laws.turned(truth.pose[:, 2]), truth.force[:, :2])
+        loads, _ = laws.loads(world, truth.pose, truth.twist, np.zeros(len(truth.pose)))
+        errors.append(np.abs(force - loads[:, :2]).max(axis=1))
+    assert np.median(np.concatenate(errors)) < 0.012 * world.mu * world.mass * 9.81
+
+
+def test_a_finger_that_sticks_does_not_creep() -> None:
+    world = draw(1, 0, 8)
+    assert not world.two
+    engine, slips = Engine(world), []
+    for push in world.pushes:
+        truth = engine.push(push, 0.0)
+        inward = np.array((np.cos(push.place[2]), np.sin(push.place[2])))
+        along = np.array((-inward[1], inward[0]))
+        turn = laws.turned(truth.pose[:, 2])
+        force = np.einsum("nji,nj->ni", turn, truth.force[:, :2])
+        place = np.einsum("nji,nj->ni", turn, truth.pusher[:, :2] - truth.pose[:, :2])
+        rolled = world.radius * np.diff(truth.pusher[:, 2] - truth.pose[:, 2])
+        slip = np.abs(np.diff(place @ along) + rolled) / np.diff(truth.time) / push.speed
+        sticks = np.abs(force @ along) < 0.7 * world.grip * (force @ inward)
+        slips.append(slip[sticks[1:] & sticks[:-1]])
+    assert np.median(np.concatenate(slips)) < 0.03
+
+
+def test_logs_are_read_as_logs(tmp_path: Path) -> None:
+    from stablepush.blind.generator import generate
+    from stablepush.blind.instruments import write
+
+    label, log = generate(7, 1, 5)
+    write(tmp_path, *log)
+    read = read_pushlog(tmp_path)
+    assert len(read) == 5 and label["applied"][0]["effect"] == "anisotropy-world"
+    assert {"rest", "push"} == set(read.samples["phase"])
+
+
+def sealed_set(folder: Path) -> tuple[Ledger, bytes, bytes, bytes, Path]:
+    """A ledger with one set that is sealed and diagnosed."""
+    key = fernet.Fernet.generate_key()
+    token = fernet.Fernet(key).encrypt(json.dumps({"kind": "clean", "applied": []}).encode())
+    log = folder / "log"
+    log.mkdir()
+    (log / "rig.json").write_text("{}", encoding="utf-8")
+    ledger = Ledger(folder / "ledger.jsonl")
+    ledger.add("sealed", 0, label=digest(token), log=digest_of_folder(log))
+    answer = b'{"verdict": "none"}'
+    ledger.add("diagnosed", 0, diagnosis=digest(answer))
+    return ledger, key, token, answer, log
+
+
+def test_a_whole_seal_opens(tmp_path: Path) -> None:
+    ledger, key, token, answer, log = sealed_set(tmp_path)
+    assert complaint(ledger, 0, token, log, answer) is None
+    assert open_label(ledger, 0, token, key)["kind"] == "clean"
+    assert complaint(Ledger(tmp_path / "ledger.jsonl"), 0, token, log, answer) is None
+
+
+def test_a_label_that_was_changed_is_noticed(tmp_path: Path) -> None:
+    ledger, key, token, answer, log = sealed_set(tmp_path)
+    other = fernet.Fernet(key).encrypt(b'{"kind": "effect", "applied": []}')
+    assert "sealed label" in str(complaint(ledger, 0, other, log, answer))
+    with pytest.raises(InputError, match="changed"):
+        open_label(ledger, 0, token[:-4] + b"AAAA", key)
+
+
+def test_a_label_that_was_peeked_at_is_noticed(tmp_path: Path) -> None:
+    ledger, key, token, answer, log = sealed_set(tmp_path)
+    open_label(ledger, 0, token, key)
+    # a diagnosis made again with the label in view
+    better = b'{"verdict": "named"}'
+    assert "the diagnosis is not the one" in str(complaint(ledger, 0, token, log, better))
+    ledger.add("diagnosed", 0, diagnosis=digest(better))
+    assert complaint(ledger, 0, token, log, better) is not None
+    early = Ledger(tmp_path / "early.jsonl")
+    early.add("sealed", 0, label=digest(token), log=digest_of_folder(log))
+    open_label(early, 0, token, key)
+    early.add("diagnosed", 0, diagnosis=digest(answer))
+    assert "opened before" in str(complaint(early, 0, token, log, answer))
+
+
+def test_a_log_that_was_changed_is_noticed(tmp_path: Path) -> None:
+    ledger, _, token, answer, log = sealed_set(tmp_path)
+    (log / "rig.json").write_text('{"mass": 2}', encoding="utf-8")
+    assert "the log is not" in str(complaint(ledger, 0, token, log, answer))
+
+
+@pytest.mark.parametrize("harm", ["change", "leave out", "swap"])
+def test_a_ledger_that_was_changed_is_noticed(tmp_path: Path, harm: str) -> None:
+    sealed_set(tmp_path)
+    file = tmp_path / "ledger.jsonl"
+    lines = file.read_text(encoding="utf-8").splitlines()
+    if harm == "change":
+        lines[0] = lines[0].replace('"set": 0', '"set": 1')
+    elif harm == "leave out":
+        lines = lines[1:]
+    else:
+        lines = lines[::-1]
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"line \d: the chain is broken"):
+        Ledger(file)
+
+
+def test_a_line_that_was_cut_off_counts_for_nothing(tmp_path: Path) -> None:
+    ledger = sealed_set(tmp_path)[0]
+    with ledger.file.open("a", encoding="utf-8") as out:
+        out.write('{"event": "opened", "se')
+    assert len(Ledger(ledger.file).entries) == 2
+    assert len(Ledger(ledger.file).entries) == 2
+
+
+def row(kind: str, truth: list[str], verdict: str, said: list[str], detectable: bool = True) -> dict:
+    applied = [
+        {"effect": e, "form": "linear", "matches": True, "detectable": detectable, "size": 20.0, "parameters": {}} for e in truth
+    ]
+    ranking = [
+        {"effect": e, "probability": 0.9 if e in said else 0.01, "parameters": {}}
+        for e in sorted(CATALOGUE, key=lambda e: e not in said)
+    ]
+    label = {"kind": kind, "trap": "", "contacts": "one", "engine": "mujoco", "applied": applied}
+    answer = {"verdict": verdict, "effects": said, "ranking": ranking, "shrink": [], "where": [], "seconds": 1.0}
+    return {"set": 0, "label": label, "answer": answer, "known": {}}
+
+
+def test_outcomes() -> None:
+    assert outcome(row("clean", [], "none", [])) == "quiet"
+    assert outcome(row("clean", [], "unknown", [])) == "unknown"
+    assert outcome(row("clean", [], "named", ["drift"])) == "wrong name"
+    assert outcome(row("effect", ["drift"], "named", ["drift"])) == "right"
+    assert outcome(row("effect", ["drift"], "named", ["tilt"])) == "wrong name"
+    assert outcome(row("effect", ["drift"], "named", ["drift", "tilt"])) == "right and more"
+    assert outcome(row("effect", ["drift"], "ambiguous", ["drift", "tilt"])) == "in the set"
+    assert outcome(row("effect", ["drift"], "absorbed", [])) == "missed"
+    assert outcome(row("pair", ["drift", "tilt"], "named", ["tilt"])) == "one of two"
+    assert outcome(row("outside", ["checkerboard"], "unknown", [])) == "unknown"
+    assert outcome(row("outside", ["checkerboard"], "named", ["drift"])) == "wrong name"
+
+
+def test_the_score_counts() -> None:
+    rows = [
+        row("clean", [], "none", []), row("clean", [], "named", ["tilt"]), row("effect", ["drift"], "named", ["drift"]),
+        row("effect", ["drift"], "none", []), row("effect", ["drift"], "none", [], detectable=False),
+        row("pair", ["drift", "tilt"], "named", ["drift", "tilt"]), row("outside", ["checkerboard"], "named", ["drift"]),
+    ]  # fmt: skip
+    lines = dict(score_of(rows, {9: "why"}, 1, "f" * 64).lines)
+    assert lines["false alarms, clean sets"].startswith("1 of 2")
+    assert lines["named, and nothing else, of detectable effects"].startswith("1 of 2")
+    assert lines["wrong names, all sets but those out of the catalogue"].startswith("1 of 6")
+    assert lines["pairs: both named"].startswith("1 of 1")
+    assert lines["out of the catalogue: named as an effect of it"].startswith("1 of 1")
+    assert "refused" in lines["sets"]
+    assert interval(0, 100)[1] == pytest.approx(0.0362, abs=1e-4) and interval(0, 0) == (0.0, 1.0)
+
+
+def test_command_goes_on_where_it_stopped_with_the_same_result(tmp_path: Path) -> None:
+    from stablepush.blind.check import BlindCheck
+
+    begun, whole = tmp_path / "begun", tmp_path / "whole"
+    BlindCheck(begun, 2, seed=11, pushes=5).seal(said)
+    first = run_cli("blind", "--sets", "3", "--pushes", "5", "--seed", "11", "-o", begun)
+    second = run_cli("blind", "--sets", "3", "--pushes", "5", "--seed", "11", "--jobs", "2", "-o", whole)
+    assert first.returncode == second.returncode == 0, first.stderr + second.stderr
+
+    def rows(folder: Path) -> list[str]:
+        return [line.rsplit(",", 1)[0] for line in (folder / "score.csv").read_text(encoding="utf-8").splitlines()]
+
+    assert rows(begun) == rows(whole) and len(rows(begun)) == 4
+    again = run_cli("blind", "--sets", "3", "--pushes", "5", "--seed", "11", "-o", begun)
+    assert again.stdout == first.stdout
+    assert "Blind check" in (begun / "score.html").read_text(encoding="utf-8")
+    other = run_cli("blind", "--sets", "3", "--pushes", "5", "--seed", "12", "-o", begun)
+    assert other.returncode == 2 and "begun with seed 11" in other.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--generator", "chaos"), "chaos"),
+        (("--sets", "0"), "--sets"),
+        (("--pushes", "2"), "--pushes"),
+        (("--jobs", "-1"), "--jobs"),
+    ],
+)
+def test_bad_arguments_of_the_command(tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
+    answer = run_cli("blind", *arguments, "-o", tmp_path / "check")
+    assert answer.returncode == 2 and words in answer.stderr and len(answer.stderr.splitlines()) == 1
+    assert not (tmp_path / "check").exists()
+
+
+def test_a_local_dask_cluster_gives_the_same(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("dask.distributed")
+    from stablepush.blind.check import BlindCheck
+
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
+        there = BlindCheck(tmp_path / "there", 2, seed=11, pushes=5, scheduler=cluster.scheduler_address)
+        there.seal(said)
+        there.diagnose(said)
+    here = BlindCheck(tmp_path / "here", 2, seed=11, pushes=5)
+    here.seal(said)
+    here.diagnose(said)
+    for number in range(2):
+        one, other = (json.loads((c.of(number) / "diagnosis.json").read_text(encoding="utf-8")) for c in (there, here))
+        assert {**one, "seconds": 0} == {**other, "seconds": 0}
+        assert digest_of_folder(there.of(number) / "log") == digest_of_folder(here.of(number) / "log")
+
+
+def test_effects_of_a_world_may_be_taken_out() -> None:
+    world = draw(1, 1, 4)
+    plain = replace(world, applied=[])
+    pose, twist = np.zeros((1, 3)), np.array(((0.02, 0.01, 0.1),))
+    assert not np.allclose(laws.loads(world, pose, twist, np.zeros(1))[0], laws.loads(plain, pose, twist, np.zeros(1))[0])
