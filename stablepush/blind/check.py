@@ -18,6 +18,7 @@ import joblib
 
 from stablepush.blind.score import Score, score_of
 from stablepush.blind.seal import Ledger, complaint, digest, digest_of_folder, open_label
+from stablepush.blind.supports import cases, imported, score_of_supports
 from stablepush.errors import InputError
 from stablepush.files import read_json, write_atomically, write_json
 
@@ -29,27 +30,38 @@ class BlindCheck:
     """A check in a folder: ``check.json`` (what it is made of), ``ledger.jsonl``, ``key`` and ``sets/NUMBER``.
 
     Every set is a folder with ``log``, ``label.sealed`` and ``diagnosis.json``; a check that was ended goes on where it stopped.
-    ``scheduler``: address of a Dask cluster that the work goes to instead of processes of this machine.
+    ``scheduler``: address of a Dask cluster that the work goes to instead of processes of this machine; ``data``: clone of the
+    Manipulation Lab's logs, whose pokes are the sets then.
     """
 
     def __init__(
-        self, folder: Path, sets: int, seed: int | None = None, pushes: int = 60, jobs: int = 1, scheduler: str | None = None
+        self,
+        folder: Path,
+        sets: int,
+        seed: int | None = None,
+        pushes: int = 60,
+        jobs: int = 1,
+        scheduler: str | None = None,
+        data: Path | None = None,
     ) -> None:
-        self.folder, self.sets, self.jobs, self.scheduler = folder, sets, jobs, scheduler
+        self.folder, self.sets, self.jobs, self.scheduler, self.data = folder, sets, jobs, scheduler, data
+        generator = "mujoco" if data is None else "lab"
+        if data is not None:
+            self.sets, seed = min(sets, len(cases(data))), 0
         folder.mkdir(parents=True, exist_ok=True)
         about = folder / "check.json"
         if about.is_file():
             known = read_json(about).value
-            if not isinstance(known, dict) or not {"seed", "pushes"} <= set(known):
+            if not isinstance(known, dict) or not {"generator", "seed", "pushes"} <= set(known):
                 raise InputError(f"{about}: expected the check.json of a blind check")
-            for name, wanted in (("seed", seed), ("pushes", pushes)):
+            for name, wanted in (("generator", generator), ("seed", seed), ("pushes", pushes)):
                 if wanted is not None and wanted != known[name]:
                     raise InputError(f"{about}: this check was begun with {name} {known[name]}, not {wanted}")
             self.seed, self.pushes = int(known["seed"]), int(known["pushes"])
         else:
             # seeds that nobody has seen
             self.seed, self.pushes = secrets.randbelow(2**31) if seed is None else seed, pushes
-            write_json(about, {"seed": self.seed, "pushes": self.pushes, "generator": "mujoco"})
+            write_json(about, {"generator": generator, "seed": self.seed, "pushes": self.pushes})
         self.key = self._key()
         self.ledger = Ledger(folder / "ledger.jsonl")
 
@@ -68,7 +80,10 @@ class BlindCheck:
     def seal(self, said: Said) -> None:
         """Make the logs that are missing, each in a process of its own, and write their seals into the ledger."""
         missing = [k for k in range(self.sets) if not self.ledger.find("sealed", k)]
-        jobs = [joblib.delayed(generated)(k, self.seed, self.pushes, self.key) for k in missing]
+        if self.data is None:
+            jobs = [joblib.delayed(generated)(k, self.seed, self.pushes, self.key) for k in missing]
+        else:
+            jobs = [joblib.delayed(imported)(k, self.data, self.key) for k in missing]
         for done, (number, files) in enumerate(self._run(jobs), 1):
             _write(self.of(number), files)
             seal = {"label": digest(files["label.sealed"]), "log": digest_of_folder(self.of(number) / "log")}
@@ -101,6 +116,8 @@ class BlindCheck:
                 label = open_label(self.ledger, number, sealed, self.key)
                 write_json(folder / "label.json", label)
             rows.append({"set": number, "label": label, "answer": json.loads(answer)})
+        if self.data is not None:
+            return score_of_supports(rows, refused, self.ledger.head)
         wanted = [row for row in rows if row["label"]["applied"] and not (self.of(row["set"]) / "known.json").is_file()]
         jobs = [
             joblib.delayed(known)(row["set"], _read(self.of(row["set"]) / "log"), [a["effect"] for a in row["label"]["applied"]])

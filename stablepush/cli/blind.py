@@ -16,8 +16,11 @@ if TYPE_CHECKING:
 
 def blind(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the check; one that was ended goes on there.")],
-    sets: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Logs to make.")] = 12,
-    generator: Annotated[str, typer.Option(help="What simulates reality: mujoco.")] = "mujoco",
+    sets: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Logs to make, or to take at most.")] = 12,
+    generator: Annotated[
+        str, typer.Option(help="What reality is: mujoco, or lab, the Manipulation Lab's pokes with other supports.")
+    ] = "mujoco",
+    data: Annotated[Path | None, typer.Option(help="Clone of the lab's logs, for the generator lab.")] = None,
     seed: Annotated[
         int | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Of the logs; one that nobody knows if not given.")
     ] = None,
@@ -31,8 +34,10 @@ def blind(
     """Make logs whose cause is sealed, diagnose them, then open the labels and score what was said."""
     from importlib.util import find_spec
 
-    if generator != "mujoco":
-        raise InputError(f"--generator: expected mujoco, got {generator!r}")
+    if generator not in ("mujoco", "lab"):
+        raise InputError(f"--generator: expected mujoco or lab, got {generator!r}")
+    if (generator == "lab") != (data is not None):
+        raise InputError("--data: the generator lab needs the folder of the lab's logs, mujoco takes none")
     for word, value, least, most in (("sets", sets, 1, 100_000), ("pushes", pushes, 4, 10_000), ("jobs", jobs, 1, 1024)):
         if not least <= value <= most:
             raise InputError(f"--{word}: expected a whole number from {least} to {most}, got {value}")
@@ -41,13 +46,14 @@ def blind(
     if seed is not None:
         require_seed(seed)
     require_folder(output)
-    missing = [name for name in ("mujoco", "cryptography") if find_spec(name) is None]
+    needed = ("mujoco", "cryptography") if generator == "mujoco" else ("cryptography",)
+    missing = [name for name in needed if find_spec(name) is None]
     if missing:
         raise InputError(f'the blind check needs {" and ".join(missing)}: pip install "stablepush[sim]"')
     from stablepush.blind.check import BlindCheck
     from stablepush.files import write_atomically
 
-    check = BlindCheck(output, sets, seed, pushes, jobs, scheduler)
+    check = BlindCheck(output, sets, seed, pushes, jobs, scheduler, data)
     with Progress("blind") as progress:
 
         def said(what: str, done: int, total: int) -> None:
@@ -57,7 +63,7 @@ def blind(
         check.diagnose(said)
         score = check.score(said)
     write_atomically(output / "score.csv", _table(score))
-    write_atomically(output / "score.html", _page(score, earlier))
+    write_atomically(output / "score.html", _page(score, earlier) if data is None else _lab_page(score))
     for name, words in score.lines:
         print(f"{name}: {words}")
     print(output / "score.html")
@@ -72,6 +78,18 @@ def _table(score: Score) -> str:
     writer.writeheader()
     writer.writerows(score.rows)
     return out.getvalue()
+
+
+def _lab_page(score: Score) -> str:
+    from stablepush.report import Section, report_html
+
+    how = (
+        "Real pokes of a triangle on three feet. The rig that was diagnosed had the feet of any arrangement; which one the "
+        "slider stood on was sealed. A wrong support counts as told if an effect of the pressure, or of the slider's own "
+        "friction, is named, or a refitted surface said to be needed."
+    )
+    sections = [Section("Score", how, score.lines), Section("By log", "", score.by_effect)]
+    return report_html("Blind check of the diagnosis on real pokes", f"{len(score.rows)} cases", sections)
 
 
 def _page(score: Score, earlier: int) -> str:

@@ -136,15 +136,16 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         white = system.white(left).reshape(-1, 3)
         size = float(np.sqrt(np.median(white**2) / 0.455))
         share, p_share = flexible_share(system, white)
-        common, p_common = repeats_share(system, white)
+        common, p_common = repeats_share(system, found.final.residual[: white.size].reshape(-1, 3))
     closed = shrink(held)
     unknown = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
     # a cause that brings no channel nearer on trials that it was not fitted to explains nothing
     touch = closes_touch(held)
     worse = bool(named and closed) and max(touch, *(entry["closed"] for entry in closed)) <= 0
-    if worse and "free" in found.scores:
+    if worse and found.chosen and found.scores:
         # a few rows that hardly tell anything may hide it from the mean square
-        worse = not system.better(found.scores["free"], held_out(system, [], True, folds_of(system)))
+        folds = folds_of(system)
+        worse = not system.better(held_out(system, found.chosen, found.free, folds), held_out(system, [], found.free, folds))
     if worse or (unknown and not explains_most(held)):
         verdict, effects = "unknown", []
     elif found.rivals:

@@ -106,7 +106,10 @@ def localise(system: System, residual: FloatArray, seed: int = 0) -> list[Findin
 
 def repeats_share(system: System, white: FloatArray) -> tuple[float, float]:
     """Robust mean square of what is left of trials' mean wrenches over what noise leaves, from whitened rows (n, 3), and the
-    p-value of an F-test that repeats of one push have it in common: scatter they do not, an effect that no fit has they do."""
+    p-value of an F-test that repeats of one push have it in common: scatter they do not, an effect that no fit has they do.
+
+    The rows are to be those of a fit to all trials: on trials left out, repeats share what the fit to the others lacks.
+    """
     o = system.observations
     means = np.array([white[o.trial == t].sum(axis=0) / np.sqrt(max(1, (o.trial == t).sum())) for t in range(len(o.names))])
     size = float(np.median(np.sum(means[np.unique(o.trial)] ** 2, axis=1)) / 2.366)
