@@ -8,77 +8,97 @@ import secrets
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import joblib
 
+from stablepush import __version__
 from stablepush.blind.score import Score, score_of
 from stablepush.blind.seal import Ledger, complaint, digest, digest_of_folder, open_label
 from stablepush.blind.supports import cases, imported, score_of_supports
-from stablepush.errors import InputError
-from stablepush.files import read_json, write_atomically, write_json
+from stablepush.errors import InputError, SolverError
+from stablepush.files import write_atomically, write_json
 
 Files = dict[str, bytes]
 Said = Callable[[str, int, int], None]
+#: Where entries of the ledger that are of no set stand.
+_NO_SET = -1
+#: File that a check at work keeps locked.
+_LOCK = "lock"
+#: What a diagnosis that broke down answers.
+FAILED = {"verdict": "failed", "effects": [], "ranking": [], "shrink": [], "where": []}
 
 
 class BlindCheck:
-    """A check in a folder: ``check.json`` (what it is made of), ``ledger.jsonl``, ``key`` and ``sets/NUMBER``.
+    """A check in a folder: ``ledger.jsonl``, ``key``, and ``log``, ``label.sealed`` and ``diagnosis.json`` of each set in
+    ``sets/NUMBER``.
 
-    Every set is a folder with ``log``, ``label.sealed`` and ``diagnosis.json``; a check that was ended goes on where it stopped.
-    ``scheduler``: address of a Dask cluster that the work goes to instead of processes of this machine; ``data``: clone of the
-    Manipulation Lab's logs, whose pokes are the sets then.
+    The first entry of the ledger says what the check is made of; a check that was ended goes on where it stopped, and cannot
+    be made of anything else. ``scheduler``: address of a Dask cluster that the work goes to instead of processes of this machine;
+    ``data``: clone of the Manipulation Lab's logs, whose pokes are the sets then; ``expect``: hashes of the ledger that were
+    noted.
     """
 
     def __init__(
         self,
         folder: Path,
-        sets: int,
+        sets: int | None = None,
         seed: int | None = None,
-        pushes: int = 60,
+        pushes: int | None = None,
         jobs: int = 1,
         scheduler: str | None = None,
         data: Path | None = None,
+        expect: Sequence[str] = (),
     ) -> None:
-        self.folder, self.sets, self.jobs, self.scheduler, self.data = folder, sets, jobs, scheduler, data
-        generator = "mujoco" if data is None else "lab"
-        if data is not None:
-            self.sets, seed = min(sets, len(cases(data))), 0
-        folder.mkdir(parents=True, exist_ok=True)
-        about = folder / "check.json"
-        if about.is_file():
-            known = read_json(about).value
-            if not isinstance(known, dict) or not {"generator", "seed", "pushes"} <= set(known):
-                raise InputError(f"{about}: expected the check.json of a blind check")
-            for name, wanted in (("generator", generator), ("seed", seed), ("pushes", pushes)):
-                if wanted is not None and wanted != known[name]:
-                    raise InputError(f"{about}: this check was begun with {name} {known[name]}, not {wanted}")
-            self.seed, self.pushes = int(known["seed"]), int(known["pushes"])
-        else:
-            # seeds that nobody has seen
-            self.seed, self.pushes = secrets.randbelow(2**31) if seed is None else seed, pushes
-            write_json(about, {"generator": generator, "seed": self.seed, "pushes": self.pushes})
-        self.key = self._key()
+        self.folder, self.jobs, self.scheduler, self.data = folder, jobs, scheduler, data
+        _made(folder)
         self.ledger = Ledger(folder / "ledger.jsonl")
+        self.ledger.expect(expect)
+        about = self._about(sets, seed, pushes)
+        self.sets, self.seed, self.pushes = about["sets"], about["seed"], about["pushes"]
+        self.key = (folder / "key").read_bytes()
 
-    def _key(self) -> bytes:
+    def _about(self, sets: int | None, seed: int | None, pushes: int | None) -> dict[str, int]:
+        """What the check is made of: as it was begun, else as it is wished."""
+        generator, key = "mujoco" if self.data is None else "lab", self.folder / "key"
+        if self.ledger.entries:
+            begun = self.ledger.entries[0]
+            wished = {"generator": generator, "sets": sets, "seed": seed, "pushes": pushes}
+            if begun["event"] != "begun" or not set(wished) <= set(begun):
+                raise InputError(f"{self.ledger.file}, line 1: expected how the check was begun")
+            for name, value in wished.items():
+                if value is not None and value != begun[name]:
+                    raise InputError(f"{self.folder}: this check was begun with {name} {begun[name]}, not {value}")
+            if not key.is_file() or digest(key.read_bytes()) != begun["key"]:
+                raise InputError(f"{key}: expected the key that this check was begun with")
+            return {name: int(begun[name]) for name in ("sets", "seed", "pushes")}
         from cryptography.fernet import Fernet
 
-        file = self.folder / "key"
-        if not file.is_file():
-            write_atomically(file, Fernet.generate_key().decode())
-            os.chmod(file, 0o600)
-        return file.read_bytes()
+        if any(file.name != _LOCK for file in self.folder.iterdir()):
+            raise InputError(f"{self.folder}: expected an empty folder, or that of a check that was begun")
+        number = len(cases(self.data)) if self.data is not None else 12
+        about = {
+            "sets": min(number, sets or number) if self.data is not None else sets or number,
+            # seeds that nobody has seen
+            "seed": secrets.randbelow(2**31) if seed is None else seed,
+            "pushes": pushes or 60,
+        }
+        with os.fdopen(os.open(key, os.O_WRONLY | os.O_CREAT, 0o600), "wb") as out:
+            out.write(Fernet.generate_key())
+        self.ledger.add(
+            "begun", _NO_SET, generator=generator, key=digest(key.read_bytes()), version=__version__, code=code_of(), **about
+        )
+        return about
 
     def of(self, number: int) -> Path:
         return self.folder / "sets" / f"{number:04d}"
 
-    def seal(self, said: Said) -> None:
-        """Make the logs that are missing, each in a process of its own, and write their seals into the ledger."""
+    def seal(self, said: Said) -> str:
+        """Make the logs that are missing, each in a process of its own, and write their seals into the ledger; return its hash
+        after the last of them."""
         missing = [k for k in range(self.sets) if not self.ledger.find("sealed", k)]
         if self.data is None:
             jobs = [joblib.delayed(generated)(k, self.seed, self.pushes, self.key) for k in missing]
@@ -89,51 +109,70 @@ class BlindCheck:
             seal = {"label": digest(files["label.sealed"]), "log": digest_of_folder(self.of(number) / "log")}
             self.ledger.add("sealed", number, **seal)
             said("sealed", done, len(missing))
+        return self._after("sealed")
 
-    def diagnose(self, said: Said) -> None:
-        """Diagnose what is not diagnosed yet: the process gets the files of the log and nothing else."""
+    def diagnose(self, said: Said) -> str:
+        """Diagnose what is not diagnosed yet, each log in a process that gets it and nothing else; return the ledger's hash after
+        the last of them."""
         missing = [k for k in range(self.sets) if not self.ledger.find("diagnosed", k)]
+        for number in missing:
+            if digest_of_folder(self.of(number) / "log") != self.ledger.find("sealed", number)[0][1]["log"]:
+                raise InputError(f"{self.of(number) / 'log'}: this is not the log that was sealed")
         jobs = [joblib.delayed(diagnosed)(k, _read(self.of(k) / "log")) for k in missing]
         for done, (number, answer) in enumerate(self._run(jobs), 1):
             write_atomically(self.of(number) / "diagnosis.json", answer.decode())
-            self.ledger.add("diagnosed", number, diagnosis=digest(answer))
+            self.ledger.add("diagnosed", number, diagnosis=digest(answer), code=code_of())
             said("diagnosed", done, len(missing))
+        return self._after("diagnosed")
+
+    def _after(self, event: str) -> str:
+        return str(next((e["hash"] for e in reversed(self.ledger.entries) if e["event"] == event), self.ledger.head))
 
     def score(self, said: Said) -> Score:
         """Open the labels of the sets whose seal is whole, and score what was said of them."""
         rows, refused = [], {}
         for number in range(self.sets):
             folder = self.of(number)
-            sealed, answer = (folder / "label.sealed").read_bytes(), (folder / "diagnosis.json").read_bytes()
-            words = complaint(self.ledger, number, sealed, folder / "log", answer)
-            if words is not None:
-                refused[number] = words
+            try:
+                sealed, answer = (folder / "label.sealed").read_bytes(), (folder / "diagnosis.json").read_bytes()
+            except OSError as error:
+                refused[number] = f"{error.filename}: {error.strerror}"
                 continue
-            # opened once: a score made again adds nothing to the ledger
-            if (folder / "label.json").is_file() and self.ledger.find("opened", number):
-                label = dict(read_json(folder / "label.json").value)
-            else:
+            words = complaint(self.ledger, number, sealed, folder / "log", answer)
+            if words is None:
                 label = open_label(self.ledger, number, sealed, self.key)
-                write_json(folder / "label.json", label)
-            rows.append({"set": number, "label": label, "answer": json.loads(answer)})
+                rows.append({"set": number, "label": label, "answer": json.loads(answer), "known": {}})
+            else:
+                refused[number] = words
+        codes = {entry["code"] for entry in self.ledger.entries if entry["event"] == "diagnosed"}
         if self.data is not None:
-            return score_of_supports(rows, refused, self.ledger.head)
-        wanted = [row for row in rows if row["label"]["applied"] and not (self.of(row["set"]) / "known.json").is_file()]
-        jobs = [
-            joblib.delayed(known)(row["set"], _read(self.of(row["set"]) / "log"), [a["effect"] for a in row["label"]["applied"]])
-            for row in wanted
-        ]
+            return score_of_supports(rows, refused, len(codes), self.ledger.head)
+        self._know([row for row in rows if row["label"]["kind"] == "effect"], said)
+        return score_of(rows, refused, len(codes), self.seed, self.ledger.head)
+
+    def _know(self, rows: list[dict[str, Any]], said: Said) -> None:
+        """Add what a fit closes that knows which effect acts."""
+        of_row = {row["set"]: row for row in rows}
+        missing = []
+        for number, row in of_row.items():
+            found, file = self.ledger.find("known", number), self.of(number) / "known.json"
+            if found and file.is_file() and digest(file.read_bytes()) == found[-1][1]["closed"]:
+                row["known"] = json.loads(file.read_bytes())
+            else:
+                missing.append(number)
+        effects = {k: [a["effect"] for a in of_row[k]["label"]["applied"]] for k in missing}
+        jobs = [joblib.delayed(known)(k, _read(self.of(k) / "log"), effects[k]) for k in missing]
         for done, (number, closed) in enumerate(self._run(jobs), 1):
-            write_json(self.of(number) / "known.json", closed)
+            file = self.of(number) / "known.json"
+            write_json(file, closed)
+            self.ledger.add("known", number, closed=digest(file.read_bytes()))
+            of_row[number]["known"] = closed
             said("fitted with the cause known", done, len(jobs))
-        for row in rows:
-            file = self.of(row["set"]) / "known.json"
-            row["known"] = read_json(file).value if file.is_file() else {}
-        return score_of(rows, refused, self.seed, self.ledger.head)
 
     def _run(self, jobs: list[Any]) -> Iterator[Any]:
-        with self._engine():
-            yield from joblib.Parallel(n_jobs=self.jobs, return_as="generator_unordered")(jobs)
+        if jobs:
+            with self._engine():
+                yield from joblib.Parallel(n_jobs=self.jobs, return_as="generator_unordered")(jobs)
 
     @contextmanager
     def _engine(self) -> Iterator[None]:
@@ -153,6 +192,38 @@ class BlindCheck:
             yield
 
 
+def _made(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot write: {error.strerror}") from None
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Keep other checks out of a folder, where the system can."""
+    _made(folder)
+    try:
+        import fcntl
+    except ImportError:
+        # Windows
+        yield
+        return
+    with (folder / _LOCK).open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise InputError(f"{folder}: another check is at work in this folder") from None
+        yield
+
+
+def code_of() -> str:
+    """Hash of the code that diagnoses, and of what it stands on."""
+    root = Path(__file__).parents[1]
+    files = sorted(f for f in root.rglob("*.py") if f.parent.name not in ("blind", "cli", "plot"))
+    return digest("".join(f"{f.relative_to(root).as_posix()} {digest(f.read_bytes())}\n" for f in files).encode())
+
+
 def generated(number: int, seed: int, pushes: int, key: bytes) -> tuple[int, Files]:
     """Return the files of a set: its generator is a process of its own, that ends before anything is diagnosed."""
     with tempfile.TemporaryDirectory() as place:
@@ -160,21 +231,26 @@ def generated(number: int, seed: int, pushes: int, key: bytes) -> tuple[int, Fil
         done = subprocess.run(command, input=key.decode() + "\n", text=True, capture_output=True, check=False)
         if done.returncode:
             last = done.stderr.strip().splitlines()
-            raise RuntimeError(f"set {number}: its generator failed: {last[-1] if last else done.returncode}")
+            raise SolverError(f"set {number}: its generator failed: {last[-1] if last else done.returncode}")
         return number, _read(Path(place))
 
 
 def diagnosed(number: int, files: Files) -> tuple[int, bytes]:
-    """Return a ``diagnosis/1`` with the time that it took; ``files``: of the log."""
-    from stablepush.diagnosis import diagnose
-    from stablepush.logs import read_pushlog
-
+    """Return the ``diagnosis/1`` that a process made of the files of a log, in a folder that has nothing else."""
     with tempfile.TemporaryDirectory() as place:
-        _write(Path(place), files)
-        log = read_pushlog(Path(place))
-    begin = time.perf_counter()
-    answer = diagnose(log, name=f"{number:04d}").to_json()
-    return number, json.dumps({**answer, "seconds": round(time.perf_counter() - begin, 2)}, indent=1).encode()
+        _write(Path(place) / "log", files)
+        command = [sys.executable, "-m", "stablepush.blind.diagnoser", "log", "answer.json"]
+        done = subprocess.run(command, cwd=place, text=True, capture_output=True, check=False, env=_environment())
+        if done.returncode:
+            last = done.stderr.strip().splitlines()
+            return number, json.dumps({**FAILED, "why": last[-1] if last else str(done.returncode)}).encode()
+        return number, (Path(place) / "answer.json").read_bytes()
+
+
+def _environment() -> dict[str, str]:
+    """Of a process that is to find this library, wherever it is run."""
+    paths = [str(Path(p).resolve()) for p in sys.path if p]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
 
 
 def known(number: int, files: Files, effects: list[str]) -> tuple[int, dict[str, float]]:

@@ -146,6 +146,7 @@ class Engine:
         velocity = data.qvel[:2] + data.qvel[2] * np.stack((-arms[:, 1], arms[:, 0]), axis=-1)
         along, left = friction(w, data.qpos[:2] + arms, velocity, theta, order)
         model.geom_friction[self.foot_geoms, 0] = along
+        data.xfrc_applied[self.foot_bodies, :2] = 0.0
         if left.any():
             e = velocity / (np.linalg.norm(velocity, axis=1, keepdims=True) + 1e-9)
             aside = (self.weights * w.mass * GRAVITY * left)[:, None] * np.stack((e[:, 1], -e[:, 0]), axis=-1)

@@ -38,12 +38,12 @@ def generate(seed: int, number: int, pushes: int) -> tuple[dict[str, Any], tuple
         scattered = replace(world, mu=world.mu * (1 + (SCATTER if world.trap == "scatter" else 0.005) * float(rng.normal())))
         truths.append(Engine(scattered).push(push, k / max(1, len(world.pushes) - 1)))
     label: dict[str, Any] = {
-        "kind": world.kind, "trap": world.trap, "contacts": "two" if world.two else "one", "nominal_feet": world.nominal_feet,
-        "engine": "mujoco",
+        "kind": world.kind, "trap": world.trap, "contacts": "two" if world.two else "one",
+        "engine": "mujoco", "friction_off": world.believed_mu / world.mu - 1,
         "applied": [
             {
                 "effect": a.effect, "form": a.form, "matches": a.matches, "numbers": a.numbers,
-                "parameters": parameters(world, a), "size": size(world, a, truths),
+                "parameters": parameters(world, a), "nominal": nominal(world, a), "size": size(world, a, truths),
             }
             for a in world.applied
         ],
@@ -69,6 +69,13 @@ def parameters(world: World, a: Applied) -> dict[str, Any]:
     if a.effect == "contact-geometry":
         return {"radius": world.radius + n["change"]}
     return {k: v for k, v in n.items() if k != "share"}
+
+
+def nominal(world: World, a: Applied) -> float:
+    """What each parameter of an effect would be without it."""
+    if a.effect in ("contact-friction", "contact-geometry"):
+        return world.grip if a.effect == "contact-friction" else world.radius
+    return 1.0 if a.effect == "pressure-spread" or a.effect.startswith("anisotropy") else 0.0
 
 
 def size(world: World, a: Applied, truths: list[Truth]) -> float:
@@ -99,14 +106,19 @@ def size(world: World, a: Applied, truths: list[Truth]) -> float:
     without, _ = loads(plain, pose, twist, orders)
     changed = truly - without
     back = turned(-pose[:, 2])
+    # the moment follows from where the pusher is
+    arm = np.einsum("nij,nj->ni", back, pusher[:, :2] - pose[:, :2])
+    read = None
     if a.effect == "inertia":
-        changed = np.column_stack((np.einsum("nij,nj->ni", back, world.mass * gained[:, :2]), np.zeros(n)))
+        there = np.einsum("nij,nj->ni", back, world.mass * gained[:, :2])
+        turning = world.mass * float(world.weights @ (world.feet**2).sum(axis=1)) * gained[:, 2]
+        changed = np.column_stack((there, turning))
     if a.effect == "force-bias":
-        there = np.einsum("nij,j->ni", back, np.array(a.numbers["force"]))
-        changed = np.column_stack((there, np.zeros(n)))
+        read = np.einsum("nij,j->ni", back, np.array(a.numbers["force"]))
     if a.effect == "force-rotation":
-        there = a.numbers["angle"] * np.stack((-truly[:, 1], truly[:, 0]), axis=-1)
-        changed = np.column_stack((there, np.zeros(n)))
+        read = a.numbers["angle"] * np.stack((-truly[:, 1], truly[:, 0]), axis=-1)
+    if read is not None:
+        changed = np.column_stack((read, arm[:, 0] * read[:, 1] - arm[:, 1] * read[:, 0]))
     if a.effect == "load-transfer":
         changed = 0.1 * truly * np.array((1.0, 1.0, -1.0))
     rng = np.random.default_rng(0)
@@ -124,7 +136,8 @@ def size(world: World, a: Applied, truths: list[Truth]) -> float:
         _, weights = feet_of(plain)
         base = base @ weights[:, None]
     left = target - base @ np.linalg.lstsq(base, target, rcond=None)[0]
-    return float(np.linalg.norm(left))
+    at_rest = 2 * len(truths) * np.hypot(*a.numbers["force"]) ** 2 / world.force_noise**2 if a.effect == "force-bias" else 0.0
+    return float(np.sqrt(left @ left + at_rest))
 
 
 def main() -> None:

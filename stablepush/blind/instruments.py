@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from stablepush.blind.engine import Truth
 
 #: Noise of the moment (m) and of the pusher's place (m), outliers' share and how far off they are, and the scatter of friction
-#: from push to push in the traps; how far the operator's friction is off.
-_MOMENT, _PUSHER, _SHARE, _FAR, SCATTER, _BELIEF = 0.015, 3e-5, 0.05, 12.0, 0.03, 0.03
+#: from push to push in the traps.
+_MOMENT, _PUSHER, _SHARE, _FAR, SCATTER = 0.015, 3e-5, 0.05, 12.0, 0.03
 Row = dict[str, Any]
 COLUMNS = (
     "trial", "t", "phase", "x", "y", "theta", "fx", "fy", "tau", "vx", "vy", "omega", "c1x", "c1y", "c2x", "c2y",
@@ -50,12 +50,11 @@ def record(world: World, truths: list[Truth], rng: np.random.Generator) -> tuple
         for row in trials:
             for name in ("cor_x", "cor_y", "sense"):
                 row.pop(name)
-    believed = world.mu * (1 + (_BELIEF * rng.normal() if rng.random() < 0.5 else 0.0))
-    support = {"points": world.feet.tolist(), "weights": world.weights.tolist()} if world.nominal_feet else None
+    support = {"points": world.feet.tolist(), "weights": world.weights.tolist()} if world.trap != "patch" else None
     rig = {
         "format": "pushlog/1",
         "slider": {"format": "slider/1", "vertices": world.outline.tolist(), "mass": world.mass, "support": support},
-        "friction": {"support": believed, "contact": world.grip},
+        "friction": {"support": world.believed_mu, "contact": world.grip},
         "gravity": GRAVITY,
         "contact_kind": "two-point" if world.two else "point",
         "finger_radius": world.radius,

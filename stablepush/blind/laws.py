@@ -10,7 +10,7 @@ from stablepush.blind.worlds import GRAVITY, REFERENCE_SPEED, Applied, World
 _WEAR = 4.0
 #: Speed (m/s) over which Stribeck friction falls, and at which directions count.
 _STRIBECK, _STILL = 0.008, 1e-4
-#: Turns (rad/m) of a sagging table's slope over the table.
+#: Share by which a sagging table's slope changes, per m.
 _SAG = 6.0
 
 

@@ -23,6 +23,8 @@ COVARIATE = {
     "latency": ("speed", "acceleration"), "tilt": ("world heading", "slider heading"),
     "force-bias": ("world heading", "slider heading"),
 }  # fmt: skip
+#: Effects that are no wrong names where the rig believes in even pressure.
+OF_SURFACE = {"pressure-shift", "pressure-spread", "anisotropy-object", "model-capacity"}
 #: Edges of the bins of said probabilities.
 BINS = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
 
@@ -46,7 +48,8 @@ def share(count: int, total: int) -> str:
 @dataclass(frozen=True, slots=True, eq=False)
 class Score:
     """``lines``: measures in words; ``by_effect``, ``by_form``: rows of tables; ``rows``: one per set, as the CSV has them;
-    ``calibration``: bins as (said, acting, count); ``coverage``: (share of sets, accuracy) by falling probability."""
+    ``calibration``: bins as (said, acting, count); ``coverage``: (share of sets with an effect, accuracy) by falling probability;
+    ``refused``: sets that do not count, with the reason."""
 
     lines: list[tuple[str, str]]
     by_effect: list[tuple[str, str]]
@@ -54,6 +57,13 @@ class Score:
     rows: list[dict[str, Any]]
     calibration: list[tuple[float, float, int]]
     coverage: list[tuple[float, float]]
+    refused: dict[int, str]
+
+
+def told(refused: dict[int, str], codes: int) -> str:
+    """What a reader must know of how the check was made."""
+    words = "".join(f"; set {number} refused: {why}" for number, why in refused.items())
+    return words + (f"; diagnosed by {codes} versions of the code" if codes > 1 else "")
 
 
 def truth_of(row: Row) -> set[str]:
@@ -67,6 +77,11 @@ def named_in(row: Row) -> set[str]:
 def outcome(row: Row) -> str:
     """One word for what was said of a set."""
     truth, said, verdict = truth_of(row) & set(CATALOGUE), named_in(row), row["answer"]["verdict"]
+    if verdict == "failed":
+        return "failed"
+    if row["label"]["trap"] == "patch":
+        # the feet do press elsewhere than the rig has it
+        said = said - OF_SURFACE
     if not truth:
         return "wrong name" if said else "unknown" if verdict == "unknown" else "quiet"
     if verdict == "ambiguous" and truth & said:
@@ -80,22 +95,25 @@ def outcome(row: Row) -> str:
     return "unknown" if verdict == "unknown" else "missed"
 
 
-def score_of(rows: list[Row], refused: dict[int, str], seed: int, head: str) -> Score:
+def score_of(rows: list[Row], refused: dict[int, str], codes: int, seed: int, head: str) -> Score:
     """Return the score of opened sets: ``set``, ``label``, ``answer`` (``diagnosis/1``) and ``known`` (closed shares) of each."""
     kinds = {kind: [r for r in rows if r["label"]["kind"] == kind] for kind in ("clean", "trap", "effect", "pair", "outside")}
     detectable = [r for r in kinds["effect"] if r["label"]["applied"][0]["detectable"]]
-    lines = [("sets", f"{len(rows)}, seed {seed}" + (f"; refused: {refused}" if refused else ""))]
+    lines = [("sets", f"{len(rows)}, seed {seed}{told(refused, codes)}")]
     for kind in ("clean", "trap"):
         quiet = sum(outcome(r) != "quiet" for r in kinds[kind])
         lines.append((f"false alarms, {kind} sets", share(quiet, len(kinds[kind]))))
+    exact = [r for r in kinds["clean"] if r["label"]["friction_off"] == 0.0]
+    absorbed = sum(r["answer"]["verdict"] == "absorbed" for r in exact)
+    lines.append(("clean sets that are called absorbed though the rig is exact", share(absorbed, len(exact))))
     right = sum(outcome(r) == "right" for r in detectable)
     in_set = sum(outcome(r) in ("right", "in the set", "right and more") for r in detectable)
-    top = sum(r["answer"]["ranking"][0]["effect"] in truth_of(r) for r in detectable)
+    top = sum(r["answer"]["ranking"][0]["effect"] in truth_of(r) for r in detectable if r["answer"]["ranking"])
     judged = [r for r in rows if r["label"]["kind"] != "outside"]
     wrong = sum(outcome(r) in ("wrong name", "right and more") for r in judged)
-    both = sum(outcome(r) in ("right",) or truth_of(r) <= named_in(r) for r in kinds["pair"])
+    both = sum(_both(r) for r in kinds["pair"])
     plain = [r for r in kinds["pair"] if all(a["detectable"] for a in r["label"]["applied"])]
-    both_plain = sum(truth_of(r) <= named_in(r) for r in plain)
+    both_plain = sum(_both(r) for r in plain)
     taken = sum(bool(named_in(r)) for r in kinds["outside"])
     lines += [
         ("named, and nothing else, of detectable effects", share(right, len(detectable))),
@@ -108,7 +126,8 @@ def score_of(rows: list[Row], refused: dict[int, str], seed: int, head: str) -> 
     ]
     probabilities, acting, tops = [], [], []
     for r in rows:
-        if r["label"]["kind"] == "outside":
+        # what the rig leaves out without being told is no label
+        if r["label"]["kind"] == "outside" or r["label"]["trap"] == "patch" or not r["answer"]["ranking"]:
             continue
         for entry in r["answer"]["ranking"]:
             probabilities.append(entry["probability"])
@@ -127,9 +146,7 @@ def score_of(rows: list[Row], refused: dict[int, str], seed: int, head: str) -> 
             chosen = (said >= low) & ((said < high) | (high == 1.0))
             if chosen.any():
                 calibration.append((float(said[chosen].mean()), float(acts[chosen].mean()), int(chosen.sum())))
-    tops.sort(reverse=True)
-    hits = np.cumsum([hit for _, hit in tops]) if tops else np.zeros(0)
-    coverage = [((k + 1) / len(tops), float(hits[k] / (k + 1))) for k in range(len(tops))]
+    coverage = _coverage(tops)
     lines += _closed(detectable) + _parameters(kinds["effect"]) + _where(detectable)
     seconds = [float(r["answer"].get("seconds", np.nan)) for r in rows]
     if seconds:
@@ -150,7 +167,23 @@ def score_of(rows: list[Row], refused: dict[int, str], seed: int, head: str) -> 
     for engine in dict.fromkeys(r["label"]["engine"] for r in rows):
         mine = [r for r in rows if r["label"]["engine"] == engine]
         by_form.append((f"engine {engine}", _counts(_detected(r) for r in mine)))
-    return Score(lines, by_effect, by_form, [_row(r) for r in rows], calibration, coverage)
+    return Score(lines, by_effect, by_form, [_row(r) for r in rows], calibration, coverage, refused)
+
+
+def _both(row: Row) -> bool:
+    """Whether all effects that act are named; a set that is said to be ambiguous names none."""
+    return bool(row["answer"]["verdict"] == "named" and truth_of(row) <= named_in(row))
+
+
+def _coverage(tops: list[tuple[float, bool]]) -> list[tuple[float, float]]:
+    """Share of sets and accuracy of the first guess, surest first; guesses that are as sure count together."""
+    tops = sorted(tops, reverse=True)
+    found, hits = [], 0
+    for k, (probability, hit) in enumerate(tops):
+        hits += hit
+        if k + 1 == len(tops) or tops[k + 1][0] < probability:
+            found.append(((k + 1) / len(tops), hits / (k + 1)))
+    return found
 
 
 def _detected(row: Row) -> str:
@@ -197,7 +230,7 @@ def _parameters(effects: list[Row]) -> list[tuple[str, str]]:
             pairs = np.reshape(found["ci95"], (-1, 2))
             values, estimates = np.atleast_1d(truth), np.atleast_1d(found["estimate"])
             inside += [bool(a <= v <= b) for (a, b), v in zip(pairs, values, strict=True)]
-            nominal = {"ratio": 1.0, "scale": 1.0}.get(name, 0.0)
+            nominal = applied["nominal"]
             if np.linalg.norm(values - nominal) > 0:
                 off.append(float(np.linalg.norm(estimates - values) / np.linalg.norm(values - nominal)))
     if not inside:
@@ -219,17 +252,18 @@ def _where(detectable: list[Row]) -> list[tuple[str, str]]:
             continue
         total += 1
         found = r["answer"]["where"]
-        hits += bool(found) and found[0]["covariate"] in wanted
+        hits += bool(found) and found[0]["channel"] == "wrench" and found[0]["covariate"] in wanted
     return [("strongest finding of where follows what it should", share(hits, total))]
 
 
 def _row(row: Row) -> dict[str, Any]:
     applied = row["label"]["applied"]
+    first = (row["answer"]["ranking"] or [{}])[0]
     return {
         "set": row["set"], "kind": row["label"]["kind"], "trap": row["label"]["trap"], "contacts": row["label"]["contacts"],
         "effects": " ".join(a["effect"] for a in applied), "forms": " ".join(a["form"] for a in applied),
         "sizes": " ".join(f"{a['size']:.1f}" for a in applied), "verdict": row["answer"]["verdict"],
         "named": " ".join(row["answer"]["effects"]), "outcome": outcome(row),
-        "most_probable": row["answer"]["ranking"][0]["effect"], "probability": row["answer"]["ranking"][0]["probability"],
+        "most_probable": first.get("effect", ""), "probability": first.get("probability", ""),
         "seconds": row["answer"].get("seconds", ""),
     }  # fmt: skip

@@ -2,7 +2,8 @@
 
 Each entry of the ledger names what was sealed, diagnosed or opened by its SHA-256, and holds the hash of the entry before: none
 can be changed, left out or put in between without every later hash being wrong. A label counts only if it was sealed before its
-log was diagnosed, and opened after.
+log was diagnosed, and opened after. Who has the folder can write all of the ledger anew, or cut its end off: that is noticed by
+whoever noted the last hash when all was sealed, and when all was diagnosed (both are printed), and asks for it again.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,23 +38,29 @@ class Ledger:
     def __init__(self, file: Path) -> None:
         self.file = file
         self.entries: list[dict[str, Any]] = []
-        if file.is_file():
-            text = file.read_text(encoding="utf-8")
-            # a line that was being written when the process was ended counts for nothing
-            lines = text.split("\n")
-            if lines[-1]:
-                file.write_text("".join(line + "\n" for line in lines[:-1]), encoding="utf-8")
-            for number, line in enumerate(lines[:-1], 1):
-                self.entries.append(self._checked(line, number))
+        self._whole = 0
+        if not file.is_file():
+            return
+        try:
+            lines = file.read_bytes().decode("utf-8").split("\n")
+        except UnicodeDecodeError:
+            raise InputError(f"{file}: expected the ledger of a blind check, this is no text") from None
+        for number, line in enumerate(lines, 1):
+            if not line and number == len(lines):
+                break
+            # an entry that was being written when the process was ended counts for nothing; the next one takes its place
+            if number == len(lines) and self.entries and not _whole(line):
+                break
+            self.entries.append(self._checked(line, number))
+            self._whole += len(line.encode()) + 1
 
     def _checked(self, line: str, number: int) -> dict[str, Any]:
         try:
-            entry = json.loads(line)
+            entry = dict(json.loads(line))
             own = entry.pop("hash")
-        except (ValueError, KeyError, AttributeError):
-            raise InputError(f"{self.file}, line {number}: expected an entry of a ledger") from None
-        before = self.entries[-1]["hash"] if self.entries else _FIRST
-        if entry.get("before") != before or _hash(entry) != own:
+        except (ValueError, KeyError, TypeError):
+            raise InputError(f"{self.file}, line {number}: expected an entry of the ledger of a blind check") from None
+        if entry.get("before") != self.head or _hash(entry) != own:
             raise InputError(f"{self.file}, line {number}: the chain is broken: the ledger was changed after it was written")
         return {**entry, "hash": own}
 
@@ -61,13 +69,29 @@ class Ledger:
         """Hash of the last entry: whoever has it can tell whether anything before was changed."""
         return str(self.entries[-1]["hash"]) if self.entries else _FIRST
 
-    def add(self, event: str, number: int, **what: str) -> None:
+    def expect(self, heads: Sequence[str]) -> None:
+        """Refuse a ledger that lacks one of the hashes that were noted before."""
+        for head in heads:
+            if all(entry["hash"] != head for entry in self.entries):
+                raise InputError(
+                    f"{self.file}: the hash {head} is not in it: the ledger was written anew, or its end was cut off"
+                )
+
+    def add(self, event: str, number: int, **what: Any) -> None:
         entry: dict[str, Any] = {"event": event, "set": number, **what, "before": self.head}
         entry["hash"] = _hash(entry)
-        with self.file.open("a", encoding="utf-8") as out:
-            out.write(json.dumps(entry) + "\n")
+        line = (json.dumps(entry) + "\n").encode()
+        with self.file.open("r+b" if self.file.is_file() else "wb") as out:
+            out.truncate(self._whole)
+            out.seek(self._whole)
+            if self._whole and self.entries:
+                # the last line may have lost its end
+                out.seek(self._whole - 1)
+                out.write(b"\n")
+            out.write(line)
             out.flush()
             os.fsync(out.fileno())
+        self._whole += len(line)
         self.entries.append(entry)
 
     def find(self, event: str, number: int) -> list[tuple[int, dict[str, Any]]]:
@@ -75,19 +99,30 @@ class Ledger:
         return [(i, e) for i, e in enumerate(self.entries) if e["event"] == event and e["set"] == number]
 
 
+def _whole(line: str) -> bool:
+    try:
+        return "hash" in json.loads(line)
+    except (ValueError, TypeError):
+        return False
+
+
 def _hash(entry: dict[str, Any]) -> str:
     return digest(json.dumps({k: v for k, v in entry.items() if k != "hash"}, sort_keys=True).encode())
 
 
 def open_label(ledger: Ledger, number: int, sealed: bytes, key: bytes) -> dict[str, Any]:
-    """Return a label; that it was opened is written down first."""
+    """Return a label; that it is opened for the first time is written down."""
     from cryptography.fernet import Fernet, InvalidToken
 
-    ledger.add("opened", number, label=digest(sealed))
     try:
-        return dict(json.loads(Fernet(key).decrypt(sealed)))
+        label = dict(json.loads(Fernet(key).decrypt(sealed)))
     except (InvalidToken, ValueError):
-        raise InputError(f"set {number}: the sealed label was changed: it does not open with the key of this check") from None
+        raise InputError(
+            f"set {number}: the sealed label does not open with the key of this check: one of them was changed"
+        ) from None
+    if not ledger.find("opened", number):
+        ledger.add("opened", number, label=digest(sealed))
+    return label
 
 
 def complaint(ledger: Ledger, number: int, sealed: bytes, log: Path, diagnosis: bytes) -> str | None:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stablepush.blind.score import Row, Score, share
+from stablepush.blind.score import Row, Score, share, told
 from stablepush.errors import InputError
 from stablepush.logs import PushLog, write_pushlog
 from stablepush.logs.mlab import Source, find_sources, import_source, triangle_slider
@@ -51,14 +51,14 @@ def imported(number: int, data: Path, key: bytes) -> tuple[int, dict[str, bytes]
     return number, {**files, "label.sealed": Fernet(key).encrypt(json.dumps(label).encode())}
 
 
-def score_of_supports(rows: list[Row], refused: dict[int, str], head: str) -> Score:
+def score_of_supports(rows: list[Row], refused: dict[int, str], codes: int, head: str) -> Score:
     """Return what was said of wrong supports, and of the right ones as a control."""
     wrong, right = ([r for r in rows if bool(r["label"]["applied"]) is kind] for kind in (True, False))
     words = {number: Counter(_outcome(r) for r in rows) for number, rows in enumerate((wrong, right))}
     closer = [r for r in wrong if (e := _wrench(r)) and e["after"] < e["before"]]
     closed = [e["closed"] for r in wrong if (e := _wrench(r))]
     lines = [
-        ("cases", f"{len(rows)} of real pokes" + (f"; refused: {refused}" if refused else "")),
+        ("cases", f"{len(rows)} of real pokes{told(refused, codes)}"),
         ("wrong support: the pressure named, or absorbed", share(words[0]["pressure"] + words[0]["absorbed"], len(wrong))),
         ("wrong support: another cause named", share(words[0]["another cause"], len(wrong))),
         ("wrong support: nothing said", share(words[0]["nothing"], len(wrong))),
@@ -79,7 +79,7 @@ def score_of_supports(rows: list[Row], refused: dict[int, str], head: str) -> Sc
         }
         for r in rows
     ]  # fmt: skip
-    return Score(lines, by_log, [], table, [], [])
+    return Score(lines, by_log, [], table, [], [], refused)
 
 
 def _wrench(row: Row) -> dict[str, float] | None:

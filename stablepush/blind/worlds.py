@@ -5,15 +5,13 @@ Nothing here comes from the rest of the library: only numpy.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-#: Kinds of sets, in turn: a third clean, half with one effect.
-TURNS = (
-    "clean", "effect", "effect", "clean", "effect", "pair", "trap", "effect", "effect", "clean", "effect", "outside",
-)  # fmt: skip
+#: Kinds of sets, of as many in an order of the seed: a third is clean.
+TURNS = ("clean",) * 4 + ("effect",) * 5 + ("pair", "trap", "outside")
 #: Forms of each effect: the first is the catalogue's, the others are not.
 FORMS: dict[str, tuple[str, ...]] = {
     "anisotropy-world": ("ellipse", "lobes"), "anisotropy-object": ("ellipse", "lobes"),
@@ -31,7 +29,9 @@ LARGEST = {
 }  # fmt: skip
 SHARES = (0.25, 0.5, 1.0)
 OUTSIDE = ("checkerboard", "threefold", "load-transfer")
-TRAPS = ("outliers", "scatter")
+#: Logs without an effect that may mislead: noise with heavy tails, friction that scatters from push to push, and a rig that
+#: believes in even pressure over the outline.
+TRAPS = ("outliers", "scatter", "patch")
 #: Effects that pairs are made of.
 PAIRED = (
     "anisotropy-world", "speed-dependence", "spatial-variation", "drift", "tilt", "contact-geometry", "force-bias", "latency",
@@ -74,7 +74,10 @@ class Push:
 
 @dataclass(frozen=True)
 class World:
-    """Everything that a set is made of; lengths in m, masses in kg."""
+    """Everything that a set is made of; lengths in m, masses in kg.
+
+    ``believed_mu``: friction of the table as the operator has it; ``half``: half the distance of two fingers, 0 of one.
+    """
 
     outline: np.ndarray
     feet: np.ndarray
@@ -89,13 +92,12 @@ class World:
     angle_noise: float
     tracker: bool
     rows: int
-    nominal_feet: bool
+    believed_mu: float
     pushes: list[Push]
     applied: list[Applied]
     kind: str
     seed: int
     trap: str = ""
-    more: dict[str, Any] = field(default_factory=dict)
 
     @property
     def two(self) -> bool:
@@ -106,34 +108,43 @@ class World:
 
 
 def draw(seed: int, number: int, pushes: int = 60) -> World:
-    """The world of a set: the same for the same numbers."""
+    """The world of a set: the same for the same numbers; the number alone tells nothing."""
     rng = np.random.default_rng([seed, number])
-    kind = TURNS[number % len(TURNS)]
+    block, place = divmod(number, len(TURNS))
+    turns = [TURNS[i] for i in np.random.default_rng([seed, block, 1]).permutation(len(TURNS))]
+    kind = turns[place]
     applied: list[Applied] = []
     trap = ""
     if kind == "effect":
         # every effect in turn, so that scores by effect have about as many sets
-        turn = number // len(TURNS) * TURNS.count("effect") + TURNS[: number % len(TURNS)].count("effect")
-        names = list(FORMS)
-        effect = names[turn % len(names)]
+        turn = block * TURNS.count("effect") + turns[:place].count("effect")
+        around, which = divmod(turn, len(FORMS))
+        effect = list(FORMS)[np.random.default_rng([seed, around, 2]).permutation(len(FORMS))[which]]
         forms = FORMS[effect]
-        applied = [_effect(effect, forms[turn // len(names) % len(forms)], rng)]
+        # an effect has its forms in turn, another one first for each seed
+        applied = [_effect(effect, forms[(around + seed) % len(forms)], rng)]
     elif kind == "pair":
         applied = [_effect(str(e), FORMS[str(e)][int(rng.integers(2))], rng, 0.5) for e in rng.choice(PAIRED, 2, replace=False)]
     elif kind == "outside":
-        word = OUTSIDE[number // len(TURNS) % len(OUTSIDE)]
+        word = OUTSIDE[(block + seed) % len(OUTSIDE)]
         applied = [_outside(word, rng)]
     elif kind == "trap":
-        trap = TRAPS[number // len(TURNS) % len(TRAPS)]
+        trap = TRAPS[(block + seed) % len(TRAPS)]
     outline, feet, weights = _slider(rng)
     mass, mu, grip = float(rng.uniform(0.6, 1.4)), float(rng.uniform(0.2, 0.45)), float(rng.uniform(0.3, 0.7))
     radius = float(rng.uniform(0.004, 0.007))
     lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
     half = 0.012 if rng.random() < 0.5 and np.sort(lengths)[-3] > 0.05 else 0.0
+    if any(a.form == "one-finger" for a in applied) and np.sort(lengths)[-2] > 0.05:
+        half = 0.012
+    if not half:
+        # of one finger there is no other
+        applied = [Applied(a.effect, "radius", a.numbers) if a.form == "one-finger" else a for a in applied]
     rough = any(a.effect == "inertia" for a in applied)
+    off = 0.03 * float(rng.normal()) if rng.random() < 0.5 else 0.0
     return World(
         outline, feet, weights, mass, mu, grip, radius, half, float(rng.uniform(0.03, 0.05)), float(rng.uniform(1e-4, 2e-4)),
-        float(rng.uniform(0.0018, 0.0035)), bool(rng.random() < 0.5), int(rng.integers(6, 9)), bool(rng.random() < 0.7),
+        float(rng.uniform(0.0018, 0.0035)), bool(rng.random() < 0.5), int(rng.integers(6, 9)), mu * (1 + off),
         _campaign(outline, radius, half, pushes, rough, rng), applied, kind, seed, trap,
     )  # fmt: skip
 
@@ -213,14 +224,15 @@ def _effect(effect: str, form: str, rng: np.random.Generator, least: float = 0.0
     size, angle, sign = share * LARGEST[effect], float(rng.uniform(-np.pi, np.pi)), float(rng.choice((-1.0, 1.0)))
     vector = [size * np.cos(angle), size * np.sin(angle)]
     numbers: dict[str, Any] = {"share": share}
+    if effect == "inertia":
+        # all of the mass counts: nothing to choose
+        numbers = {}
     if effect.startswith("anisotropy"):
         numbers |= {"ratio": 1 + size, "direction": angle / 2}
     elif effect in ("tilt", "spatial-variation", "pressure-shift", "force-bias", "frame-offset"):
         word = {"tilt": "slope", "spatial-variation": "gradient", "force-bias": "force"}.get(effect, "offset")
         numbers |= {word: vector}
-    elif effect == "inertia":
-        numbers |= {}
-    else:
+    elif effect != "inertia":
         word = {
             "speed-dependence": "slope", "drift": "rate", "pressure-spread": "change", "contact-friction": "change",
             "contact-geometry": "change", "force-rotation": "angle", "latency": "delay",

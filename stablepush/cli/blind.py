@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 def blind(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the check; one that was ended goes on there.")],
-    sets: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Logs to make, or to take at most.")] = 12,
+    sets: Annotated[
+        int | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Logs to make (12), or to take at most (all).")
+    ] = None,
     generator: Annotated[
         str, typer.Option(help="What reality is: mujoco, or lab, the Manipulation Lab's pokes with other supports.")
     ] = "mujoco",
@@ -24,14 +26,21 @@ def blind(
     seed: Annotated[
         int | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Of the logs; one that nobody knows if not given.")
     ] = None,
-    pushes: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Pushes of a log.")] = 60,
+    pushes: Annotated[int | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Pushes of a log (60).")] = None,
     jobs: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Processes.")] = 1,
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask cluster that does the work.")] = None,
+    expect: Annotated[
+        list[str] | None, typer.Option(metavar="HASH", help="Hash of the ledger that was noted before; repeatable.")
+    ] = None,
     earlier: Annotated[
-        int, typer.Option(parser=whole_number, metavar="INTEGER", help="Checks that the diagnosis was improved on before.")
-    ] = 0,
+        int | None,
+        typer.Option(parser=whole_number, metavar="INTEGER", help="Checks on which the diagnosis was improved before."),
+    ] = None,
 ) -> None:
-    """Make logs whose cause is sealed, diagnose them, then open the labels and score what was said."""
+    """Make logs whose cause is sealed, diagnose them, then open the labels and score what was said.
+
+    Exits with 1 if the seal of any set is broken.
+    """
     from importlib.util import find_spec
 
     if generator not in ("mujoco", "lab"):
@@ -39,9 +48,9 @@ def blind(
     if (generator == "lab") != (data is not None):
         raise InputError("--data: the generator lab needs the folder of the lab's logs, mujoco takes none")
     for word, value, least, most in (("sets", sets, 1, 100_000), ("pushes", pushes, 4, 10_000), ("jobs", jobs, 1, 1024)):
-        if not least <= value <= most:
+        if value is not None and not least <= value <= most:
             raise InputError(f"--{word}: expected a whole number from {least} to {most}, got {value}")
-    if earlier < 0:
+    if earlier is not None and earlier < 0:
         raise InputError(f"--earlier: expected a whole number from 0, got {earlier}")
     if seed is not None:
         require_seed(seed)
@@ -50,23 +59,25 @@ def blind(
     missing = [name for name in needed if find_spec(name) is None]
     if missing:
         raise InputError(f'the blind check needs {" and ".join(missing)}: pip install "stablepush[sim]"')
-    from stablepush.blind.check import BlindCheck
+    from stablepush.blind.check import BlindCheck, alone
     from stablepush.files import write_atomically
 
-    check = BlindCheck(output, sets, seed, pushes, jobs, scheduler, data)
-    with Progress("blind") as progress:
+    with alone(output), Progress("blind") as progress:
+        check = BlindCheck(output, sets, seed, pushes, jobs, scheduler, data, expect or ())
 
         def said(what: str, done: int, total: int) -> None:
             progress.describe(f"{what} {done} of {total}")
 
-        check.seal(said)
-        check.diagnose(said)
+        progress.say(f"ledger when all was sealed: {check.seal(said)}", error=False)
+        progress.say(f"ledger when all was diagnosed: {check.diagnose(said)}", error=False)
         score = check.score(said)
     write_atomically(output / "score.csv", _table(score))
     write_atomically(output / "score.html", _page(score, earlier) if data is None else _lab_page(score))
     for name, words in score.lines:
         print(f"{name}: {words}")
     print(output / "score.html")
+    if score.refused:
+        raise typer.Exit(1)
 
 
 def _table(score: Score) -> str:
@@ -92,13 +103,15 @@ def _lab_page(score: Score) -> str:
     return report_html("Blind check of the diagnosis on real pokes", f"{len(score.rows)} cases", sections)
 
 
-def _page(score: Score, earlier: int) -> str:
+def _page(score: Score, earlier: int | None) -> str:
     from stablepush.plot import figure_png, plot_calibration
     from stablepush.report import Section, report_html
 
     before = (
-        "The diagnosis was not changed on what an earlier check showed."
-        if not earlier
+        "Whether the diagnosis was improved on earlier checks was not stated."
+        if earlier is None
+        else "The diagnosis was not changed on what an earlier check showed."
+        if earlier == 0
         else f"The diagnosis was improved on {earlier} earlier {'check' if earlier == 1 else 'checks'}, of other seeds."
     )
     how = (
