@@ -1,13 +1,16 @@
-"""What tests share: the lab's data where it is present, and a zoo of surfaces and contacts."""
+"""What tests share: the lab's data where it is present, a zoo of surfaces and contacts, logs of a rig to diagnose."""
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import stablepush as sp
+from stablepush.effects import CATALOGUE, parse_effect
 
 LAB_DATA = Path(__file__).parents[2] / "shared" / "data"
 
@@ -127,3 +130,51 @@ def one_line(capsys: pytest.CaptureFixture[str], arguments: list[object], *words
     assert captured.err.startswith("stablepush: error: ")
     for word in words:
         assert str(word) in captured.err, captured.err
+
+
+LOAD, MASS = 3.5, 1.2
+QUIET = sp.Noise(0.02, 5e-5, 5e-4)
+FORCES = ("fx", "fy", "tau")
+
+
+def pressure():
+    """Spread over the outline: with three feet many pushes turn about one, whose load the motion then does not tell."""
+    return sp.SupportDistribution.from_polygon(0.9 * triangle().vertices, 0.03)
+
+
+def make_log(*effects, count=40, rows=7, noise=QUIET, seed=0, two=False, **options):
+    slider = sp.Slider(triangle().vertices, MASS, pressure())
+    pusher = sp.Pusher.two_fingers(0.05, 0.005) if two else sp.Pusher.finger(0.005)
+    surface = sp.IdealLimitSurface(pressure(), LOAD)
+    rig = sp.VirtualRig(slider, surface, 0.5, pusher, [parse_effect(e) for e in effects], noise, **options)
+    return rig.execute(sp.random_pushes(slider, pusher, count, seed=seed), rows=rows, seed=seed).log
+
+
+def edited(log, drop=(), **rig):
+    samples = {name: values for name, values in log.samples.items() if name not in drop}
+    return sp.PushLog(replace(log.rig, **rig), log.trials, samples)
+
+
+def check_schema(report):
+    value = json.loads(json.dumps(report.to_json(), allow_nan=False))
+    assert value["format"] == "diagnosis/1"
+    assert value["verdict"] in ("none", "absorbed", "named", "ambiguous", "unknown")
+    assert {e["effect"] for e in value["ranking"]} == set(CATALOGUE)
+    probabilities = [e["probability"] for e in value["ranking"]]
+    assert probabilities == sorted(probabilities, reverse=True)
+    assert all(0 <= p <= 1 for p in probabilities)
+    for entry in value["ranking"]:
+        assert (entry["reason"] is None) == entry["identifiable"]
+        known = {p.name: p for p in CATALOGUE[entry["effect"]].parameters}
+        for name, parameter in entry["parameters"].items():
+            assert parameter["unit"] == known[name].unit
+            shape = (2,) if known[name].size == 1 else (2, 2)
+            assert np.shape(parameter["ci95"]) == shape
+    for entry in value["shrink"]:
+        assert entry["channel"] in value["channels"]
+        assert entry["ci95"][0] <= entry["ci95"][1]
+    if value["verdict"] in ("none", "absorbed", "unknown"):
+        assert value["effects"] == []
+    if value["verdict"] == "ambiguous":
+        assert len(value["effects"]) >= 2
+    return value

@@ -396,3 +396,39 @@ def test_a_local_dask_cluster_gives_the_same(tmp_path: Path) -> None:
         one, other = (json.loads((c.of(number) / "diagnosis.json").read_text(encoding="utf-8")) for c in (there, here))
         assert {**one, "seconds": 0} == {**other, "seconds": 0}
         assert digest_of_folder(there.of(number) / "log") == digest_of_folder(here.of(number) / "log")
+
+
+def test_the_lab_s_cases_do_not_tell_their_arrangement(lab: Path) -> None:
+    from stablepush.blind.supports import cases, imported
+    from stablepush.logs.mlab import triangle_slider
+
+    key = fernet.Fernet.generate_key()
+    number = next(i for i, (source, arrangement) in enumerate(cases(lab)) if source.arrangement != arrangement)
+    source, arrangement = cases(lab)[number]
+    _, files = imported(number, lab, key)
+    text = b"".join(data for name, data in files.items() if name.startswith("log/"))
+    assert source.arrangement.encode() not in text and source.name.encode() not in text
+    label = json.loads(fernet.Fernet(key).decrypt(files["label.sealed"]))
+    assert (label["arrangement"], label["nominal"], len(label["applied"])) == (source.arrangement, arrangement, 1)
+    rig = json.loads(files["log/rig.json"])
+    support = triangle_slider(arrangement).support
+    assert support is not None and np.allclose(rig["slider"]["support"]["points"], support.points)
+
+
+def test_the_score_of_supports_counts() -> None:
+    from stablepush.blind.supports import score_of_supports
+
+    def case(wrong: bool, verdict: str, said: list[str], after: float) -> dict:
+        shrink = [{"channel": "wrench", "before": 1.0, "after": after, "closed": 1 - after**2}]
+        label = {"surface": "wood", "arrangement": "a", "nominal": "b" if wrong else "a", "applied": [1] if wrong else []}
+        return {"set": 0, "label": label, "answer": {"verdict": verdict, "effects": said, "shrink": shrink}}
+
+    rows = [
+        case(True, "named", ["pressure-shift"], 0.1), case(True, "absorbed", [], 0.2), case(True, "named", ["tilt"], 0.9),
+        case(True, "unknown", [], 1.2), case(False, "none", [], 1.0), case(False, "named", ["drift"], 0.9),
+    ]  # fmt: skip
+    lines = dict(score_of_supports(rows, {}, 1, "").lines)
+    assert lines["wrong support: the pressure named, or absorbed"].startswith("2 of 4")
+    assert lines["wrong support: another cause named"].startswith("1 of 4")
+    assert lines["wrong support: the mended wrench is closer"].startswith("3 of 4")
+    assert lines["right support: no cause named"].startswith("1 of 2")

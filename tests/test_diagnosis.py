@@ -5,43 +5,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import triangle
+from conftest import FORCES, LOAD, MASS, QUIET, check_schema, edited, make_log, pressure, triangle
 
 import stablepush as sp
 from stablepush.cli import main
-from stablepush.commands import contact_push
 from stablepush.diagnosis.attribution import by_chance
-from stablepush.diagnosis.equations import SIZES, ScoreTest
+from stablepush.diagnosis.equations import SIZES, ScoreTest, statistics
 from stablepush.diagnosis.forward import ForwardModel
-from stablepush.diagnosis.observations import observe
-from stablepush.diagnosis.replay import misses, replays
+from stablepush.diagnosis.observations import half_spacing, observe
 from stablepush.diagnosis.system import System
-from stablepush.effects import CATALOGUE, parse_effect
+from stablepush.diagnosis.where import repeats_share
+from stablepush.effects import CATALOGUE
 from stablepush.planar import point_velocity, twist_from_cor
 
 PRACTICE = Path(__file__).resolve().parents[2] / "shared" / "data" / "practice"
-LOAD, MASS = 3.5, 1.2
-QUIET = sp.Noise(0.02, 5e-5, 5e-4)
-
-
-def pressure():
-    """Spread over the outline: with three feet many pushes turn about one, whose load the motion then does not tell."""
-    return sp.SupportDistribution.from_polygon(0.9 * triangle().vertices, 0.03)
-
-
-def make_log(*effects, count=40, rows=7, noise=QUIET, seed=0, two=False, **options):
-    slider = sp.Slider(triangle().vertices, MASS, pressure())
-    pusher = sp.Pusher.two_fingers(0.05, 0.005) if two else sp.Pusher.finger(0.005)
-    surface = sp.IdealLimitSurface(pressure(), LOAD)
-    rig = sp.VirtualRig(slider, surface, 0.5, pusher, [parse_effect(e) for e in effects], noise, **options)
-    return rig.execute(sp.random_pushes(slider, pusher, count, seed=seed), rows=rows, seed=seed).log
-
-
-def edited(log, drop=(), **rig):
-    samples = {name: values for name, values in log.samples.items() if name not in drop}
-    return sp.PushLog(replace(log.rig, **rig), log.trials, samples)
-
-
 #: Effects as the rig has them, and as the forward model takes them.
 PAIRS = (
     ("anisotropy-world:ratio=1.2,direction=0.5", {"anisotropy-world": (0.18 * math.cos(1.0), 0.18 * math.sin(1.0))}),
@@ -182,31 +159,6 @@ def test_friction_off_is_absorbed():
     assert next(e for e in report.shrink if e["channel"] == "wrench")["closed"] > 0.9
 
 
-def check_schema(report):
-    value = json.loads(json.dumps(report.to_json(), allow_nan=False))
-    assert value["format"] == "diagnosis/1"
-    assert value["verdict"] in ("none", "absorbed", "named", "ambiguous", "unknown")
-    assert {e["effect"] for e in value["ranking"]} == set(CATALOGUE)
-    probabilities = [e["probability"] for e in value["ranking"]]
-    assert probabilities == sorted(probabilities, reverse=True)
-    assert all(0 <= p <= 1 for p in probabilities)
-    for entry in value["ranking"]:
-        assert (entry["reason"] is None) == entry["identifiable"]
-        known = {p.name: p for p in CATALOGUE[entry["effect"]].parameters}
-        for name, parameter in entry["parameters"].items():
-            assert parameter["unit"] == known[name].unit
-            shape = (2,) if known[name].size == 1 else (2, 2)
-            assert np.shape(parameter["ci95"]) == shape
-    for entry in value["shrink"]:
-        assert entry["channel"] in value["channels"]
-        assert entry["ci95"][0] <= entry["ci95"][1]
-    if value["verdict"] in ("none", "absorbed", "unknown"):
-        assert value["effects"] == []
-    if value["verdict"] == "ambiguous":
-        assert len(value["effects"]) >= 2
-    return value
-
-
 @pytest.mark.parametrize(
     "thin",
     (
@@ -340,91 +292,6 @@ def test_practice_logs(number):
         assert value["verdict"] in accept["verdicts"]
 
 
-FORCES = ("fx", "fy", "tau")
-
-
-def ends_of(log, values=None, mu=0.5):
-    slider = log.rig.slider
-    surface = sp.IdealLimitSurface(slider.support, log.rig.support_friction * slider.mass * log.rig.gravity)
-    found = replays(log, observe(log))
-    return found, misses(found, surface, slider, mu, slider.mass * log.rig.gravity, values or {})
-
-
-MOVED = (
-    ("anisotropy-world:ratio=1.2,direction=0.5", {"anisotropy-world": (0.18 * math.cos(1.0), 0.18 * math.sin(1.0))}),
-    ("anisotropy-object:ratio=1.2,direction=0.5", {"anisotropy-object": (0.18 * math.cos(1.0), 0.18 * math.sin(1.0))}),
-    ("spatial-variation:gradient=0.8/-0.5", {"spatial-variation": (0.8, -0.5)}),
-    ("pressure-shift:offset=0.005/0.002", {"pressure-shift": (0.005, 0.002)}),
-    ("pressure-spread:scale=0.8", {"pressure-spread": (-0.2,)}),
-    ("tilt:slope=0.02/-0.01", {"tilt": (0.02, -0.01)}),
-    ("contact-geometry:radius=0.007", {"contact-geometry": (0.002,)}),
-    ("frame-offset:offset=0.003/-0.002", {"frame-offset": (0.003, -0.002)}),
-    ("latency:delay=0.1", {"latency": (0.1,)}),
-    ("contact-friction:mu=0.2", {"contact-friction": (-0.3,)}),
-)
-
-
-@pytest.mark.parametrize(("effect", "values"), MOVED, ids=[e.split(":")[0] for e, _ in MOVED])
-def test_pushes_carried_out_again_end_where_the_rig_left_them(effect, values):
-    """Ends of a simulated log without noise, by the pusher's logged way: only with the effect do they agree."""
-    log = make_log(effect, noise=None, count=16, rows=40)
-    found, without = ends_of(log)
-    _, with_it = ends_of(log, {k: np.array(v) for k, v in values.items()})
-    sizes = [np.linalg.norm(m, axis=1) for m in (with_it, without)]
-    assert len(found) == 16
-    assert np.median(sizes[0]) < 1e-4
-    assert sizes[1].mean() > 3 * np.median(sizes[0])
-
-
-def test_commanded_rotations_are_carried_out_from_where_fingers_touch():
-    """A log that has the slider before and after, contact points and commanded rotations, but no way of the pusher."""
-    slider = sp.Slider(triangle().vertices, MASS, pressure())
-    contact = sp.PushContact.on_edge(slider, 0, 0.06, 0.05, 0.5)
-    rig = sp.VirtualRig(slider, sp.IdealLimitSurface(pressure(), LOAD), 0.5, sp.Pusher.of_contact(contact, 0.005), [], None)
-    commands = [
-        contact_push(contact, twist_from_cor(cor, 1), 0.3, radius=0.005, pose=(0, 0, angle), put=True)
-        for angle, cor in enumerate(((-0.3, 0.05), (-0.4, 0.0), (-0.2, -0.05)))
-    ]
-    log = edited(rig.execute(commands, rows=30).log, ("px", "py", "ptheta", *FORCES))
-    ends = {}
-    for name, values in log.samples.items():
-        ends[name] = np.concatenate([values[log.rows(trial)][[0, -1]] for trial in log.trials["trial"]])
-    ends["phase"] = np.array(["rest", "retract"] * 3, dtype=object)
-    short = sp.PushLog(log.rig, log.trials, ends)
-    found = replays(short, observe(short))
-    assert [push.trial for push in found] == [0, 1, 2] and not any(push.logged for push in found)
-    # the last row of a log is the mean over its part of the push, half of a thirtieth before the end
-    _, away = ends_of(short)
-    way = np.array([np.linalg.norm((push.end - push.start)[:2]) for push in found])
-    assert (np.linalg.norm(away, axis=1) < 0.05 * way + 1e-3).all()
-
-
-@pytest.mark.parametrize(
-    ("effect", "name"), [("tilt:slope=0.02/-0.01", "slope"), ("anisotropy-world:ratio=1.3,direction=0.5", "ratio")]
-)
-def test_poses_alone_name_what_moves_the_slider(effect, name):
-    """Without forces, effects show in where pushes end."""
-    log = edited(make_log(effect, count=20), FORCES)
-    report = sp.diagnose(log)
-    id = effect.split(":")[0]
-    assert report.named == [id]
-    truth = np.array(parse_effect(effect).vector(name))
-    estimate = np.atleast_1d(next(e for e in report.ranking if e["effect"] == id)["parameters"][name]["estimate"])
-    assert np.abs(estimate - truth).max() < 0.25 * np.abs(truth - (name == "ratio")).max()
-    pose = next(e for e in report.shrink if e["channel"] == "pose")
-    assert pose["closed"] > 0.8 and pose["before"] > 2 * pose["floor"]
-    assert check_schema(report)["worse"] == []
-
-
-def test_latency_shows_in_gaps_of_fingers_of_unknown_radius():
-    log = edited(make_log("latency:delay=0.1", count=16), FORCES, finger_radius=None, noise=None)
-    report = sp.diagnose(log)
-    assert report.named == ["latency"]
-    delay = next(e for e in report.ranking if e["effect"] == "latency")["parameters"]["delay"]
-    assert abs(delay["estimate"] - 0.1) < 0.02
-    assert not next(e for e in report.ranking if e["effect"] == "contact-geometry")["identifiable"]
-
-
 def test_chance_is_even_where_there_is_no_effect():
     """Scores without an effect are as improbable as the bootstrap says: p-values of the greatest statistic are uniform."""
     rng = np.random.default_rng(1)
@@ -443,16 +310,6 @@ def test_chance_is_even_where_there_is_no_effect():
     for level in (0.05, 0.2, 0.5):
         share = float(np.mean(np.array(found) <= level))
         assert abs(share - level) < 4 * math.sqrt(level * (1 - level) / 200)
-
-
-def test_a_chance_push_is_left_out_of_the_poses():
-    """Of two pushes, one passes a corner by a hair: its end is no measurement."""
-    log = make_log(count=40)
-    system = System(observe(log), log.rig)
-    found = replays(log, observe(log))
-    kept = system.predictable(found)
-    assert 20 < len(kept) <= len(found) == 40
-    assert len(system.end_noise) == len(kept) and (system.end_noise > 0).all()
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -500,3 +357,75 @@ def test_shares_are_those_of_the_figures_beside_them():
         for e in sp.diagnose(log).shrink:
             share = (e["before"] ** 2 - e["after"] ** 2) / (e["before"] ** 2 - e["floor"] ** 2)
             assert abs(e["closed"] - np.clip(share, -10, 1)) < 1e-6 and e["ci95"][1] <= 1.0
+
+
+def one_finger_a_push():
+    """A log of a pusher with two fingers of which one touches in a push, now this and now that."""
+    slider = sp.Slider(triangle().vertices, MASS, pressure())
+    pusher = sp.Pusher.two_fingers(0.05, 0.005)
+    rig = sp.VirtualRig(slider, sp.IdealLimitSurface(pressure(), LOAD), 0.5, pusher, [], sp.Noise(0.02, 5e-5, 5e-4))
+    pushes = sp.random_pushes(slider, pusher, 40, seed=3)
+    commands = [replace(c, place=np.add(c.place, (0, 0, 0.25 * (-1) ** k))) for k, c in enumerate(pushes)]
+    log = rig.execute(commands, seed=3).log
+    touch = [np.isfinite(log.samples[c]) for c in ("c1x", "c2x")]
+    alone = [t for t in log.trials["trial"] if not (touch[0] & touch[1])[log.rows(t)].any()]
+    samples = {name: values[np.isin(log.samples["trial"], alone)] for name, values in log.samples.items()}
+    trials = {name: values[np.isin(log.trials["trial"], alone)] for name, values in log.trials.items()}
+    return sp.PushLog(log.rig, trials, samples)
+
+
+def test_fingers_that_never_touch_together_are_found():
+    """Their spacing follows from single contacts, and a contact point that is logged alone counts."""
+    log = one_finger_a_push()
+    assert len(log) > 8
+    seen = observe(log)
+    assert half_spacing(log) == pytest.approx(0.025, abs=5e-4)
+    touching = np.isfinite(seen.gap)
+    assert touching.any(axis=1).mean() > 0.8 and not touching.all(axis=1).any()
+    assert np.nanmedian(np.abs(seen.gap)) < 3e-4
+    assert sp.diagnose(log).verdict in ("none", "absorbed")
+
+
+def test_the_chance_of_a_statistic_is_hotelling_s():
+    """Of scores of equal trials, against draws."""
+    rng = np.random.default_rng(0)
+    for d, trials in ((1, 8), (2, 12)):
+        test = ScoreTest(0.0, 0.0, np.zeros(d), np.eye(d), np.zeros((trials, d)), np.tile(np.eye(d), (trials, 1, 1)))
+        draws = rng.normal(size=(4000, trials, d))
+        found = statistics(draws.sum(axis=1), draws - draws.mean(axis=1, keepdims=True))
+        chance = np.exp(test.log_p(found))
+        for level in (0.01, 0.1, 0.5):
+            assert abs(float((chance <= level).mean()) - level) < 4 * math.sqrt(level * (1 - level) / 4000)
+    assert ScoreTest.blind(np.eye(1), np.arange(3)).log_p(9.0) == 0.0
+
+
+def test_what_repeats_share_is_told_from_scatter():
+    log = make_log(count=60)
+    system = System(observe(log), log.rig)
+    o = system.observations
+    assert len(set(o.group) - {""}) >= 3
+    rng = np.random.default_rng(0)
+    own = 4 * rng.normal(size=(len(o.names), 3))
+    of_group = {name: 4 * rng.normal(size=3) for name in set(o.group)}
+    shared = np.array([of_group[g] if g else own[k] for k, g in enumerate(o.group)])
+    noise = rng.normal(size=(len(o.time), 3))
+    size, p = repeats_share(system, noise + shared[o.trial])
+    assert size > 8 and p < 1e-4
+    size, p = repeats_share(system, noise + own[o.trial])
+    assert size > 8 and p > 1e-3
+    assert repeats_share(system, noise)[0] < 3
+
+
+def test_proposed_pushes_are_made_twice():
+    """No single push is believed; where nothing tells two causes apart, none is proposed, and why is said."""
+    report = sp.diagnose(make_log("force-bias:force=0.3/0.1", count=30))
+    pushes = report.next_experiment["pushes"]
+    assert len(pushes) >= 2 and pushes[0::2] == pushes[1::2]
+    assert pushes[0]["expected_difference_N"] > 0
+
+
+def test_the_mended_rig_knows_what_the_log_tells_of_its_fingers():
+    log = edited(make_log(count=40, two=True), contact_friction=None, finger_radius=None)
+    report = sp.diagnose(log)
+    assert report.rig.finger_radius == pytest.approx(0.005, abs=3e-4)
+    assert report.rig.contact_friction is None or report.rig.contact_friction == pytest.approx(0.5, abs=0.1)

@@ -1,0 +1,107 @@
+"""Logs without forces: pushes carried out again, and what their ends tell."""
+
+import math
+
+import numpy as np
+import pytest
+from conftest import FORCES, LOAD, MASS, check_schema, edited, make_log, pressure, triangle
+
+import stablepush as sp
+from stablepush.commands import contact_push
+from stablepush.diagnosis.observations import observe
+from stablepush.diagnosis.replay import misses, replays
+from stablepush.diagnosis.system import System
+from stablepush.effects import parse_effect
+from stablepush.planar import twist_from_cor
+
+
+def ends_of(log, values=None, mu=0.5):
+    slider = log.rig.slider
+    surface = sp.IdealLimitSurface(slider.support, log.rig.support_friction * slider.mass * log.rig.gravity)
+    found = replays(log, observe(log))
+    return found, misses(found, surface, slider, mu, slider.mass * log.rig.gravity, values or {})
+
+
+MOVED = (
+    ("anisotropy-world:ratio=1.2,direction=0.5", {"anisotropy-world": (0.18 * math.cos(1.0), 0.18 * math.sin(1.0))}),
+    ("anisotropy-object:ratio=1.2,direction=0.5", {"anisotropy-object": (0.18 * math.cos(1.0), 0.18 * math.sin(1.0))}),
+    ("spatial-variation:gradient=0.8/-0.5", {"spatial-variation": (0.8, -0.5)}),
+    ("pressure-shift:offset=0.005/0.002", {"pressure-shift": (0.005, 0.002)}),
+    ("pressure-spread:scale=0.8", {"pressure-spread": (-0.2,)}),
+    ("tilt:slope=0.02/-0.01", {"tilt": (0.02, -0.01)}),
+    ("contact-geometry:radius=0.007", {"contact-geometry": (0.002,)}),
+    ("frame-offset:offset=0.003/-0.002", {"frame-offset": (0.003, -0.002)}),
+    ("latency:delay=0.1", {"latency": (0.1,)}),
+    ("contact-friction:mu=0.2", {"contact-friction": (-0.3,)}),
+)
+
+
+@pytest.mark.parametrize(("effect", "values"), MOVED, ids=[e.split(":")[0] for e, _ in MOVED])
+def test_pushes_carried_out_again_end_where_the_rig_left_them(effect, values):
+    """Ends of a simulated log without noise, by the pusher's logged way: only with the effect do they agree."""
+    log = make_log(effect, noise=None, count=16, rows=40)
+    found, without = ends_of(log)
+    _, with_it = ends_of(log, {k: np.array(v) for k, v in values.items()})
+    sizes = [np.linalg.norm(m, axis=1) for m in (with_it, without)]
+    assert len(found) == 16
+    assert np.median(sizes[0]) < 1e-4
+    assert sizes[1].mean() > 3 * np.median(sizes[0])
+
+
+def test_commanded_rotations_are_carried_out_from_where_fingers_touch():
+    """A log that has the slider before and after, contact points and commanded rotations, but no way of the pusher."""
+    slider = sp.Slider(triangle().vertices, MASS, pressure())
+    contact = sp.PushContact.on_edge(slider, 0, 0.06, 0.05, 0.5)
+    rig = sp.VirtualRig(slider, sp.IdealLimitSurface(pressure(), LOAD), 0.5, sp.Pusher.of_contact(contact, 0.005), [], None)
+    commands = [
+        contact_push(contact, twist_from_cor(cor, 1), 0.3, radius=0.005, pose=(0, 0, angle), put=True)
+        for angle, cor in enumerate(((-0.3, 0.05), (-0.4, 0.0), (-0.2, -0.05)))
+    ]
+    log = edited(rig.execute(commands, rows=30).log, ("px", "py", "ptheta", *FORCES))
+    ends = {}
+    for name, values in log.samples.items():
+        ends[name] = np.concatenate([values[log.rows(trial)][[0, -1]] for trial in log.trials["trial"]])
+    ends["phase"] = np.array(["rest", "retract"] * 3, dtype=object)
+    short = sp.PushLog(log.rig, log.trials, ends)
+    found = replays(short, observe(short))
+    assert [push.trial for push in found] == [0, 1, 2] and not any(push.logged for push in found)
+    # the last row of a log is the mean over its part of the push, half of a thirtieth before the end
+    _, away = ends_of(short)
+    way = np.array([np.linalg.norm((push.end - push.start)[:2]) for push in found])
+    assert (np.linalg.norm(away, axis=1) < 0.05 * way + 1e-3).all()
+
+
+@pytest.mark.parametrize(
+    ("effect", "name"), [("tilt:slope=0.02/-0.01", "slope"), ("anisotropy-world:ratio=1.3,direction=0.5", "ratio")]
+)
+def test_poses_alone_name_what_moves_the_slider(effect, name):
+    """Without forces, effects show in where pushes end."""
+    log = edited(make_log(effect, count=20), FORCES)
+    report = sp.diagnose(log)
+    id = effect.split(":")[0]
+    assert report.named == [id]
+    truth = np.array(parse_effect(effect).vector(name))
+    estimate = np.atleast_1d(next(e for e in report.ranking if e["effect"] == id)["parameters"][name]["estimate"])
+    assert np.abs(estimate - truth).max() < 0.25 * np.abs(truth - (name == "ratio")).max()
+    pose = next(e for e in report.shrink if e["channel"] == "pose")
+    assert pose["closed"] > 0.8 and pose["before"] > 2 * pose["floor"]
+    assert check_schema(report)["worse"] == []
+
+
+def test_latency_shows_in_gaps_of_fingers_of_unknown_radius():
+    log = edited(make_log("latency:delay=0.1", count=16), FORCES, finger_radius=None, noise=None)
+    report = sp.diagnose(log)
+    assert report.named == ["latency"]
+    delay = next(e for e in report.ranking if e["effect"] == "latency")["parameters"]["delay"]
+    assert abs(delay["estimate"] - 0.1) < 0.02
+    assert not next(e for e in report.ranking if e["effect"] == "contact-geometry")["identifiable"]
+
+
+def test_a_chance_push_is_left_out_of_the_poses():
+    """Of two pushes, one passes a corner by a hair: its end is no measurement."""
+    log = make_log(count=40)
+    system = System(observe(log), log.rig)
+    found = replays(log, observe(log))
+    kept = system.predictable(found)
+    assert 20 < len(kept) <= len(found) == 40
+    assert len(system.end_noise) == len(kept) and (system.end_noise > 0).all()
