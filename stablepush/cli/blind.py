@@ -115,7 +115,7 @@ def _page(score: Score, earlier: int | None) -> str:
         else f"The diagnosis was improved on {earlier} earlier {'check' if earlier == 1 else 'checks'}, of other seeds."
     )
     how = (
-        "Logs come from MuJoCo, in a process of their own that shares no code with the diagnosis; half of the effects have "
+        "Logs come from MuJoCo, in a process of their own that shares no code with the diagnosis; many of the effects have "
         "another form than in the catalogue. Labels are encrypted before any log is diagnosed, and opened when all are; a ledger "
         "of hashes shows the order. An effect counts as detectable if it stands out by ten times the noise of all rows together, "
         "after a free pressure has taken what it can; that is part of the sealed label. " + before

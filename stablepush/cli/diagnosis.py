@@ -50,7 +50,8 @@ def diagnose(
     print(report.sentence)
     for entry in report.shrink:
         low, high = entry["ci95"]
-        sizes = f"{entry['before']:.4g} {entry['unit']} before, {entry['after']:.4g} after, floor {entry['floor']:.4g}"
+        unit = "" if entry["unit"] == "1" else f" {entry['unit']}"
+        sizes = f"{entry['before']:.4g}{unit} before, {entry['after']:.4g} after, floor {entry['floor']:.4g}"
         print(f"{entry['channel']}: {sizes}; closed {100 * entry['closed']:.0f} % ({_percent(low)} to {_percent(high)})")
 
 
@@ -101,7 +102,8 @@ def _page(report: GapReport) -> str:
     shrink = [
         (
             entry["channel"],
-            f"{number(entry['before'])} {entry['unit']} before, {number(entry['after'])} after, floor {number(entry['floor'])}; "
+            f"{number(entry['before'])} {entry['unit'].removeprefix('1')} before, {number(entry['after'])} after, "
+            f"floor {number(entry['floor'])}; "
             f"closed {100 * entry['closed']:.0f} % ({_percent(entry['ci95'][0])} to {_percent(entry['ci95'][1])}), "
             f"{entry['held_out_trials']} held-out trials",
         )
