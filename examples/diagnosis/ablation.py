@@ -18,7 +18,7 @@ import numpy as np
 from scipy.stats import chi2
 
 import stablepush as sp
-from stablepush.diagnosis import attribution, gap_report, system
+from stablepush.diagnosis import attribution, gap_report, shrink, system
 from stablepush.diagnosis.equations import SIZES, Demands, ScoreTest
 from stablepush.diagnosis.observations import Observations, observe
 
@@ -44,7 +44,8 @@ def one_by_one(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[str, float
 def without(variant: str) -> Iterator[None]:
     """The diagnosis without one of its parts; ends of pushes, which name nothing where there are forces, are left out."""
     base = system.System.base
-    with patch.object(gap_report, "replays", lambda *_: []):
+    # rows that are called trials have no labels
+    with patch.object(gap_report, "replays", lambda *_: []), patch.object(shrink, "_labels", lambda *_: {}):
         if variant == VARIANTS[1]:
             with patch.object(system.System, "base", lambda self, values, free: base(self, values, False)):
                 yield
