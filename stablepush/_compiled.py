@@ -13,8 +13,9 @@ from numba.core import event
 from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher
 
-#: Multiply-adds may be fused, which only makes them more accurate; nothing else of fast maths, for NaN must stay NaN.
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
+#: Multiply-adds may be fused, which only makes them more accurate; nothing else of fast maths, for NaN must stay NaN. Threads may
+#: run compiled code side by side: it touches nothing but its arguments.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True, "nogil": True}
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -27,6 +27,8 @@ OPEN, STICKING, LEFT, RIGHT = 0, 1, 2, 3
 MOST_CONTACTS = 8
 #: Iterations of a bracketed root.
 _MOST_STEPS = 200
+#: Steps of Newton's method for a contact that slips, the residual at which it ends, and the share by which it differences.
+_NEWTON_STEPS, _NEWTON_END, _DIFFERENCE = 12, 1e-13, 1e-7
 #: Places along the slip of two contacts, over ten decades, between which roots are looked for.
 _PLACES = 41
 
@@ -162,6 +164,75 @@ def _turn_about(table, at, px, py, ux, uy, guess, length, load):  # type: ignore
 
 
 @inner
+def _slip_residuals(table, at, px, py, nx, ny, ux, uy, mu, side, w, slip, length, load):  # type: ignore[no-untyped-def]
+    """What the load of a turn ``w`` and a slip misses by: torque about the contact over ``length``, and the edge of the cone."""
+    torque = _torque_about(table, at, px, py, ux - side * slip * ny, uy + side * slip * nx, w, load)
+    return torque / length, side * (nx * load[1] - ny * load[0]) + mu * (nx * load[0] + ny * load[1])
+
+
+@inner
+def _slip_by_newton(table, at, px, py, nx, ny, ux, uy, mu, side, guess, length, load):  # type: ignore[no-untyped-def]
+    """Turn and slip of a contact that slides, from one that sticks; the slip is NaN where Newton's method does not get there, as
+    where a support point all but rests."""
+    speed = math.sqrt(ux * ux + uy * uy)
+    w, slip = guess, 0.0
+    torque, edge = _slip_residuals(table, at, px, py, nx, ny, ux, uy, mu, side, w, slip, length, load)
+    for _ in range(_NEWTON_STEPS):
+        size = math.sqrt(load[0] ** 2 + load[1] ** 2) + abs(load[2]) / length + 1e-300
+        if abs(torque) + abs(edge) <= _NEWTON_END * size:
+            return w, slip
+        h = _DIFFERENCE * speed
+        torque_w, edge_w = _slip_residuals(table, at, px, py, nx, ny, ux, uy, mu, side, w + h / length, slip, length, load)
+        torque_s, edge_s = _slip_residuals(table, at, px, py, nx, ny, ux, uy, mu, side, w, slip + h, length, load)
+        a, b, c, d = torque_w - torque, torque_s - torque, edge_w - edge, edge_s - edge
+        determinant = a * d - b * c
+        if determinant == 0.0:
+            break
+        turn, more = -(d * torque - b * edge) / determinant, -(a * edge - c * torque) / determinant
+        least, share = abs(torque) + abs(edge), 1.0
+        for _ in range(4):
+            new_w, new_slip = w + share * turn * h / length, max(0.0, slip + share * more * h)
+            torque, edge = _slip_residuals(table, at, px, py, nx, ny, ux, uy, mu, side, new_w, new_slip, length, load)
+            if abs(torque) + abs(edge) < least:
+                break
+            share *= 0.25
+        if not abs(torque) + abs(edge) < least:
+            break
+        w, slip = new_w, new_slip
+    return w, math.nan
+
+
+@inner
+def _slip_by_brackets(table, at, px, py, nx, ny, ux, uy, mu, side, guess, length, load):  # type: ignore[no-untyped-def]
+    """Turn and slip of a contact that slides, safe and slow: the slip is bracketed, and the turn of each slip; NaN if none."""
+    tx, ty = -ny, nx
+    w = _turn_about(table, at, px, py, ux, uy, guess, length, load)
+    low, f_low = 0.0, side * (tx * load[0] + ty * load[1]) + mu * (nx * load[0] + ny * load[1])
+    high, f_high = 0.02 * math.sqrt(ux * ux + uy * uy), f_low
+    for _ in range(40):
+        w = _turn_about(table, at, px, py, ux + side * high * tx, uy + side * high * ty, w, length, load)
+        if math.isnan(w):
+            return w, w
+        f_high = side * (tx * load[0] + ty * load[1]) + mu * (nx * load[0] + ny * load[1])
+        if f_high >= 0.0:
+            break
+        low, f_low = high, f_high
+        high *= 4.0
+    if f_high < 0.0 or f_low > 0.0:
+        return w, math.nan
+    slip, last = high, 0
+    for turn in range(_MOST_STEPS):
+        slip = _middle(low, high, f_low, f_high, turn)
+        w = _turn_about(table, at, px, py, ux + side * slip * tx, uy + side * slip * ty, w, length, load)
+        value = side * (tx * load[0] + ty * load[1]) + mu * (nx * load[0] + ny * load[1])
+        size = math.sqrt(load[0] ** 2 + load[1] ** 2) + 1e-300
+        if abs(value) <= 1e-13 * size or high - low <= 4e-16 * (low + high):
+            break
+        low, high, f_low, f_high, last = _narrowed(low, high, f_low, f_high, last, slip, value)
+    return w, slip
+
+
+@inner
 def _one_contact(table, at, px, py, nx, ny, ux, uy, mu, guess, length, sliding, twist, load):  # type: ignore[no-untyped-def]
     """Twist and load with one contact closed, whose pusher moves with (ux, uy); returns its mode, -1 if there is none.
 
@@ -179,28 +250,12 @@ def _one_contact(table, at, px, py, nx, ny, ux, uy, mu, guess, length, sliding, 
         return -1
     # the slider slips where friction cannot hold it: against the force that would be needed
     side = -1.0 if across > 0.0 else 1.0
-    low, f_low = 0.0, side * across + mu * normal
-    high, f_high = 0.02 * math.sqrt(ux * ux + uy * uy), f_low
-    for _ in range(40):
-        w = _turn_about(table, at, px, py, ux + side * high * tx, uy + side * high * ty, w, length, load)
-        if math.isnan(w):
-            return -1
-        f_high = side * (tx * load[0] + ty * load[1]) + mu * (nx * load[0] + ny * load[1])
-        if f_high >= 0.0:
-            break
-        low, f_low = high, f_high
-        high *= 4.0
-    if f_high < 0.0 or f_low > 0.0:
+    turn, slip = _slip_by_newton(table, at, px, py, nx, ny, ux, uy, mu, side, w, length, load)
+    if math.isnan(slip):
+        turn, slip = _slip_by_brackets(table, at, px, py, nx, ny, ux, uy, mu, side, w, length, load)
+    if math.isnan(slip):
         return -1
-    slip, last = high, 0
-    for turn in range(_MOST_STEPS):
-        slip = _middle(low, high, f_low, f_high, turn)
-        w = _turn_about(table, at, px, py, ux + side * slip * tx, uy + side * slip * ty, w, length, load)
-        value = side * (tx * load[0] + ty * load[1]) + mu * (nx * load[0] + ny * load[1])
-        size = math.sqrt(load[0] ** 2 + load[1] ** 2) + 1e-300
-        if abs(value) <= 1e-13 * size or high - low <= 4e-16 * (low + high):
-            break
-        low, high, f_low, f_high, last = _narrowed(low, high, f_low, f_high, last, slip, value)
+    w = turn
     if nx * load[0] + ny * load[1] <= 0.0:
         return -1
     ux, uy = ux + side * slip * tx, uy + side * slip * ty

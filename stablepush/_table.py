@@ -26,6 +26,8 @@ class Table(NamedTuple):
     slope ln(|w|/reference))``. With a degree, friction is ``scale H_inv(V)`` of a polynomial limit surface, and of points only
     what differs from the friction of the nominal ones.
 
+    Few of the fields are arrays, for each costs time in every call of compiled code that passes it on.
+
     ``points`` (n, 2) in B, ``loads`` (n,) in N, ``nominal_points``, ``nominal_loads`` of those that a polynomial stands for;
     ``of_slider``, ``of_table`` (3,): ``xx, xy, yy`` of ``M_o`` in B and of ``A_w`` in W; ``gradient`` (2,) in 1/m in W; ``pull``
     (2,): force (N) in W that acts on the centre of mass besides the pusher's; ``inertia`` (2,): mass (kg) and moment of inertia
@@ -37,19 +39,19 @@ class Table(NamedTuple):
     loads: FloatArray
     nominal_points: FloatArray
     nominal_loads: FloatArray
-    of_slider: FloatArray
-    of_table: FloatArray
+    of_slider: tuple[float, float, float]
+    of_table: tuple[float, float, float]
     isotropic: bool
-    gradient: FloatArray
+    gradient: tuple[float, float]
     slope: float
     reference: float
     scale: float
-    pull: FloatArray
-    inertia: FloatArray
+    pull: tuple[float, float]
+    inertia: tuple[float, float]
     degree: int
     hessian: FloatArray
     exponents: np.ndarray
-    half_axes: FloatArray
+    half_axes: tuple[float, float, float]
     factor: float
     rho: float
 
@@ -213,13 +215,17 @@ def load_of(table, at, vx, vy, w, load):  # type: ignore[no-untyped-def]
     if table.degree > 0:
         _friction_of_polynomial(table, vx, vy, w, load)
     else:
-        load[:] = 0.0
+        load[0] = load[1] = load[2] = 0.0
     if table.points.shape[0] > 0:
         fx, fy, tau = _friction_of_points(table, at, vx, vy, w)
-        gx, gy, gw = _nominal_friction(table.nominal_points, table.nominal_loads, vx, vy, w)
-        load[0] += fx - gx
-        load[1] += fy - gy
-        load[2] += tau - gw
+        load[0] += fx
+        load[1] += fy
+        load[2] += tau
+        if table.degree > 0:
+            fx, fy, tau = _nominal_friction(table.nominal_points, table.nominal_loads, vx, vy, w)
+            load[0] -= fx
+            load[1] -= fy
+            load[2] -= tau
     load[0] *= table.scale
     load[1] *= table.scale
     load[2] *= table.scale

@@ -234,23 +234,23 @@ class TableFriction:
             of_slider=_entries(slider @ slider),
             of_table=_entries(table),
             isotropic=plain,
-            gradient=np.array(gradient),
+            gradient=(float(gradient[0]), float(gradient[1])),
             slope=float(self.slope),
             reference=float(self.reference),
             scale=float(scale),
-            pull=np.array(pull),
-            inertia=np.array(self.inertia, dtype=np.float64),
+            pull=(float(pull[0]), float(pull[1])),
+            inertia=(float(self.inertia[0]), float(self.inertia[1])),
             degree=int(degree),
             hessian=np.array(hessian),
             exponents=np.array(exponents, dtype=np.int64),
-            half_axes=np.array(axes),
+            half_axes=(float(axes[0]), float(axes[1]), float(axes[2])),
             factor=float(factor),
             rho=float(surface.characteristic_length),
         )
 
 
-def _entries(matrix: FloatArray) -> FloatArray:
-    return np.array((matrix[0, 0], matrix[0, 1], matrix[1, 1]))
+def _entries(matrix: FloatArray) -> tuple[float, float, float]:
+    return float(matrix[0, 0]), float(matrix[0, 1]), float(matrix[1, 1])
 
 
 def push_twist(
@@ -321,10 +321,23 @@ def simulate_push(
     scale : float
         Friction over its nominal value.
     """
-    from stablepush import _contact_law, _pushing
-
-    table = _friction(friction).compiled(check_number(scale, "scale", above=0.0))
     begin, docked = check_array(start, "start", (3,)), check_array(place, "place", (3,))
+    friction_mu = check_number(mu, "mu", at_least=0.0)
+    table = _friction(friction).compiled(check_number(scale, "scale", above=0.0))
+    return follow(table, slider, pusher, friction_mu, begin, docked, course_of(pusher, motion, step))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """A pusher's motion in steps: twists (n, 3) in its own frame, held for ``durations`` (n,) in s, in ``counts`` (n,) steps."""
+
+    twists: FloatArray
+    durations: FloatArray
+    counts: np.ndarray
+
+
+def course_of(pusher: Pusher, motion: Sequence[tuple[ArrayLike, float]], step: float) -> Course:
+    """Cut a pusher's motion, as :func:`simulate_push` takes it, into steps."""
     pieces = _pieces(motion)
     twists = np.array([twist for twist, _ in pieces]).reshape(-1, 3)
     durations = np.array([duration for _, duration in pieces])
@@ -334,21 +347,29 @@ def simulate_push(
     x, y = pusher.fingers.T
     fastest = np.hypot(twists[:, :1] - twists[:, 2:] * y, twists[:, 1:2] + twists[:, 2:] * x).max(axis=1, initial=0.0)
     counts = np.maximum(1, np.ceil(fastest * durations / way - 1e-9)).astype(np.int64)
-    total = int(counts.sum())
-    if total > _MOST_STEPS:
-        raise InputError(f"step: expected at most {_MOST_STEPS} steps in a push, {way:g} m asks for {total}")
+    if counts.sum() > _MOST_STEPS:
+        raise InputError(f"step: expected at most {_MOST_STEPS} steps in a push, {way:g} m asks for {counts.sum()}")
+    return Course(np.ascontiguousarray(twists), durations, counts)
+
+
+def follow(
+    table: Any, slider: Slider, pusher: Pusher, mu: float, start: FloatArray, place: FloatArray, course: Course
+) -> PushTrace:
+    """Simulate a push of which all is ready: :meth:`TableFriction.compiled`, :func:`course_of`."""
+    from stablepush import _contact_law, _pushing
+
+    _require_outside(slider, pusher, start, place)
+    total = int(course.counts.sum())
     half = float(np.abs(pusher.fingers[:, 1]).max()) if pusher.flat else 0.0
     body = _pushing.Pusher(np.array(pusher.fingers), max(pusher.radius, 0.0 if pusher.flat else _POINT), half)
     poses, pushers = np.zeros((total + 1, 3)), np.zeros((total + 1, 3))
     moves, loads = np.zeros((total, 3)), np.zeros((total, 3))
     points, forces = np.zeros((total, 2, 2)), np.zeros((total, 2, 2))
     modes, times, jams = np.zeros((total, 2), dtype=np.int64), np.zeros(total), np.zeros(total, dtype=np.bool_)
-    outline, length = np.array(slider.vertices), float(table.rho)
-    friction_mu = check_number(mu, "mu", at_least=0.0)
-    _require_outside(slider, pusher, begin, docked)
     _pushing.run(
-        table, outline, body, friction_mu, np.array(begin), np.array(docked), np.ascontiguousarray(twists), durations, counts,
-        length, poses, pushers, moves, loads, points, modes, forces, times, jams,
+        table, np.array(slider.vertices), body, mu, np.array(start), np.array(place),
+        course.twists, course.durations, course.counts, float(table.rho),
+        poses, pushers, moves, loads, points, modes, forces, times, jams,
         _contact_law.new_touch(), _contact_law.new_touch(), _contact_law.new_answer(), _contact_law.new_work(),
     )  # fmt: skip
     return PushTrace(np.concatenate(((0.0,), times)), poses, pushers, moves, loads, points, modes, forces, jams)

@@ -23,7 +23,9 @@ fernet = pytest.importorskip("cryptography.fernet")
 
 from stablepush.blind import laws  # noqa: E402
 from stablepush.blind.engine import Engine  # noqa: E402
+from stablepush.blind.generator import engine_of  # noqa: E402
 from stablepush.blind.instruments import record, write  # noqa: E402
+from stablepush.blind.mujoco_engine import MujocoEngine  # noqa: E402
 
 
 def run_cli(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -55,8 +57,18 @@ def test_worlds_come_from_their_seed() -> None:
     assert not np.array_equal(one.weights, other.weights)
 
 
-@pytest.mark.parametrize("form", [None, ("anisotropy-world", "ellipse"), ("anisotropy-object", "lobes"), ("tilt", "plane")])
-def test_mujoco_s_load_is_coulomb_s(form: tuple[str, str] | None) -> None:
+def engine_for(generator: str) -> type[Engine]:
+    if generator == "drake":
+        pytest.importorskip("pydrake", reason="needs the extra drake")
+    return engine_of(generator, 0, 0)
+
+
+@pytest.mark.parametrize("generator", ["mujoco", "drake"])
+@pytest.mark.parametrize(
+    "form",
+    [None, ("anisotropy-world", "ellipse"), ("anisotropy-object", "lobes"), ("tilt", "plane"), ("spatial-variation", "gradient")],
+)
+def test_the_load_is_coulomb_s(form: tuple[str, str] | None, generator: str) -> None:
     """Means over parts of pushes against the sum over the feet: within a percent of the load, away from turns about a foot."""
     number = next(
         k
@@ -65,7 +77,7 @@ def test_mujoco_s_load_is_coulomb_s(form: tuple[str, str] | None) -> None:
         and (form is None or (w.applied[0].effect, w.applied[0].form) == form)
     )
     world = draw(1, number, 8)
-    engine, errors = Engine(world), []
+    engine, errors = engine_for(generator)(world), []
     for push in world.pushes:
         truth = engine.push(push, 0.0)
         force = np.einsum("nji,nj->ni", laws.turned(truth.pose[:, 2]), truth.force[:, :2])
@@ -74,9 +86,10 @@ def test_mujoco_s_load_is_coulomb_s(form: tuple[str, str] | None) -> None:
     assert np.median(np.concatenate(errors)) < 0.012 * world.mu * world.mass * 9.81
 
 
-def test_a_finger_that_sticks_does_not_creep() -> None:
+@pytest.mark.parametrize("generator", ["mujoco", "drake"])
+def test_a_finger_that_sticks_does_not_creep(generator: str) -> None:
     world = next(w for k in range(50) if not (w := draw(1, k, 8)).two and w.kind == "clean")
-    engine, slips = Engine(world), []
+    engine, slips = engine_for(generator)(world), []
     for push in world.pushes:
         truth = engine.push(push, 0.0)
         inward = np.array((np.cos(push.place[2]), np.sin(push.place[2])))
@@ -96,7 +109,7 @@ def recorded(folder: Path, *applied: Applied) -> dict[str, np.ndarray]:
     world = replace(
         draw(1, 0, 4), applied=list(applied), force_noise=1e-9, position_noise=1e-9, angle_noise=1e-9, tracker=True, trap=""
     )
-    truths = [Engine(replace(world, applied=[])).push(push, 0.0) for push in world.pushes]
+    truths = [MujocoEngine(replace(world, applied=[])).push(push, 0.0) for push in world.pushes]
     write(folder, *record(world, truths, np.random.default_rng(0)))
     samples = read_pushlog(folder).samples
     push = samples["phase"] == "push"
@@ -131,7 +144,7 @@ def test_logs_are_read_as_logs(tmp_path: Path) -> None:
     from stablepush.blind.generator import generate
 
     number = next(k for k in range(50) if draw(7, k, 4).kind == "effect")
-    label, log = generate(7, number, 5)
+    label, log = generate("mujoco", 7, number, 5)
     write(tmp_path, *log)
     read = read_pushlog(tmp_path)
     assert len(read) == 5 and label["applied"][0]["effect"] in FORMS and label["applied"][0]["size"] >= 0
@@ -263,7 +276,7 @@ def test_a_check_that_was_ended_goes_on_with_the_same_result(tmp_path: Path, sto
     def end(*_: object) -> None:
         raise Ended
 
-    begun = BlindCheck(tmp_path / "check", 2, seed=11, pushes=5)
+    begun = BlindCheck(tmp_path / "check", "mujoco", 2, seed=11, pushes=5)
     with pytest.raises(Ended):
         begun.seal(end if stop == "sealing" else said)
         if stop == "between file and entry":
@@ -307,7 +320,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> list[dict]:
 def test_a_set_whose_seal_is_broken_is_refused(tmp_path: Path) -> None:
     from stablepush.blind.check import BlindCheck
 
-    check = BlindCheck(tmp_path / "check", 2, seed=3, pushes=4)
+    check = BlindCheck(tmp_path / "check", "mujoco", 2, seed=3, pushes=4)
     check.seal(said)
     check.diagnose(said)
     (check.of(0) / "diagnosis.json").write_text("{}", encoding="utf-8")
@@ -331,7 +344,7 @@ def test_the_diagnosing_process_gets_the_log_alone(tmp_path: Path, monkeypatch: 
         return run(command, **more)
 
     monkeypatch.setattr(module.subprocess, "run", spy)
-    check = module.BlindCheck(tmp_path / "check", 1, seed=3, pushes=4)
+    check = module.BlindCheck(tmp_path / "check", "mujoco", 1, seed=3, pushes=4)
     check.seal(said)
     check.diagnose(said)
     assert seen["files"] == ["log/rig.json", "log/samples.csv", "log/trials.csv"]
@@ -358,7 +371,7 @@ def test_folders_that_are_no_check(tmp_path: Path, harm: str) -> None:
     elif harm == "no begin":
         Ledger(folder / "ledger.jsonl").add("sealed", 0, label="", log="")
     else:
-        BlindCheck(folder, 1, seed=1, pushes=4)
+        BlindCheck(folder, "mujoco", 1, seed=1, pushes=4)
         (folder / "key").unlink()
     before = sorted((f.name, f.read_bytes()) for f in folder.iterdir())
     answer = run_cli("blind", "-o", folder)
@@ -386,10 +399,10 @@ def test_a_local_dask_cluster_gives_the_same(tmp_path: Path) -> None:
     from stablepush.blind.check import BlindCheck
 
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
-        there = BlindCheck(tmp_path / "there", 2, seed=11, pushes=5, scheduler=cluster.scheduler_address)
+        there = BlindCheck(tmp_path / "there", "mujoco", 2, seed=11, pushes=5, scheduler=cluster.scheduler_address)
         there.seal(said)
         there.diagnose(said)
-    here = BlindCheck(tmp_path / "here", 2, seed=11, pushes=5)
+    here = BlindCheck(tmp_path / "here", "mujoco", 2, seed=11, pushes=5)
     here.seal(said)
     here.diagnose(said)
     for number in range(2):

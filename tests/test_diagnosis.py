@@ -12,13 +12,18 @@ from stablepush.cli import main
 from stablepush.diagnosis.attribution import by_chance
 from stablepush.diagnosis.equations import SIZES, ScoreTest, statistics
 from stablepush.diagnosis.forward import ForwardModel
-from stablepush.diagnosis.observations import half_spacing, observe
+from stablepush.diagnosis.observations import _rates, half_spacing, observe
 from stablepush.diagnosis.system import System
 from stablepush.diagnosis.where import repeats_share
 from stablepush.effects import CATALOGUE
 from stablepush.planar import point_velocity, twist_from_cor
 
 PRACTICE = Path(__file__).resolve().parents[2] / "shared" / "data" / "practice"
+#: Channel and covariate of what should stand out most.
+FIRST = {
+    "drift": ("wrench", {"order"}), "tilt": ("wrench", {"world heading", "slider heading"}), "latency": ("pose", {"speed"}),
+    "spatial-variation": ("wrench", {"place"}), "anisotropy-world": ("wrench", {"world heading"}),
+}  # fmt: skip
 #: Effects as the rig has them, and as the forward model takes them.
 PAIRS = (
     ("anisotropy-world:ratio=1.2,direction=0.5", {"anisotropy-world": (0.18 * math.cos(1.0), 0.18 * math.sin(1.0))}),
@@ -78,6 +83,9 @@ def test_an_effect_is_named_with_its_parameters(effect, name, truth):
     channel = "pose" if id in ("contact-geometry", "latency") else "wrench"
     entry = next(e for e in report.shrink if e["channel"] == channel)
     assert entry["closed"] > 0.8
+    if id in FIRST:
+        first = report.where[0]
+        assert first.channel == FIRST[id][0] and first.covariate in FIRST[id][1], first
     assert entry["after"] < entry["before"]
 
 
@@ -414,6 +422,27 @@ def test_what_repeats_share_is_told_from_scatter():
     size, p = repeats_share(system, noise + own[o.trial])
     assert size > 8 and p > 1e-3
     assert repeats_share(system, noise)[0] < 3
+
+
+def test_repeats_of_a_push_count_as_one():
+    """Four trials that gain, against one that loses a little: evidence if they are four pushes, none if they are one."""
+    log = make_log(count=16)
+    system = System(observe(log), log.rig)
+    behind, ahead = np.zeros(8), np.array((4.0, 4.0, 4.0, 4.0, 0.0, 0.0, 0.0, -0.5))
+    system.push = np.arange(8)
+    assert system.better(ahead, behind)
+    system.push = np.array((0, 0, 0, 0, 1, 2, 3, 4))
+    assert not system.better(ahead, behind)
+
+
+def test_acceleration_is_uncertain_where_the_speed_changes_its_course():
+    time, trial = np.arange(6.0), np.zeros(6, dtype=int)
+    steady, bent = 0.3 * time, np.minimum(time, 2.0)
+    rates, off = _rates(trial, time, np.stack((steady, bent), axis=-1), np.ones(6), np.zeros(1, dtype=bool))
+    np.testing.assert_allclose(rates[:, 0], 0.3)
+    np.testing.assert_allclose(rates[:, 1], (1, 1, 0.5, 0, 0, 0))
+    np.testing.assert_allclose(off[:, 0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(off[:, 1], (0, 0, -1, 0, 0, 0), atol=1e-12)
 
 
 def test_proposed_pushes_are_made_twice():

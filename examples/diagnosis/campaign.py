@@ -2,7 +2,7 @@
 
 Rigs, campaigns and amplitudes come from seeds. Rows go to a CSV as they are found, and a later run goes on where it stopped.
 
-    python examples/diagnosis/campaign.py -o campaign.csv [--per-effect 10] [--clean 60] [--pushes 60] [--jobs 2]
+    python examples/diagnosis/campaign.py -o campaign.csv [--per-effect 10] [--poses 10] [--clean 60] [--pushes 60] [--jobs 2]
 """
 
 from __future__ import annotations
@@ -230,6 +230,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--per-effect", type=int, default=10)
+    parser.add_argument("--poses", type=int, help="logs without forces of each effect, as many as with forces if not given")
     parser.add_argument("--clean", type=int, default=60)
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--pushes", type=int, default=60)
@@ -241,8 +242,10 @@ def main() -> None:
             rows = list(csv.DictReader(file))
     done = {(r["effect"], int(r["seed"])) for r in rows}
     jobs = [("none", options.first_seed + seed, options.pushes) for seed in range(options.clean)]
-    names = (*LARGEST, *OTHERS[1:], *(POSES + id for id in MOVING))
-    jobs += [(id, options.first_seed + seed, options.pushes) for seed in range(options.per_effect) for id in names]
+    counts = dict.fromkeys((*LARGEST, *OTHERS[1:]), options.per_effect)
+    counts |= dict.fromkeys((POSES + id for id in MOVING), options.per_effect if options.poses is None else options.poses)
+    most = max(counts.values())
+    jobs += [(id, options.first_seed + seed, options.pushes) for seed in range(most) for id, n in counts.items() if seed < n]
     jobs = [job for job in jobs if job[:2] not in done]
     with options.output.open("a", encoding="utf-8", newline="") as file, ProcessPoolExecutor(options.jobs) as pool:
         writer = csv.DictWriter(file, FIELDS)

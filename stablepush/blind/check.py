@@ -37,14 +37,15 @@ class BlindCheck:
     ``sets/NUMBER``.
 
     The first entry of the ledger says what the check is made of; a check that was ended goes on where it stopped, and cannot
-    be made of anything else. ``scheduler``: address of a Dask cluster that the work goes to instead of processes of this machine;
-    ``data``: clone of the Manipulation Lab's logs, whose pokes are the sets then; ``expect``: hashes of the ledger that were
-    noted.
+    be made of anything else. ``generator``: ``"mujoco"``, ``"drake"`` or ``"both"``. ``scheduler``: address of a Dask cluster
+    that the work goes to instead of processes of this machine; ``data``: clone of the Manipulation Lab's logs, whose pokes are
+    the sets then; ``expect``: hashes of the ledger that were noted.
     """
 
     def __init__(
         self,
         folder: Path,
+        generator: str = "mujoco",
         sets: int | None = None,
         seed: int | None = None,
         pushes: int | None = None,
@@ -57,16 +58,17 @@ class BlindCheck:
         _made(folder)
         self.ledger = Ledger(folder / "ledger.jsonl")
         self.ledger.expect(expect)
+        self.generator = generator if data is None else "lab"
         about = self._about(sets, seed, pushes)
         self.sets, self.seed, self.pushes = about["sets"], about["seed"], about["pushes"]
         self.key = (folder / "key").read_bytes()
 
     def _about(self, sets: int | None, seed: int | None, pushes: int | None) -> dict[str, int]:
         """What the check is made of: as it was begun, else as it is wished."""
-        generator, key = "mujoco" if self.data is None else "lab", self.folder / "key"
+        key = self.folder / "key"
         if self.ledger.entries:
             begun = self.ledger.entries[0]
-            wished = {"generator": generator, "sets": sets, "seed": seed, "pushes": pushes}
+            wished = {"generator": self.generator, "sets": sets, "seed": seed, "pushes": pushes}
             if begun["event"] != "begun" or not set(wished) <= set(begun):
                 raise InputError(f"{self.ledger.file}, line 1: expected how the check was begun")
             for name, value in wished.items():
@@ -89,7 +91,7 @@ class BlindCheck:
         with os.fdopen(os.open(key, os.O_WRONLY | os.O_CREAT, 0o600), "wb") as out:
             out.write(Fernet.generate_key())
         self.ledger.add(
-            "begun", _NO_SET, generator=generator, key=digest(key.read_bytes()), version=__version__, code=code_of(), **about
+            "begun", _NO_SET, generator=self.generator, key=digest(key.read_bytes()), version=__version__, code=code_of(), **about
         )
         return about
 
@@ -101,7 +103,7 @@ class BlindCheck:
         after the last of them."""
         missing = [k for k in range(self.sets) if not self.ledger.find("sealed", k)]
         if self.data is None:
-            jobs = [joblib.delayed(generated)(k, self.seed, self.pushes, self.key) for k in missing]
+            jobs = [joblib.delayed(generated)(k, self.generator, self.seed, self.pushes, self.key) for k in missing]
         else:
             jobs = [joblib.delayed(imported)(k, self.data, self.key) for k in missing]
         for done, (number, files) in enumerate(self._run(jobs), 1):
@@ -224,10 +226,10 @@ def code_of() -> str:
     return digest("".join(f"{f.relative_to(root).as_posix()} {digest(f.read_bytes())}\n" for f in files).encode())
 
 
-def generated(number: int, seed: int, pushes: int, key: bytes) -> tuple[int, Files]:
+def generated(number: int, generator: str, seed: int, pushes: int, key: bytes) -> tuple[int, Files]:
     """Return the files of a set: its generator is a process of its own, that ends before anything is diagnosed."""
     with tempfile.TemporaryDirectory() as place:
-        command = [sys.executable, "-m", "stablepush.blind.generator", str(seed), str(number), str(pushes), place]
+        command = [sys.executable, "-m", "stablepush.blind.generator", generator, str(seed), str(number), str(pushes), place]
         done = subprocess.run(command, input=key.decode() + "\n", text=True, capture_output=True, check=False)
         if done.returncode:
             last = done.stderr.strip().splitlines()

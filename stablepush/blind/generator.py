@@ -1,6 +1,6 @@
 """The generator's process: makes one log, seals its label, and is gone.
 
-    python -m stablepush.blind.generator SEED NUMBER PUSHES FOLDER    (the key of the seal comes on standard input)
+    python -m stablepush.blind.generator ENGINE SEED NUMBER PUSHES FOLDER    (the key of the seal comes on standard input)
 
 Writes ``FOLDER/log`` (``pushlog/1``) and ``FOLDER/label.sealed``.
 """
@@ -24,22 +24,36 @@ from stablepush.blind.worlds import Applied, World, draw
 #: An effect that stands out by this many times the noise of all rows together, after a free pressure has taken what it can,
 #: should be found.
 DETECTABLE = 10.0
+#: Share of the sets that Drake makes where both engines do.
+_DRAKE = 0.1
 #: Effects that show in the gap between fingers and outline, that only reshape the surface, and draws of the noise of motion.
 _IN_GAPS, _OF_BODY, _DRAWS = ("contact-geometry", "frame-offset", "latency"), ("pressure-shift", "pressure-spread"), 6
 
 
-def generate(seed: int, number: int, pushes: int) -> tuple[dict[str, Any], tuple[Row, list[Row], list[Row]]]:
+def engine_of(generator: str, seed: int, number: int) -> type[Engine]:
+    """Return the engine of a set: of ``"both"``, about one in ten has Drake."""
+    drawn = "drake" if np.random.default_rng([seed, number, 3]).random() < _DRAKE else "mujoco"
+    if (drawn if generator == "both" else generator) == "drake":
+        from stablepush.blind.drake_engine import DrakeEngine
+
+        return DrakeEngine
+    from stablepush.blind.mujoco_engine import MujocoEngine
+
+    return MujocoEngine
+
+
+def generate(generator: str, seed: int, number: int, pushes: int) -> tuple[dict[str, Any], tuple[Row, list[Row], list[Row]]]:
     """Return the label of a set and its log."""
-    world = draw(seed, number, pushes)
+    world, engine = draw(seed, number, pushes), engine_of(generator, seed, number)
     rng = np.random.default_rng([seed, number, 1])
     truths: list[Truth] = []
     for k, push in enumerate(world.pushes):
         # the same push comes out differently, as friction scatters
         scattered = replace(world, mu=world.mu * (1 + (SCATTER if world.trap == "scatter" else 0.005) * float(rng.normal())))
-        truths.append(Engine(scattered).push(push, k / max(1, len(world.pushes) - 1)))
+        truths.append(engine(scattered).push(push, k / max(1, len(world.pushes) - 1)))
     label: dict[str, Any] = {
         "kind": world.kind, "trap": world.trap, "contacts": "two" if world.two else "one",
-        "engine": "mujoco", "friction_off": world.believed_mu / world.mu - 1,
+        "engine": engine.name, "friction_off": world.believed_mu / world.mu - 1,
         "applied": [
             {
                 "effect": a.effect, "form": a.form, "matches": a.matches, "numbers": a.numbers,
@@ -141,10 +155,10 @@ def size(world: World, a: Applied, truths: list[Truth]) -> float:
 
 
 def main() -> None:
-    seed, number, pushes = (int(word) for word in sys.argv[1:4])
-    folder = Path(sys.argv[4])
+    generator, folder = sys.argv[1], Path(sys.argv[5])
+    seed, number, pushes = (int(word) for word in sys.argv[2:5])
     key = sys.stdin.readline().strip()
-    label, log = generate(seed, number, pushes)
+    label, log = generate(generator, seed, number, pushes)
     folder.mkdir(parents=True, exist_ok=True)
     sealed = Fernet(key.encode()).encrypt(json.dumps(label).encode())
     (folder / "label.sealed").write_bytes(sealed)

@@ -17,7 +17,8 @@ from scipy.stats import beta
 from stablepush.effects import CATALOGUE
 
 Row = dict[str, Any]
-#: What the strongest finding of ``where`` should follow.
+#: Channel of the strongest finding of ``where``, the wrench unless it is said, and what it should follow.
+CHANNEL = {"latency": "pose"}
 COVARIATE = {
     "anisotropy-world": ("world heading",), "drift": ("order",), "spatial-variation": ("place",), "speed-dependence": ("speed",),
     "latency": ("speed", "acceleration"), "tilt": ("world heading", "slider heading"),
@@ -247,12 +248,13 @@ def _parameters(effects: list[Row]) -> list[tuple[str, str]]:
 def _where(detectable: list[Row]) -> list[tuple[str, str]]:
     hits = total = 0
     for r in detectable:
-        wanted = COVARIATE.get(r["label"]["applied"][0]["effect"])
+        effect = r["label"]["applied"][0]["effect"]
+        wanted = COVARIATE.get(effect)
         if wanted is None:
             continue
         total += 1
         found = r["answer"]["where"]
-        hits += bool(found) and found[0]["channel"] == "wrench" and found[0]["covariate"] in wanted
+        hits += bool(found) and found[0]["channel"] == CHANNEL.get(effect, "wrench") and found[0]["covariate"] in wanted
     return [("strongest finding of where follows what it should", share(hits, total))]
 
 

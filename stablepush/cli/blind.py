@@ -14,13 +14,24 @@ if TYPE_CHECKING:
     from stablepush.blind.score import Score
 
 
+#: Modules that generators need.
+_NEEDS = {
+    "mujoco": ("mujoco", "cryptography"), "drake": ("pydrake", "cryptography"), "both": ("mujoco", "pydrake", "cryptography"),
+    "lab": ("cryptography",),
+}  # fmt: skip
+
+
 def blind(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the check; one that was ended goes on there.")],
     sets: Annotated[
         int | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Logs to make (12), or to take at most (all).")
     ] = None,
     generator: Annotated[
-        str, typer.Option(help="What reality is: mujoco, or lab, the Manipulation Lab's pokes with other supports.")
+        str,
+        typer.Option(
+            help="What reality is: mujoco, drake, both (one set in ten by Drake), or lab, the Manipulation Lab's pokes with "
+            "other supports."
+        ),
     ] = "mujoco",
     data: Annotated[Path | None, typer.Option(help="Clone of the lab's logs, for the generator lab.")] = None,
     seed: Annotated[
@@ -43,10 +54,10 @@ def blind(
     """
     from importlib.util import find_spec
 
-    if generator not in ("mujoco", "lab"):
-        raise InputError(f"--generator: expected mujoco or lab, got {generator!r}")
+    if generator not in _NEEDS:
+        raise InputError(f"--generator: expected {', '.join(list(_NEEDS)[:-1])} or lab, got {generator!r}")
     if (generator == "lab") != (data is not None):
-        raise InputError("--data: the generator lab needs the folder of the lab's logs, mujoco takes none")
+        raise InputError("--data: the generator lab needs the folder of the lab's logs, others take none")
     for word, value, least, most in (("sets", sets, 1, 100_000), ("pushes", pushes, 4, 10_000), ("jobs", jobs, 1, 1024)):
         if value is not None and not least <= value <= most:
             raise InputError(f"--{word}: expected a whole number from {least} to {most}, got {value}")
@@ -55,15 +66,15 @@ def blind(
     if seed is not None:
         require_seed(seed)
     require_folder(output)
-    needed = ("mujoco", "cryptography") if generator == "mujoco" else ("cryptography",)
-    missing = [name for name in needed if find_spec(name) is None]
+    missing = [module for module in _NEEDS[generator] if find_spec(module) is None]
     if missing:
-        raise InputError(f'the blind check needs {" and ".join(missing)}: pip install "stablepush[sim]"')
+        extras = ",".join(dict.fromkeys("drake" if module == "pydrake" else "sim" for module in missing))
+        raise InputError(f'the blind check needs {" and ".join(missing)}: pip install "stablepush[{extras}]"')
     from stablepush.blind.check import BlindCheck, alone
     from stablepush.files import write_atomically
 
     with alone(output), Progress("blind") as progress:
-        check = BlindCheck(output, sets, seed, pushes, jobs, scheduler, data, expect or ())
+        check = BlindCheck(output, generator, sets, seed, pushes, jobs, scheduler, data, expect or ())
 
         def said(what: str, done: int, total: int) -> None:
             progress.describe(f"{what} {done} of {total}")
@@ -72,12 +83,15 @@ def blind(
         progress.say(f"ledger when all was diagnosed: {check.diagnose(said)}", error=False)
         score = check.score(said)
     write_atomically(output / "score.csv", _table(score))
-    write_atomically(output / "score.html", _page(score, earlier) if data is None else _lab_page(score))
+    write_atomically(output / "score.html", _page(score, earlier, generator) if data is None else _lab_page(score))
     for name, words in score.lines:
         print(f"{name}: {words}")
     print(output / "score.html")
     if score.refused:
         raise typer.Exit(1)
+
+
+_ENGINES = {"mujoco": "MuJoCo", "drake": "Drake", "both": "MuJoCo, one in ten from Drake"}
 
 
 def _table(score: Score) -> str:
@@ -103,7 +117,7 @@ def _lab_page(score: Score) -> str:
     return report_html("Blind check of the diagnosis on real pokes", f"{len(score.rows)} cases", sections)
 
 
-def _page(score: Score, earlier: int | None) -> str:
+def _page(score: Score, earlier: int | None, generator: str) -> str:
     from stablepush.plot import figure_png, plot_calibration
     from stablepush.report import Section, report_html
 
@@ -115,10 +129,10 @@ def _page(score: Score, earlier: int | None) -> str:
         else f"The diagnosis was improved on {earlier} earlier {'check' if earlier == 1 else 'checks'}, of other seeds."
     )
     how = (
-        "Logs come from MuJoCo, in a process of their own that shares no code with the diagnosis; many of the effects have "
-        "another form than in the catalogue. Labels are encrypted before any log is diagnosed, and opened when all are; a ledger "
-        "of hashes shows the order. An effect counts as detectable if it stands out by ten times the noise of all rows together, "
-        "after a free pressure has taken what it can; that is part of the sealed label. " + before
+        f"Logs come from {_ENGINES[generator]}, in a process of their own that shares no code with the diagnosis; many of the "
+        "effects have another form than in the catalogue. Labels are encrypted before any log is diagnosed, and opened when all "
+        "are; a ledger of hashes shows the order. An effect counts as detectable if it stands out by ten times the noise of all "
+        "rows together, after a free pressure has taken what it can; that is part of the sealed label. " + before
     )
     sections = [
         Section("Score", how, score.lines),

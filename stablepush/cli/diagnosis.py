@@ -114,12 +114,17 @@ def _page(report: GapReport) -> str:
     )
     if report.residuals:
         sections.append(Section.with_picture("Where: over the table", figure_png(plot_residuals(report))))
+        text = "Residuals of the nominal simulation and of the mended one."
+        sections.append(Section.with_picture("Where: heading and order", figure_png(plot_residuals_against(report)), text))
+    if report.where:
         found = [
-            (f"{f.component}, {f.covariate}", f"{100 * f.share:.0f} % of the variance between trials, p {f.p_value:.4f}")
+            (
+                f"{f.channel}, {f.component}: {f.covariate}",
+                f"{100 * f.share:.0f} % of the variance, p {f.p_value:.4f}",
+            )
             for f in report.where[:12]
         ]
-        text = "Residuals of the nominal simulation and of the mended one. Below: what they follow, on held-out trials."
-        sections.append(Section.with_picture("Where: heading and order", figure_png(plot_residuals_against(report)), text, found))
+        sections.append(Section("Where: what residuals follow", "On held-out trials.", found))
     if report.ends and len(report.places):
         words = "Pushes carried out again in simulation, from where the slider lay and as the pusher went."
         sections.append(Section.with_picture("Where: ends of pushes", figure_png(plot_ends(report)), words))

@@ -127,6 +127,8 @@ class Equations(ABC):
     ----------
     trial : array of int, shape (rows,)
         Of each row.
+    push : array of int, shape (trials,)
+        The same number for trials that repeat one push.
     nominal : array, shape (k,)
         Loads, or what stands for them, of the nominal surface.
     nuisance : tuple of str
@@ -139,6 +141,7 @@ class Equations(ABC):
     """
 
     trial: np.ndarray
+    push: np.ndarray
     nominal: FloatArray
     nuisance: tuple[str, ...] = ()
     steps, few, tolerance = 12, 12, 1e-7
@@ -235,14 +238,15 @@ class Equations(ABC):
         return np.asarray(total * (count - 1) / max(1, count))
 
     def better(self, ahead: FloatArray, behind: FloatArray, errors: float | None = None, times: float = 1.0) -> bool:
-        """Tell whether one log density (trials,) beats another by what is demanded, over the scatter of trials.
+        """Tell whether one log density (trials,) beats another by what is demanded, over the scatter of pushes.
 
-        No one trial carries it: the greatest gain counts as much as the next. The scatter is that of the trials that lose: a
-        few pushes that tell causes apart gain far more than others, which is no scatter.
+        Repeats of one push share what no fit has: they are judged together. No one push carries it: the greatest gain counts as
+        much as the next. The scatter is that of the pushes that lose: a few that tell causes apart gain far more than others,
+        which is no scatter.
         """
         n = min(len(ahead), len(behind))
-        difference = np.sort(ahead[:n] - behind[:n])
-        if n > 1:
+        difference = np.sort(np.bincount(self.push[:n], ahead[:n] - behind[:n]))
+        if len(difference) > 1:
             difference[-1] = difference[-2]
         error = float(np.sqrt(2 * np.square(np.minimum(difference, 0.0)).sum()))
         least = max(self.demands.density, (self.demands.errors if errors is None else errors) * error)

@@ -17,7 +17,7 @@ from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import replays
 from stablepush.diagnosis.shrink import closes_touch, ends_are_off, explains_most, gap, hold_out, shrink
 from stablepush.diagnosis.system import System, system_of
-from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share
+from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share, residuals
 from stablepush.effects import CATALOGUE
 from stablepush.errors import InputError
 from stablepush.logs import PushLog, Rig
@@ -159,7 +159,8 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         if size > _MISFIT or (common > _COMMON and p_common < _P_COMMON) or (not forces and ends_are_off(held)):
             verdict = "unknown"
     said("where the gap lies")
-    where = localise(system, system.observations.wrench - held.wrenches["before"]) if system.has_wrench else []
+    ends, ended = held.ends.get("before", np.zeros((0, 3))), np.array([push.trial for push in pushes], dtype=int)
+    where = localise(system, residuals(system, held.wrenches.get("before"), ends, ended, held.floors))
     ranking = rank(system, found, effects)
     # poses alone tell the shape of the surface, not its size
     sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))

@@ -25,9 +25,8 @@ _PRIOR = (0.2, 0.2, 0.2, 0.2, 0.2)
 _SMALL = (0.02, 0.02, 0.05, 0.05, 0.05)
 #: Cells along each side in which the nominal pressure is gathered.
 _CELLS = 5
-#: Noise of an end before it is known from what a free pressure leaves: share of what the prior lets the surface do to it, and
-#: units of the noise of a pose.
-_SHARE, _NOISE = 0.1, 1.5
+#: Share of what the prior lets the surface do to an end that counts as noise, before what a free pressure leaves is known.
+_SHARE = 0.1
 
 
 class Motions(System):
@@ -45,7 +44,7 @@ class Motions(System):
     # every residual is a simulation of all pushes
     steps, few, tolerance = 5, 4, 1e-3
     # ends follow effects far from linearly: one step tells little, and the fit itself may say enough
-    demands = Demands(4.0, 6.0, 2.0, 0.01, 1.5)
+    demands = Demands(4.0, 12.0, 3.0, 0.01, 1.5)
 
     def __init__(self, observations: Observations, rig: Rig, pushes: list[Replay]) -> None:
         super().__init__(observations, rig)
@@ -61,11 +60,10 @@ class Motions(System):
         self._slopes: dict[str, FloatArray] = {}
         self._found: dict[Any, FloatArray] = {}
         self.pushes = self.predictable(pushes)
-        noise = _NOISE * float(np.hypot(self.noise.position, self.rho * self.noise.angle))
         #: How far (m, for a component of an end each) the surface moves it within its prior: pushes that friction decides
         #: scatter with it, those that stay stuck end where the pusher goes.
         self.reach = np.linalg.norm(self._slope("", _SMALL) * _PRIOR, axis=1)
-        self.spread = np.hypot(noise, _SHARE * self.reach)
+        self.spread = np.hypot(self.end_noise.ravel(), _SHARE * self.reach)
         self.trial = np.concatenate((np.repeat([p.trial for p in self.pushes], 3), self.trial)).astype(int)
 
     def surface(self, loads: FloatArray) -> IdealLimitSurface:
@@ -140,18 +138,18 @@ def _coarse(support: SupportDistribution) -> SupportDistribution:
 
 
 def motions_of(observations: Observations, rig: Rig, pushes: list[Replay]) -> Motions:
-    """Return the equations of a log without forces; the noise of ends is what a free pressure leaves of them: of those that the
-    surface hardly moves, and of the others."""
+    """Return the equations of a log without forces; the noise of ends is at least what the noise of poses makes of it, and what a
+    free pressure leaves of them: of those that the surface hardly moves, and of the others."""
     system = Motions(observations, rig, pushes)
     if not system.pushes:
         return system
     left = system.fit([], True).residual[: 3 * len(system.pushes)] * system.spread
-    reach = system.reach
+    reach, noise = system.reach, system.end_noise.ravel()
     stuck = reach <= np.median(reach)
-    still = np.sqrt(np.median(left[stuck] ** 2) / 0.455)
-    moved = np.maximum(left[~stuck] ** 2 - still**2, 0.0) / np.maximum(reach[~stuck], 1e-12) ** 2
+    still = noise * max(1.0, float(np.sqrt(np.median((left[stuck] / noise[stuck]) ** 2) / 0.455)))
+    moved = np.maximum(left[~stuck] ** 2 - still[~stuck] ** 2, 0.0) / np.maximum(reach[~stuck], 1e-12) ** 2
     share = np.sqrt(np.median(moved) / 0.455) if len(moved) else 0.0
-    system.spread = np.hypot(max(float(still), float(system.spread.min())), float(share) * reach)
+    system.spread = np.hypot(still, float(share) * reach)
     if rig.noise is None:
-        system.end_noise = np.sqrt((system.spread.reshape(-1, 3) ** 2).sum(axis=1))
+        system.end_noise = system.spread.reshape(-1, 3)
     return system

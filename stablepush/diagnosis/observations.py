@@ -41,8 +41,8 @@ class Observations:
         Place of the trial in the log, from 0 to 1.
     time : array, shape (n,)
         In s, in the trial.
-    pose, twist, acceleration : array, shape (n, 3)
-        Of the tracked frame in W; its body twist, and the twist's rate of change.
+    pose, twist, acceleration, unsteady : array, shape (n, 3)
+        Of the tracked frame in W; its body twist, the twist's rate of change, and how much that changes from row to row.
     wrench : array, shape (n, 3)
         Measured load in the tracked frame; NaN where there is none.
     pusher : array, shape (n, 3)
@@ -72,6 +72,7 @@ class Observations:
     pose: FloatArray
     twist: FloatArray
     acceleration: FloatArray
+    unsteady: FloatArray
     wrench: FloatArray
     pusher: FloatArray
     normal: FloatArray
@@ -167,8 +168,9 @@ def observe(log: PushLog) -> Observations:
     span = _spans(trial, time, whole)
     rested = {str(name) for name in s["trial"][s["phase"] == "rest"]} if "phase" in s else set()
     from_rest = np.array([name in rested for name in names], dtype=bool)
+    acceleration, unsteady = _rates(trial, time, twist, span, from_rest)
     return Observations(
-        names, trial, rank[trial], time, pose, twist, _rates(trial, time, twist, span, from_rest), wrench, pusher,
+        names, trial, rank[trial], time, pose, twist, acceleration, unsteady, wrench, pusher,
         normal, place, gap, slip, span, group, _at_rest(log, names, rows_of, poses), radius,
     )  # fmt: skip
 
@@ -209,18 +211,23 @@ def _spans(trial: np.ndarray, time: FloatArray, whole: dict[int, float]) -> Floa
     return result
 
 
-def _rates(trial: np.ndarray, time: FloatArray, values: FloatArray, span: FloatArray, from_rest: BoolArray) -> FloatArray:
-    """Rates of change (n, k) of velocities (n, k), means over rows, by differences over the neighbouring rows; the first row of a
-    trial that begins at rest begins at none."""
-    result = np.zeros_like(values)
+def _rates(
+    trial: np.ndarray, time: FloatArray, values: FloatArray, span: FloatArray, from_rest: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Rates of change (n, k) of velocities (n, k), means over rows, by differences over the neighbouring rows, and what those to
+    either side differ by. The first row of a trial that begins at rest begins at none."""
+    result, off = np.zeros_like(values), np.zeros_like(values)
     for k in np.unique(trial):
         rows = np.flatnonzero(trial == k)
         if len(rows) < 2 or (np.diff(time[rows]) <= 0).any():
             continue
         result[rows] = np.gradient(values[rows], time[rows], axis=0)
+        slopes = np.diff(values[rows], axis=0) / np.diff(time[rows])[:, None]
+        off[rows[1:-1]] = np.diff(slopes, axis=0)
         if from_rest[k]:
             result[rows[0]] = (values[rows[0]] + values[rows[1]]) / 2 / span[rows[0]]
-    return result
+            off[rows[0]] = result[rows[0]] - slopes[0]
+    return result, off
 
 
 def _fingers(
@@ -310,15 +317,17 @@ def half_spacing(log: PushLog) -> float:
     both = np.isfinite(points).all(axis=(1, 2))
     if both.any():
         return float(np.median(np.linalg.norm(points[both, 0] - points[both, 1], axis=1))) / 2
-    # fingers that never touch together are beside the pusher's axis, each behind its contact
-    point = np.where(np.isfinite(points[:, 0]), points[:, 0], points[:, 1])
-    known = np.isfinite(sheet[:, :6]).all(axis=1) & np.isfinite(point).all(axis=1)
-    if not known.any():
-        return np.nan
-    near, inward, _ = nearest(log.rig.slider.vertices, point[known])
-    centers = (near - (log.rig.finger_radius or 0.0) * inward)[:, None]
-    seen = transform_points(compose(inverse(sheet[known, 3:6]), sheet[known, :3]), centers)[:, 0]
-    return float(np.median(np.abs(seen[:, 1])))
+    # fingers that never touch together are beside the pusher's axis, each behind its contact; the logged one is always on the
+    # same side
+    beside: list[FloatArray] = []
+    for k in range(2):
+        known = np.isfinite(sheet[:, :6]).all(axis=1) & np.isfinite(points[:, k]).all(axis=1)
+        if known.any():
+            near, inward, _ = nearest(log.rig.slider.vertices, points[known, k])
+            centers = (near - (log.rig.finger_radius or 0.0) * inward)[:, None]
+            seen = transform_points(compose(inverse(sheet[known, 3:6]), sheet[known, :3]), centers)[:, 0, 1]
+            beside.append(seen * np.sign(np.median(seen)))
+    return float(np.median(np.concatenate(beside))) if beside else np.nan
 
 
 def nearest(outline: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +20,7 @@ from stablepush.errors import ConvergenceError, InputError
 from stablepush.logs import Noise, PushLog
 from stablepush.models import IdealLimitSurface
 from stablepush.planar import transport_twist, twist_from_cor
-from stablepush.pushing import Pusher, TableFriction, simulate_push
+from stablepush.pushing import Course, Pusher, TableFriction, course_of, follow
 from stablepush.se2 import compose, exp, inverse, transform_points, wrap_angle
 from stablepush.se2 import log as log_of
 from stablepush.slider import Slider
@@ -42,6 +45,8 @@ _MOST_PIECES = 16
 _ARM = 0.05
 #: Draws of the noise of first poses.
 _DRAWS = 4
+#: Threads that carry out pushes: what is not compiled takes turns.
+_MOST_THREADS = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,8 +60,8 @@ class Replay:
     start, end : array, shape (3,)
         First and last pose of the tracked frame in W.
     pusher : Pusher
-    place, motion
-        The pusher's first pose in W, and twists in its own frame with durations.
+    place, course
+        The pusher's first pose in W, and its motion from there.
     logged : bool
         Whether the motion is the way as it was logged, up to the last pose; else as it was commanded, to rest.
     """
@@ -66,7 +71,7 @@ class Replay:
     end: FloatArray
     pusher: Pusher
     place: FloatArray
-    motion: list[tuple[FloatArray, float]]
+    course: Course
     logged: bool
 
 
@@ -81,6 +86,7 @@ class _Sheet:
             return np.stack([np.asarray(s[c], dtype=np.float64) if c in s else blank for c in names], axis=-1)
 
         self.log, self.outline = log, rig.slider.vertices
+        self.step = max(_STEP, _STEP_SHARE * rig.slider.characteristic_length)
         self.poses, self.pushers, self.times = columns("x", "y", "theta"), columns("px", "py", "ptheta"), columns("t")[:, 0]
         self.points = columns("c1x", "c1y", "c2x", "c2y").reshape(-1, 2, 2)
         self.phases = np.asarray(s["phase"]) if "phase" in s else None
@@ -146,7 +152,8 @@ def _logged(sheet: _Sheet, trial: int, name: str) -> Replay | None:
         motion.append((log_of(step) / span, span))
     first, last = rows[0], rows[-1]
     pusher = Pusher(sheet.places, sheet.radius)
-    return Replay(trial, sheet.poses[first], sheet.poses[last], pusher, sheet.pushers[first], motion, True)
+    course = course_of(pusher, motion, sheet.step)
+    return Replay(trial, sheet.poses[first], sheet.poses[last], pusher, sheet.pushers[first], course, True)
 
 
 def _commanded(sheet: _Sheet, trial: int, name: str) -> Replay | None:
@@ -166,7 +173,8 @@ def _commanded(sheet: _Sheet, trial: int, name: str) -> Replay | None:
     docked = pusher.docked(contact)
     twist = transport_twist(twist_from_cor((cor_x, cor_y), sense), inverse(docked))
     start, end = sheet.poses[seen[0]], sheet.poses[seen[-1]]
-    return Replay(trial, start, end, pusher, compose(start, docked), [(twist, abs(angle))], False)
+    course = course_of(pusher, [(twist, abs(angle))], sheet.step)
+    return Replay(trial, start, end, pusher, compose(start, docked), course, False)
 
 
 def _knots(rows: np.ndarray, pushers: FloatArray, phases: np.ndarray | None) -> np.ndarray:
@@ -208,32 +216,36 @@ def misses(
 ) -> FloatArray:
     """Return how far (n, 3) the slider was measured from where pushes end: the twist from one to the other, as ``(x, y, rho θ)``
     in m; NaN where a push cannot be simulated."""
-    friction = friction_of(surface, values, weight)
-    found = []
-    for push in pushes:
-        miss = compose(inverse(carry_out(push, friction, slider, mu, values)), push.end)
+    table = friction_of(surface, values, weight).compiled()
+
+    def missed(push: Replay) -> FloatArray:
+        miss = compose(inverse(carry_out(push, table, slider, mu, values)), push.end)
         miss[2] = wrap_angle(miss[2])
-        found.append(log_of(miss) * (1, 1, slider.characteristic_length))
-    return np.reshape(found, (-1, 3))
+        return np.asarray(log_of(miss) * (1, 1, slider.characteristic_length))
+
+    # compiled code lets go of the interpreter
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    with ThreadPoolExecutor(min(_MOST_THREADS, usable)) as threads:
+        return np.reshape(list(threads.map(missed, pushes)), (-1, 3))
 
 
 def carried(
     pushes: Sequence[Replay], surface: IdealLimitSurface, slider: Slider, mu: float, weight: float, noise: Noise
 ) -> FloatArray:
-    """Return how far (n,) the ends of pushes move, in ``(x, y, rho θ)`` in m, when the first pose errs by its noise (root mean
-    square); NaN where a push cannot be simulated."""
+    """Return how far (n, 3) the ends of pushes move, in ``(x, y, rho θ)`` in m, when the first pose errs by its noise (root mean
+    squares); NaN where a push cannot be simulated."""
     rng = np.random.default_rng(0)
     sizes = np.array((noise.position, noise.position, noise.angle))
     nominal = misses(pushes, surface, slider, mu, weight, {})
-    squares = np.zeros(len(pushes))
+    squares = np.zeros_like(nominal)
     for _ in range(_DRAWS):
         other = [replace(push, start=push.start + sizes * rng.normal(size=3)) for push in pushes]
-        squares += ((misses(other, surface, slider, mu, weight, {}) - nominal) ** 2).sum(axis=1) / _DRAWS
+        squares += (misses(other, surface, slider, mu, weight, {}) - nominal) ** 2 / _DRAWS
     return np.asarray(np.sqrt(squares))
 
 
-def carry_out(replay: Replay, friction: TableFriction, slider: Slider, mu: float, values: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the pose (3,) of the tracked frame where a push ends; NaN where it cannot be simulated."""
+def carry_out(replay: Replay, table: Any, slider: Slider, mu: float, values: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the pose (3,) of the tracked frame where a push ends, on a table as compiled; NaN where it cannot be simulated."""
     offset = np.array((*values.get("frame-offset", np.zeros(2)), 0.0))
     delay = float(values.get("latency", np.zeros(1))[0]) if replay.logged else 0.0
     pusher = replay.pusher
@@ -243,16 +255,7 @@ def carry_out(replay: Replay, friction: TableFriction, slider: Slider, mu: float
     # the tracked origin lies off the centre of mass by the offset
     start = compose(replay.start, -offset)
     try:
-        trace = simulate_push(
-            friction,
-            slider,
-            pusher,
-            mu,
-            start,
-            replay.place,
-            replay.motion,
-            step=max(_STEP, _STEP_SHARE * slider.characteristic_length),
-        )
+        trace = follow(table, slider, pusher, mu, start, replay.place, replay.course)
     except (InputError, ConvergenceError):
         return np.full(3, np.nan)
     end = trace.poses[-1]

@@ -136,7 +136,7 @@ def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Re
     if simulated.any():
         held.trials["pose"] = trial[simulated]
         held.squares["pose"] = {k: (held.ends[k][simulated] ** 2).sum(axis=1) for k in _FITS}
-        held.floors["pose"] = float((system.end_noise[simulated] ** 2).mean())
+        held.floors["pose"] = float((system.end_noise[simulated] ** 2).sum(axis=1).mean())
 
 
 def _gaps(held: HeldOut, system: System, folds: list[_Fold]) -> None:

@@ -8,7 +8,7 @@ every judgement treats trials, not rows, as independent.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 
 import numpy as np
@@ -29,6 +29,9 @@ _CELLS = 5
 _SPREAD, _SCALE = 0.15, 1.0
 #: Noise of the moment (N·m per N), and noise of rigs that say nothing of it: share of the median force, m, rad.
 _MOMENT, _FORCE, _POSITION, _ANGLE = 0.02, 0.02, 2e-4, 3e-3
+#: Acceleration that rows with means over parts of a push leave uncertain: share of what its differences to either side differ by,
+#: and of itself.
+_UNSTEADY = (0.25, 0.3)
 #: How far (in units of the position noise) a rotation centre may be from a support point that it is taken to be at.
 _PIVOT = 4.0
 #: A push is no measurement of the end if noise of its first pose moves the end so many times as far as noise of its last.
@@ -56,6 +59,7 @@ class System(Equations):
     def __init__(self, observations: Observations, rig: Rig, noisier: float = 1.0) -> None:
         chosen = observations.has_wrench if observations.has_wrench.any() else np.ones(len(observations.time), dtype=bool)
         self.observations = o = _rows(observations, chosen)
+        self.push = pushes_of(o.group)
         self.rig, self.has_wrench = rig, bool(observations.has_wrench.any())
         self.has_surface = self.has_wrench
         slider = rig.slider
@@ -114,20 +118,25 @@ class System(Equations):
             unknown = load**2 * (jitter / (jitter + (velocity**2).sum(axis=1))) ** 2
             for arm in (np.array((1.0, 0.0, -y)), np.array((0.0, 1.0, x))):
                 covariance += unknown[:, None, None] * np.outer(arm, arm)
+        # where the speed changes between rows, what the mass takes is not told by them
+        mass = self.rig.slider.mass or 0.0
+        for share, off in zip(_UNSTEADY, (o.unsteady, o.acceleration), strict=True):
+            jolt = mass * share * off * (1.0, 1.0, self.rig.slider.radius_of_gyration**2)
+            covariance += jolt[:, :, None] * jolt[:, None, :]
         self.covariance = covariance
         self._w = np.linalg.cholesky(np.linalg.inv(covariance)).transpose(0, 2, 1)
 
     def predictable(self, pushes: list[Replay]) -> list[Replay]:
-        """Keep the pushes whose ends the noise of the first pose hardly moves, and :attr:`end_noise` (n,) of each.
+        """Keep the pushes whose ends the noise of the first pose hardly moves, and :attr:`end_noise` (n, 3) of each.
 
         Where a finger passes a corner by a hair, say, the end is anyone's guess.
         """
         if not self.has_surface or not pushes:
-            self.end_noise = np.zeros(0)
+            self.end_noise = np.zeros((0, 3))
             return []
         moved = carried(pushes, self.surface(self.nominal), self.rig.slider, self.mu, self.moving_weight, self.noise)
-        own = float(np.sqrt(2 * self.noise.position**2 + (self.rho * self.noise.angle) ** 2))
-        kept = moved <= _AMPLIFIED * own
+        own = np.array((self.noise.position, self.noise.position, self.rho * self.noise.angle))
+        kept = np.linalg.norm(moved, axis=1) <= _AMPLIFIED * np.linalg.norm(own)
         self.end_noise = np.hypot(moved[kept], own)
         return [push for push, good in zip(pushes, kept, strict=True) if good]
 
@@ -232,6 +241,14 @@ class System(Equations):
             positive = positive + 1e-6 * np.abs(self.nominal)
         carrying = positive > 0
         return IdealLimitSurface(SupportDistribution(self.points[carrying], positive[carrying]), float(positive.sum()), self.rho)
+
+
+def pushes_of(groups: Sequence[str]) -> np.ndarray:
+    """Numbers (trials,) of the pushes that trials repeat; a log that is one group says nothing of repeats."""
+    together = len({g or k for k, g in enumerate(groups)}) > 1
+    names = [g if g and together else f"trial {k}" for k, g in enumerate(groups)]
+    number = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    return np.array([number[name] for name in names], dtype=int)
 
 
 def _rows(o: Observations, chosen: np.ndarray) -> Observations:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,8 @@ from stablepush.se2 import rotate_vectors
 _PERMUTATIONS, _FALSE = 1999, 0.05
 #: Ridge on standardised features.
 _RIDGE = 3.0
+#: Components of where pushes end.
+ENDS = ("end x body", "end y body", "end turn")
 _FOLDS = 5
 
 
@@ -29,6 +32,8 @@ class Finding:
     covariate: str
     share: float
     p_value: float
+    #: Robust variance that follows the covariate, in units of the noise's: what findings are sorted by.
+    strength: float
 
 
 def covariates(system: System) -> dict[str, FloatArray]:
@@ -51,36 +56,83 @@ def covariates(system: System) -> dict[str, FloatArray]:
     }
 
 
-def localise(system: System, residual: FloatArray, seed: int = 0) -> list[Finding]:
-    """Return what the residual wrenches (n, 3) follow, false discoveries controlled (Benjamini and Hochberg 1995)."""
+#: Residuals by (channel, component): trials (m,) of the rows, and values (m,).
+Residuals = Mapping[tuple[str, str], tuple[np.ndarray, FloatArray]]
+
+
+def residuals(
+    system: System, wrenches: FloatArray | None, ends: FloatArray, ended: np.ndarray, floors: Mapping[str, float]
+) -> Residuals:
+    """Return the residuals of the nominal simulation in the frames that separate causes, in units of the noise.
+
+    ``wrenches`` (n, 3) that it predicts, in B, if the log has forces: their size as a whole, the level of friction, is fitted;
+    ``ends`` (m, 3) of pushes, ``(x, y, rho θ)`` in B, and their trials ``ended``; the gaps between fingers and outline are the
+    observations'. ``floors``: mean squares of the noise by channel.
+    """
     o = system.observations
-    world = rotate_vectors(o.pose[:, 2], residual[:, :2])
-    along = residual[:, :2] / np.maximum(np.linalg.norm(o.wrench[:, :2], axis=1, keepdims=True), 1e-9)
-    size = (along * o.wrench[:, :2] / np.maximum(np.linalg.norm(o.wrench[:, :2], axis=1, keepdims=True), 1e-9)).sum(axis=1)
-    components = {
-        "fx body": residual[:, 0],
-        "fy body": residual[:, 1],
-        "tau": residual[:, 2],
-        "fx world": world[:, 0],
-        "fy world": world[:, 1],
-        "size": size,
-    }
-    trials, rows = np.unique(o.trial, return_inverse=True)
+    found: dict[tuple[str, str], tuple[np.ndarray, FloatArray]] = {}
+    if wrenches is not None:
+        unit = np.array((1.0, 1.0, system.rho)) * np.sqrt(floors["wrench"] / 3)
+        measured, predicted = o.wrench / unit, wrenches / unit
+        off = measured - predicted * (measured * predicted).sum() / (predicted**2).sum()
+        world = rotate_vectors(o.pose[:, 2], off[:, :2])
+        along = o.wrench[:, :2] / np.maximum(np.linalg.norm(o.wrench[:, :2], axis=1, keepdims=True), 1e-9)
+        parts = {
+            "fx body": off[:, 0], "fy body": off[:, 1], "tau": off[:, 2], "fx world": world[:, 0],
+            "fy world": world[:, 1], "size": (off[:, :2] * along).sum(axis=1),
+        }  # fmt: skip
+        found |= {("wrench", name): (o.trial, values) for name, values in parts.items()}
+    trial = np.concatenate([o.trial[rows] for _, rows in system.gap_rows]).astype(int)
+    if len(trial):
+        gaps = np.concatenate([o.gap[rows, k] for k, rows in system.gap_rows])
+        found["pose", "gap of fingers"] = trial, gaps / system.gap_noise
+    good = np.isfinite(ends).all(axis=1)
+    for k, name in enumerate(ENDS):
+        found["pose", name] = ended[good], ends[good, k] / np.sqrt(floors.get("pose", 1.0) / 3)
+    return found
+
+
+def localise(system: System, residuals: Residuals, seed: int = 0) -> list[Finding]:
+    """Return what residuals follow, false discoveries controlled (Benjamini and Hochberg 1995): what stands out most of the noise
+    first, ends of pushes last: all that acts on the way shows in them."""
+    features = covariates(system)
+    found: list[Finding] = []
+    # components that the same trials have are tested side by side
+    alike: dict[bytes, list[tuple[str, str]]] = {}
+    for key, (trial, _) in residuals.items():
+        alike.setdefault(np.unique(trial).tobytes(), []).append(key)
+    for keys in alike.values():
+        found += _findings(system.observations.trial, features, {key: residuals[key] for key in keys}, seed)
+    found.sort(key=lambda f: (f.p_value, -f.share))
+    kept = 0
+    for rank, finding in enumerate(found, start=1):
+        if finding.p_value <= _FALSE * rank / len(found):
+            kept = rank
+    return sorted((f for f in found[:kept] if f.share > 0), key=lambda f: (f.component in ENDS, -f.strength))
+
+
+def _findings(rows: np.ndarray, features: Mapping[str, FloatArray], residuals: Residuals, seed: int) -> list[Finding]:
+    """What residuals of the same trials follow; ``features`` (n, q) are of rows of trials ``rows`` (n,)."""
+    trials = np.intersect1d(np.concatenate([trial for trial, _ in residuals.values()]), rows)
     if len(trials) < 2 * _FOLDS:
         return []
     rng = np.random.default_rng(seed)
     folds = rng.permutation(len(trials)) % _FOLDS
     orders = np.array([np.arange(len(trials)), *(rng.permutation(len(trials)) for _ in range(_PERMUTATIONS))])
 
-    def means(values: FloatArray) -> FloatArray:
-        counts = np.bincount(rows)
-        return np.stack([np.bincount(rows, values[:, k]) / counts for k in range(values.shape[1])], axis=-1)
+    def means(of: np.ndarray, values: FloatArray) -> FloatArray:
+        mine = np.isin(of, trials)
+        at = np.searchsorted(trials, of[mine])
+        counts = np.bincount(at, minlength=len(trials))
+        return np.stack([np.bincount(at, column, len(trials)) / counts for column in values[mine].T], axis=-1)
 
-    targets = means(np.stack(list(components.values()), axis=-1))
+    targets = np.concatenate([means(trial, values[:, None]) for trial, values in residuals.values()], axis=1)
+    # the usual size: a few pushes that go their own way do not make a finding strong
+    sizes = np.median((targets - np.median(targets, axis=0)) ** 2, axis=0) / 0.455
     targets = targets - targets.mean(axis=0)
     found: list[Finding] = []
-    for covariate, features in covariates(system).items():
-        x = means(features)
+    for covariate, columns in features.items():
+        x = means(rows, columns)
         x = (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-12)
         x = np.concatenate((np.ones((len(x), 1)), x), axis=1)
         # what a permutation of trials does to the predictions is linear in the targets
@@ -93,15 +145,10 @@ def localise(system: System, residual: FloatArray, seed: int = 0) -> list[Findin
         y = targets[orders]
         left = ((y - smooth @ y) ** 2).sum(axis=1)
         table = 1 - left / np.maximum((y**2).sum(axis=1), 1e-30)
-        for k, component in enumerate(components):
-            p = float((table[:, k] >= table[0, k]).mean())
-            found.append(Finding("wrench", component, covariate, float(np.clip(table[0, k], 0.0, 1.0)), p))
-    found.sort(key=lambda f: (f.p_value, -f.share))
-    kept = 0
-    for rank, finding in enumerate(found, start=1):
-        if finding.p_value <= _FALSE * rank / len(found):
-            kept = rank
-    return sorted((f for f in found[:kept] if f.share > 0), key=lambda f: -f.share)
+        for k, (channel, component) in enumerate(residuals):
+            p, share = float((table[:, k] >= table[0, k]).mean()), float(np.clip(table[0, k], 0.0, 1.0))
+            found.append(Finding(channel, component, covariate, share, p, share * sizes[k]))
+    return found
 
 
 def repeats_share(system: System, white: FloatArray) -> tuple[float, float]:

@@ -1,0 +1,198 @@
+"""Pushes in Drake: feet on vertical slides as prismatic joints, contact by its convex SAP solver. Needs the extra ``drake``.
+
+Contact has the table's nominal friction; what effects change of it acts on the feet besides, by the last tick's motion.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import AddContactMaterial, Box, ProximityProperties, RoleAssign, Sphere
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import (
+    AddMultibodyPlantSceneGraph,
+    CoulombFriction,
+    DiscreteContactApproximation,
+    ExternallyAppliedSpatialForce,
+)
+from pydrake.multibody.tree import FixedOffsetFrame, PlanarJoint, PrismaticJoint, SpatialInertia, UnitInertia
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from stablepush.blind.engine import FOOT, HALF, HEAVY, HEIGHT, IN_FEET, Engine, State
+from stablepush.blind.laws import ellipse, friction, slope_at, turned
+from stablepush.blind.worlds import GRAVITY, World
+
+#: Step (s), stiffness (N/m) and dissipation (s/m) of contacts, thickness (m) of the slider's walls, and of the
+#: table, and speed (m/s) up to which a foot rests.
+STEP, _STIFF, _DISSIPATION, _WALL, _FLOOR, _STILL = 2e-3, 2e5, 5.0, 1e-3, 0.2, 1e-5
+
+
+class DrakeEngine(Engine):
+    """A world's slider and pusher in Drake."""
+
+    name, tick = "drake", STEP
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
+        builder = DiagramBuilder()
+        plant, scene = AddMultibodyPlantSceneGraph(builder, time_step=STEP)
+        plant.set_discrete_contact_approximation(DiscreteContactApproximation.kSap)
+        plant.mutable_gravity_field().set_gravity_vector((0.0, 0.0, -GRAVITY))
+        floor = _material(world.mu)
+        plant.RegisterCollisionGeometry(
+            plant.world_body(), RigidTransform((0.0, 0.0, -_FLOOR / 2)), Box(6.0, 6.0, _FLOOR), "floor", floor
+        )
+        self._slider = plant.AddRigidBody("slider", _inertia((1 - IN_FEET) * world.mass))
+        self._slider_joint = _planar(plant, "slider joint", self._slider)
+        for k, (pose, box) in enumerate(_walls(world.outline)):
+            plant.RegisterCollisionGeometry(self._slider, pose, box, f"wall{k}", _material(self.grip))
+        self._feet = []
+        for k, ((x, y), share) in enumerate(zip(self.feet, self.weights, strict=True)):
+            foot = plant.AddRigidBody(f"foot{k}", SpatialInertia(share * IN_FEET * world.mass, np.zeros(3), UnitInertia(0, 0, 0)))
+            place = RigidTransform((x, y, FOOT - HEIGHT))
+            plant.AddJoint(
+                PrismaticJoint(f"foot joint{k}", _frame(plant, self._slider, place, f"foot{k}"), foot.body_frame(), (0, 0, 1))
+            )
+            plant.RegisterCollisionGeometry(foot, RigidTransform(), Sphere(FOOT), f"foot ball{k}", floor)
+            self._feet.append(foot)
+        self._pusher = plant.AddRigidBody("pusher", _pusher_inertia(self.fingers, self.radii))
+        self._pusher_joint = _planar(plant, "pusher joint", self._pusher)
+        self._balls = [
+            plant.RegisterCollisionGeometry(
+                self._pusher, RigidTransform((x, y, 0.0)), Sphere(r), f"finger{k}", _material(self.grip)
+            )
+            for k, ((x, y), r) in enumerate(zip(self.fingers, self.radii, strict=True))
+        ]
+        plant.Finalize()
+        self._plant, self._scene = plant, scene
+        diagram = builder.Build()
+        self._simulator = Simulator(diagram)
+        self._context = self._simulator.get_mutable_context()
+        self._own = plant.GetMyMutableContextFromRoot(self._context)
+        self._forces = plant.get_applied_spatial_force_input_port()
+        self._forces.FixValue(self._own, [])
+        self._start = self._context.Clone()
+        self._sides = _sides(world.outline)
+
+    def begin(self, slider: np.ndarray, pusher: np.ndarray) -> None:
+        self._context.SetTimeStateAndParametersFrom(self._start)
+        for joint, pose in ((self._slider_joint, slider), (self._pusher_joint, pusher)):
+            joint.set_pose(self._own, pose[:2], pose[2])
+        self._simulator.Initialize()
+
+    def advance(self, imposed: np.ndarray, order: float, force: np.ndarray) -> State:
+        joint = self._pusher_joint
+        joint.set_translational_velocity(self._own, imposed[:2])
+        joint.set_angular_velocity(self._own, imposed[2])
+        self._set(order, force)
+        self._simulator.AdvanceTo(self._context.get_time() + STEP)
+        slider, slider_rate = self._state(self._slider_joint)
+        pusher, pusher_rate = self._state(joint)
+        return State(slider, pusher, slider_rate, pusher_rate, self._touches(slider, pusher))
+
+    def _state(self, joint: PlanarJoint) -> tuple[np.ndarray, np.ndarray]:
+        pose = np.array((*joint.get_translation(self._own), joint.get_rotation(self._own)))
+        return pose, np.array((*joint.get_translational_velocity(self._own), joint.get_angular_velocity(self._own)))
+
+    def _set(self, order: float, force: np.ndarray) -> None:
+        """What effects change of the friction of the feet, the slope of the table and the load of the feet, as forces on them."""
+        w = self.world
+        slider, rate = self._state(self._slider_joint)
+        arms = self.feet @ turned(slider[2]).T
+        velocity = rate[:2] + rate[2] * np.stack((-arms[:, 1], arms[:, 0]), axis=-1)
+        lifted = self.lifted(arms, force)
+        more = _friction_beyond(w, slider, arms, velocity, order) * (self.normal - lifted)[:, None]
+        more += (self.weights * w.mass * GRAVITY)[:, None] * slope_at(w, slider[:2])
+        if more.any() or lifted.any():
+            acting = []
+            for foot, (fx, fy), fz in zip(self._feet, more, lifted, strict=True):
+                one = ExternallyAppliedSpatialForce()
+                one.body_index, one.p_BoBq_B = foot.index(), np.zeros(3)
+                one.F_Bq_W = SpatialForce(np.zeros(3), np.array((fx, fy, fz)))
+                acting.append(one)
+            self._forces.FixValue(self._own, acting)
+        if self._by_load:
+            # the fingers alone: friction of a pair is the harmonic mean
+            wanted = self.grip_at(force)
+            own = wanted * self.grip / max(2 * self.grip - wanted, 1e-3)
+            for ball in self._balls:
+                self._scene.AssignRole(
+                    self._scene.GetMyMutableContextFromRoot(self._context), self._plant.get_source_id(), ball, _material(own),
+                    RoleAssign.kReplace,
+                )  # fmt: skip
+
+    def _touches(self, slider: np.ndarray, pusher: np.ndarray) -> tuple[bool, bool]:
+        """Which fingers reach into the outline, as they do under load."""
+        found = [False, False]
+        centers = (pusher[:2] + self.fingers @ turned(pusher[2]).T - slider[:2]) @ turned(slider[2])
+        for k, center in enumerate(centers):
+            found[k] = bool(_distance(self._sides, center) < self.radii[k])
+        return found[0], found[1]
+
+
+def _friction_beyond(world: World, slider: np.ndarray, arms: np.ndarray, velocity: np.ndarray, order: float) -> np.ndarray:
+    """Force (k, 2) in W on feet of unit load that friction has beyond the isotropic one of the world."""
+    speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+    e = velocity / (speed + _STILL)
+    along, left = friction(world, slider[:2] + arms, velocity, float(slider[2]), order)
+    shape = ellipse(world, float(slider[2]))
+    if shape is None:
+        full = along[:, None] * e + left[:, None] * np.stack((-e[:, 1], e[:, 0]), axis=-1)
+    else:
+        # greatest power over the ellipse of forces
+        axes = turned(shape[2])
+        squares = axes @ np.diag((shape[0] ** 2, shape[1] ** 2)) @ axes.T
+        full = along[:, None] * (e @ squares) / (np.sqrt(((e @ squares) * e).sum(axis=1, keepdims=True)) + 1e-9)
+    return np.asarray(world.mu * e - full)
+
+
+def _material(mu: float) -> ProximityProperties:
+    properties = ProximityProperties()
+    AddContactMaterial(_DISSIPATION, _STIFF, CoulombFriction(mu, mu), properties)
+    return properties
+
+
+def _inertia(mass: float) -> SpatialInertia:
+    return SpatialInertia(mass, np.zeros(3), UnitInertia(1e-5 / mass, 1e-5 / mass, 1e-5 / mass))
+
+
+def _pusher_inertia(fingers: np.ndarray, radii: np.ndarray) -> SpatialInertia:
+    mass = HEAVY * len(fingers)
+    turning = float((0.4 * HEAVY * radii**2).sum() + HEAVY * (fingers**2).sum()) / mass
+    return SpatialInertia(mass, np.zeros(3), UnitInertia(turning, turning, turning))
+
+
+def _planar(plant: Any, name: str, body: Any) -> Any:
+    """A joint that lets a body move in the plane, at its height."""
+    height = RigidTransform((0.0, 0.0, HEIGHT))
+    return plant.AddJoint(PlanarJoint(name, _frame(plant, plant.world_body(), height, name), body.body_frame()))
+
+
+def _frame(plant: Any, body: Any, pose: RigidTransform, name: str) -> Any:
+    return plant.AddFrame(FixedOffsetFrame(f"frame of {name}", body.body_frame(), pose))
+
+
+def _walls(outline: np.ndarray) -> list[tuple[RigidTransform, Box]]:
+    """Thin boxes behind the edges: of all shapes, contacts of balls with boxes are exact."""
+    found = []
+    for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        length = float(np.linalg.norm(b - a))
+        along = (b - a) / length
+        middle = (a + b) / 2 + _WALL / 2 * np.array((-along[1], along[0]))
+        pose = RigidTransform(RollPitchYaw(0.0, 0.0, float(np.arctan2(along[1], along[0]))), (*middle, 0.0))
+        found.append((pose, Box(length, _WALL, 2 * HALF)))
+    return found
+
+
+def _sides(outline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return outline, np.roll(outline, -1, axis=0) - outline
+
+
+def _distance(sides: tuple[np.ndarray, np.ndarray], point: np.ndarray) -> float:
+    """Distance (m) of a point outside from the outline."""
+    starts, ways = sides
+    share = np.clip(((point - starts) * ways).sum(axis=1) / (ways**2).sum(axis=1), 0, 1)
+    return float(np.linalg.norm(starts + share[:, None] * ways - point, axis=1).min())
