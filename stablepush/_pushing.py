@@ -9,7 +9,8 @@ import numpy as np
 
 from stablepush._arrays import FloatArray
 from stablepush._compiled import compiled, inner
-from stablepush._contact_law import MOST_CONTACTS, OPEN, respond
+from stablepush._contact_law import respond
+from stablepush._contacts import MOST_CONTACTS, OPEN
 from stablepush._table import Motion
 
 #: How deep (m) a finger without a radius may be in the slider before its contact is lost.

@@ -268,21 +268,22 @@ def push_twist(
     pose : array-like, shape (3,)
         Of B in W; it counts where friction depends on place or direction.
     """
-    from stablepush import _contact_law
+    from stablepush._contact_law import respond
+    from stablepush._contacts import MOST_CONTACTS, new_answer, new_touch, new_work
     from stablepush._table import Motion
 
     table = _friction(friction).compiled()
     pushed = check_array(pusher_twist, "pusher_twist", (3,))
     x, y, theta = check_array(pose, "pose", (3,))
     count = len(contact.points)
-    if count > _contact_law.MOST_CONTACTS:
-        raise InputError(f"contact.points: expected at most {_contact_law.MOST_CONTACTS}, got {count}")
-    touch, answer, work = _contact_law.new_touch(), _contact_law.new_answer(), _contact_law.new_work()
+    if count > MOST_CONTACTS:
+        raise InputError(f"contact.points: expected at most {MOST_CONTACTS}, got {count}")
+    touch, answer, work = new_touch(), new_answer(), new_work()
     touch.number[0] = count
     touch.point[:count], touch.normal[:count] = contact.points, contact.normals
     touch.velocity[:count] = point_velocity(pushed, contact.points)
     at = Motion(x, y, math.cos(theta), math.sin(theta), 0.0, 0.0, 0.0, 1.0)
-    _contact_law.respond(table, at, touch, np.array(pushed), contact.mu, table.rho, 1.0, True, answer, work)
+    respond(table, at, touch, np.array(pushed), contact.mu, table.rho, 1.0, True, answer, work)
     modes = [MODES[m] for m in answer.mode[:count]]
     return PushAnswer(answer.twist, answer.load, answer.force[:count].copy(), modes, int(answer.found[0]))
 
@@ -356,7 +357,8 @@ def follow(
     table: Any, slider: Slider, pusher: Pusher, mu: float, start: FloatArray, place: FloatArray, course: Course
 ) -> PushTrace:
     """Simulate a push of which all is ready: :meth:`TableFriction.compiled`, :func:`course_of`."""
-    from stablepush import _contact_law, _pushing
+    from stablepush import _pushing
+    from stablepush._contacts import new_answer, new_touch, new_work
 
     _require_outside(slider, pusher, start, place)
     total = int(course.counts.sum())
@@ -370,7 +372,7 @@ def follow(
         table, np.array(slider.vertices), body, mu, np.array(start), np.array(place),
         course.twists, course.durations, course.counts, float(table.rho),
         poses, pushers, moves, loads, points, modes, forces, times, jams,
-        _contact_law.new_touch(), _contact_law.new_touch(), _contact_law.new_answer(), _contact_law.new_work(),
+        new_touch(), new_touch(), new_answer(), new_work(),
     )  # fmt: skip
     return PushTrace(np.concatenate(((0.0,), times)), poses, pushers, moves, loads, points, modes, forces, jams)
 

@@ -1,4 +1,10 @@
-"""Plan round a wall with every stable rotation centre, and with only those that are stable for every pressure distribution."""
+"""
+Plan round a wall
+=================
+
+A path of stable pushes among obstacles: the slider stays stuck to two fingers all the way, so that nothing has to be watched. Every push
+keeps 0.03 rad from the boundary of the stable region; with ``region="all-pressure"`` it would hold for every pressure distribution.
+"""
 
 import stablepush as sp
 from stablepush.plot import plot_plan, save_figure
@@ -18,13 +24,9 @@ problem = sp.PlanningProblem(
     pusher=[(-0.03, -0.035), (0.0, -0.035), (0.0, 0.035), (-0.03, 0.035)],
     min_margin=0.03,
 )
-for region in ("model", "conservative"):
-    result = sp.plan(problem, region=region, time_limit=20.0)
-    if result.solved:
-        print(
-            f"{region:12s} {result.duration:.1f} s, {result.length:.2f} m, {len(result.pushes)} pushes, "
-            f"valid: {sp.check_plan(problem, result).valid}"
-        )
-        save_figure(plot_plan(problem, result), f"plan_{region}.png")
-    else:
-        print(f"{region:12s} {result.status}: {result.message}")
+result = sp.plan(problem, time_limit=20.0)
+print(result.status, f"{result.duration:.1f} s, {result.length:.2f} m, {len(result.pushes)} pushes")
+print("valid by an independent check:", sp.check_plan(problem, result).valid)
+
+figure = plot_plan(problem, result)
+save_figure(figure, "plan.png")

@@ -1,0 +1,39 @@
+"""How the documentation is built: ``make docs``."""
+
+import sys
+from pathlib import Path
+
+import stablepush
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+project = "stablepush"
+author = "the stablepush developers"
+version = release = stablepush.__version__
+html_title = f"stablepush {release}"
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinx.ext.doctest", "sphinx_gallery.gen_gallery"]
+myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
+myst_heading_anchors = 3
+html_theme = "furo"
+html_show_sourcelink = False
+nitpicky = False
+
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True, "show-inheritance": True}
+napoleon_numpy_docstring = True
+
+sphinx_gallery_conf = {
+    "examples_dirs": "../examples/gallery",
+    "gallery_dirs": "gallery",
+    "filename_pattern": r".*\.py$",
+    "within_subsection_order": "FileNameSortKey",
+    "download_all_examples": False,
+    "show_signature": False,
+    "abort_on_example_error": True,
+    "image_scrapers": ("figures.collect",),
+}
+doctest_global_setup = "import numpy as np; import stablepush as sp; np.set_printoptions(precision=4, suppress=True)"
+exclude_patterns = ["_build", "sg_execution_times.rst"]
+
