@@ -12,11 +12,12 @@ author = "the stablepush developers"
 version = release = stablepush.__version__
 html_title = f"stablepush {release}"
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinx.ext.doctest", "sphinx_gallery.gen_gallery"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinx_gallery.gen_gallery"]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
 html_theme = "furo"
 html_show_sourcelink = False
+html_show_copyright = False
 nitpicky = False
 
 autodoc_typehints = "none"
@@ -34,6 +35,4 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "image_scrapers": ("figures.collect",),
 }
-doctest_global_setup = "import numpy as np; import stablepush as sp; np.set_printoptions(precision=4, suppress=True)"
 exclude_patterns = ["_build", "sg_execution_times.rst"]
-

@@ -1,4 +1,4 @@
-"""Every example runs alone, from any folder."""
+"""Every example runs alone, from any folder, and so does the Python of README and documentation."""
 
 import os
 import re
@@ -10,7 +10,8 @@ import pytest
 
 import stablepush as sp
 
-EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
+ROOT = Path(__file__).parents[1]
+EXAMPLES = sorted((ROOT / "examples" / "gallery").glob("*.py"))
 
 
 #: Studies that need no data, cut short, and the files that they leave.
@@ -30,28 +31,47 @@ def run(path, arguments, folder):
         env=os.environ,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.strip()
     assert done.stderr == ""
+    return done.stdout
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
 def test_example(path, tmp_path):
     run(path, [], tmp_path)
+    pictures = list(tmp_path.glob("*.png"))
+    assert len(pictures) == 1 and pictures[0].read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_study(name, tmp_path):
     arguments, files = STUDIES[name]
-    run(EXAMPLES[0].parent / "paper" / name, arguments, tmp_path)
+    assert run(ROOT / "examples" / "paper" / name, arguments, tmp_path).strip()
     assert sorted(f.name for f in (tmp_path / "paper").iterdir()) == files
 
 
 def test_the_readme_s_python_runs(tmp_path):
     """All blocks, one after the other, in a folder in which the demo has run."""
-    text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-    block = "\n".join(re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL))
     from stablepush.demo import demo_pokes
 
     sp.write_pushlog(demo_pokes(), tmp_path / "stablepush-demo" / "pokes")
-    (tmp_path / "block.py").write_text(block, encoding="utf-8")
-    run(tmp_path / "block.py", [], tmp_path)
+    assert blocks("README.md", tmp_path).strip()
+
+
+@pytest.mark.parametrize("page", ["tutorial.md", "robot.md"])
+def test_a_page_s_python_runs(page, tmp_path):
+    assert blocks(Path("docs") / page, tmp_path).strip()
+
+
+def blocks(page, folder):
+    """Output of the Python blocks of a page, one after the other."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    found = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    assert found
+    (folder / "block.py").write_text("\n".join(found), encoding="utf-8")
+    return run(folder / "block.py", [], folder)
+
+
+def test_the_reference_has_every_public_name():
+    text = (ROOT / "docs" / "api.rst").read_text(encoding="utf-8")
+    listed = re.findall(r":: stablepush\.(\w+)$", text, flags=re.MULTILINE)
+    assert sorted(listed) == sorted(set(sp.__all__))

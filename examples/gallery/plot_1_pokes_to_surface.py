@@ -2,8 +2,8 @@
 How many pokes does it take?
 ============================
 
-Pokes of the built-in rig are simulated; three polynomial models are fitted to the first 3, 5, 10, 20 and 40 of them, and judged by
-the angle between predicted and measured twists on 200 other pokes.
+Pokes of the built-in rig are simulated; three polynomial models are fitted to the first 3, 5, 10, 20 and 40 of them, and
+judged by the angle between predicted and measured twists on 200 other pokes.
 """
 
 import matplotlib.pyplot as plt
@@ -29,6 +29,8 @@ for model in ("poly4-cvx", "poly4", "quadratic"):
         errors.append(np.degrees(angle_between(normalize_twist(fit.surface.twist(loads[test]), rho), truth).mean()))
     print(model, " ".join(f"{count}: {error:.1f}°" for count, error in zip(counts, errors, strict=True)))
     axes.plot(counts, errors, "o-", label=model)
-axes.set(xscale="log", xticks=counts, xticklabels=counts, xlabel="pokes seen", ylabel="mean angle to measured twists (deg)", ylim=(0, None))
+axes.set(xscale="log", xlabel="pokes seen", ylabel="mean angle to measured twists (deg)", ylim=(0, None))
+axes.set_xticks(counts, labels=[str(count) for count in counts])
+axes.minorticks_off()
 axes.legend()
 figure.savefig("pokes_to_surface.png")

@@ -2,8 +2,8 @@
 Which rotation centres are stable?
 ==================================
 
-Two fingers push a right triangle that lies flat on the table. Shown are the rotation centres about which it turns without slipping
-at the fingers: for even pressure, for every pressure distribution, and by Lynch and Mason's conservative STABLE.
+Two fingers push a right triangle that lies flat on the table. Shown are the rotation centres about which it turns without
+slipping at the fingers: for even pressure, for every pressure distribution, and by Lynch and Mason's conservative STABLE.
 """
 
 import numpy as np

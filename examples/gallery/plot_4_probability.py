@@ -2,8 +2,8 @@
 How sure is it?
 ===============
 
-Eight pokes leave many limit surfaces likely. The shading is the share of them that calls a rotation centre stable; the dashed line is
-where nine in ten do.
+Eight pokes leave many limit surfaces likely. The shading is the share of them that calls a rotation centre stable; the dashed
+line is where nine in ten do.
 """
 
 import stablepush as sp

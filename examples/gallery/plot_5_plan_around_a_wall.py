@@ -2,8 +2,9 @@
 Plan round a wall
 =================
 
-A path of stable pushes among obstacles: the slider stays stuck to two fingers all the way, so that nothing has to be watched. Every push
-keeps 0.03 rad from the boundary of the stable region; with ``region="all-pressure"`` it would hold for every pressure distribution.
+A path of stable pushes among obstacles: the slider stays stuck to two fingers all the way, so that nothing has to be watched.
+Every push keeps 0.03 rad from the boundary of the stable region; with ``region="all-pressure"`` it would hold for every
+pressure distribution.
 """
 
 import stablepush as sp
