@@ -43,4 +43,4 @@ $(VENV)/.installed-docs: $(VENV)/.python pyproject.toml
 	@touch $@
 
 clean:
-	rm -rf $(VENV) stablepush-demo docs/_build docs/gallery
+	rm -rf $(VENV) stablepush-demo docs/_build docs/gallery docs/sg_execution_times.rst examples/gallery/*.png

@@ -286,6 +286,7 @@ def test_a_check_that_was_ended_goes_on_with_the_same_result(tmp_path: Path, sto
         begun.score(said)
         raise Ended
     again = BlindCheck(tmp_path / "check")
+    assert again.generator == "mujoco"
     again.seal(said)
     again.diagnose(said)
     score = again.score(said)

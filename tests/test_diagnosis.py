@@ -13,7 +13,7 @@ from stablepush.diagnosis.attribution import by_chance
 from stablepush.diagnosis.equations import SIZES, ScoreTest, statistics
 from stablepush.diagnosis.forward import ForwardModel
 from stablepush.diagnosis.observations import _rates, half_spacing, observe
-from stablepush.diagnosis.system import System
+from stablepush.diagnosis.system import System, pushes_of
 from stablepush.diagnosis.where import repeats_share
 from stablepush.effects import CATALOGUE
 from stablepush.planar import point_velocity, twist_from_cor
@@ -433,6 +433,23 @@ def test_repeats_of_a_push_count_as_one():
     assert system.better(ahead, behind)
     system.push = np.array((0, 0, 0, 0, 1, 2, 3, 4))
     assert not system.better(ahead, behind)
+
+
+def test_rows_at_all_but_one_time_and_jumps_of_the_pusher_are_no_error():
+    """Two rows 1e-8 s apart tell nothing of the acceleration, and no pusher moves 100 km."""
+    log = make_log(count=16)
+    times, pushers = np.array(log.samples["t"]), np.array(log.samples["px"])
+    rows = [log.rows(trial) for trial in log.trials["trial"]]
+    pushing = [r[log.samples["phase"][r] == "push"] for r in rows]
+    times[pushing[0][2]] = times[pushing[0][1]] + 1e-8
+    pushers[pushing[1][3]] = 1e5
+    report = sp.diagnose(sp.PushLog(log.rig, log.trials, {**log.samples, "t": times, "px": pushers}))
+    assert report.verdict in ("none", "absorbed")
+
+
+def test_groups_are_told_from_trials_without_one():
+    assert pushes_of(["", "trial 0", "a", "", "a"]).tolist() == [0, 1, 2, 3, 2]
+    assert pushes_of(["a", "a"]).tolist() == [0, 1]
 
 
 def test_acceleration_is_uncertain_where_the_speed_changes_its_course():

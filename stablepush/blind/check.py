@@ -45,7 +45,7 @@ class BlindCheck:
     def __init__(
         self,
         folder: Path,
-        generator: str = "mujoco",
+        generator: str | None = None,
         sets: int | None = None,
         seed: int | None = None,
         pushes: int | None = None,
@@ -58,17 +58,16 @@ class BlindCheck:
         _made(folder)
         self.ledger = Ledger(folder / "ledger.jsonl")
         self.ledger.expect(expect)
-        self.generator = generator if data is None else "lab"
-        about = self._about(sets, seed, pushes)
-        self.sets, self.seed, self.pushes = about["sets"], about["seed"], about["pushes"]
+        about = self._about(generator if data is None else "lab", sets, seed, pushes)
+        self.generator, self.sets, self.seed, self.pushes = (about[k] for k in ("generator", "sets", "seed", "pushes"))
         self.key = (folder / "key").read_bytes()
 
-    def _about(self, sets: int | None, seed: int | None, pushes: int | None) -> dict[str, int]:
+    def _about(self, generator: str | None, sets: int | None, seed: int | None, pushes: int | None) -> dict[str, Any]:
         """What the check is made of: as it was begun, else as it is wished."""
         key = self.folder / "key"
         if self.ledger.entries:
             begun = self.ledger.entries[0]
-            wished = {"generator": self.generator, "sets": sets, "seed": seed, "pushes": pushes}
+            wished = {"generator": generator, "sets": sets, "seed": seed, "pushes": pushes}
             if begun["event"] != "begun" or not set(wished) <= set(begun):
                 raise InputError(f"{self.ledger.file}, line 1: expected how the check was begun")
             for name, value in wished.items():
@@ -76,13 +75,16 @@ class BlindCheck:
                     raise InputError(f"{self.folder}: this check was begun with {name} {begun[name]}, not {value}")
             if not key.is_file() or digest(key.read_bytes()) != begun["key"]:
                 raise InputError(f"{key}: expected the key that this check was begun with")
-            return {name: int(begun[name]) for name in ("sets", "seed", "pushes")}
+            if (begun["generator"] == "lab") != (self.data is not None):
+                raise InputError(f"{self.folder}: this check was begun with generator {begun['generator']}")
+            return {"generator": str(begun["generator"])} | {name: int(begun[name]) for name in ("sets", "seed", "pushes")}
         from cryptography.fernet import Fernet
 
         if any(file.name != _LOCK for file in self.folder.iterdir()):
             raise InputError(f"{self.folder}: expected an empty folder, or that of a check that was begun")
         number = len(cases(self.data)) if self.data is not None else 12
         about = {
+            "generator": generator or "mujoco",
             "sets": min(number, sets or number) if self.data is not None else sets or number,
             # seeds that nobody has seen
             "seed": secrets.randbelow(2**31) if seed is None else seed,
@@ -90,9 +92,7 @@ class BlindCheck:
         }
         with os.fdopen(os.open(key, os.O_WRONLY | os.O_CREAT, 0o600), "wb") as out:
             out.write(Fernet.generate_key())
-        self.ledger.add(
-            "begun", _NO_SET, generator=self.generator, key=digest(key.read_bytes()), version=__version__, code=code_of(), **about
-        )
+        self.ledger.add("begun", _NO_SET, key=digest(key.read_bytes()), version=__version__, code=code_of(), **about)
         return about
 
     def of(self, number: int) -> Path:

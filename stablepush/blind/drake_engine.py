@@ -25,9 +25,9 @@ from stablepush.blind.engine import FOOT, HALF, HEAVY, HEIGHT, IN_FEET, Engine, 
 from stablepush.blind.laws import ellipse, friction, slope_at, turned
 from stablepush.blind.worlds import GRAVITY, World
 
-#: Step (s), stiffness (N/m) and dissipation (s/m) of contacts, thickness (m) of the slider's walls, and of the
-#: table, and speed (m/s) up to which a foot rests.
-STEP, _STIFF, _DISSIPATION, _WALL, _FLOOR, _STILL = 2e-3, 2e5, 5.0, 1e-3, 0.2, 1e-5
+#: Step (s), stiffness (N/m) and relaxation time (s) of contacts, thickness (m) of the slider's walls, and of the table, and speed
+#: (m/s) up to which a foot rests.
+STEP, _STIFF, _RELAXATION, _WALL, _FLOOR, _STILL = 2e-3, 2e5, 2e-3, 1e-3, 0.2, 1e-5
 
 
 class DrakeEngine(Engine):
@@ -47,8 +47,10 @@ class DrakeEngine(Engine):
         )
         self._slider = plant.AddRigidBody("slider", _inertia((1 - IN_FEET) * world.mass))
         self._slider_joint = _planar(plant, "slider joint", self._slider)
-        for k, (pose, box) in enumerate(_walls(world.outline)):
+        self._walls = [
             plant.RegisterCollisionGeometry(self._slider, pose, box, f"wall{k}", _material(self.grip))
+            for k, (pose, box) in enumerate(_walls(world.outline))
+        ]
         self._feet = []
         for k, ((x, y), share) in enumerate(zip(self.feet, self.weights, strict=True)):
             foot = plant.AddRigidBody(f"foot{k}", SpatialInertia(share * IN_FEET * world.mass, np.zeros(3), UnitInertia(0, 0, 0)))
@@ -79,6 +81,8 @@ class DrakeEngine(Engine):
 
     def begin(self, slider: np.ndarray, pusher: np.ndarray) -> None:
         self._context.SetTimeStateAndParametersFrom(self._start)
+        self._forces.FixValue(self._own, [])
+        self._ticks = 0
         for joint, pose in ((self._slider_joint, slider), (self._pusher_joint, pusher)):
             joint.set_pose(self._own, pose[:2], pose[2])
         self._simulator.Initialize()
@@ -88,7 +92,9 @@ class DrakeEngine(Engine):
         joint.set_translational_velocity(self._own, imposed[:2])
         joint.set_angular_velocity(self._own, imposed[2])
         self._set(order, force)
-        self._simulator.AdvanceTo(self._context.get_time() + STEP)
+        # the sum of many ticks would drift away from Drake's own
+        self._ticks += 1
+        self._simulator.AdvanceTo(self._ticks * STEP)
         slider, slider_rate = self._state(self._slider_joint)
         pusher, pusher_rate = self._state(joint)
         return State(slider, pusher, slider_rate, pusher_rate, self._touches(slider, pusher))
@@ -115,12 +121,10 @@ class DrakeEngine(Engine):
                 acting.append(one)
             self._forces.FixValue(self._own, acting)
         if self._by_load:
-            # the fingers alone: friction of a pair is the harmonic mean
-            wanted = self.grip_at(force)
-            own = wanted * self.grip / max(2 * self.grip - wanted, 1e-3)
-            for ball in self._balls:
+            material = _material(self.grip_at(force))
+            for shape in (*self._balls, *self._walls):
                 self._scene.AssignRole(
-                    self._scene.GetMyMutableContextFromRoot(self._context), self._plant.get_source_id(), ball, _material(own),
+                    self._scene.GetMyMutableContextFromRoot(self._context), self._plant.get_source_id(), shape, material,
                     RoleAssign.kReplace,
                 )  # fmt: skip
 
@@ -136,7 +140,7 @@ class DrakeEngine(Engine):
 def _friction_beyond(world: World, slider: np.ndarray, arms: np.ndarray, velocity: np.ndarray, order: float) -> np.ndarray:
     """Force (k, 2) in W on feet of unit load that friction has beyond the isotropic one of the world."""
     speed = np.linalg.norm(velocity, axis=1, keepdims=True)
-    e = velocity / (speed + _STILL)
+    e = velocity / np.maximum(speed, 1e-12)
     along, left = friction(world, slider[:2] + arms, velocity, float(slider[2]), order)
     shape = ellipse(world, float(slider[2]))
     if shape is None:
@@ -145,13 +149,15 @@ def _friction_beyond(world: World, slider: np.ndarray, arms: np.ndarray, velocit
         # greatest power over the ellipse of forces
         axes = turned(shape[2])
         squares = axes @ np.diag((shape[0] ** 2, shape[1] ** 2)) @ axes.T
-        full = along[:, None] * (e @ squares) / (np.sqrt(((e @ squares) * e).sum(axis=1, keepdims=True)) + 1e-9)
-    return np.asarray(world.mu * e - full)
+        full = along[:, None] * (e @ squares) / (np.sqrt(((e @ squares) * e).sum(axis=1, keepdims=True)) + 1e-12)
+    # a foot at rest is held by what is in the contact
+    return np.asarray((world.mu * e - full) * speed / (speed + _STILL))
 
 
 def _material(mu: float) -> ProximityProperties:
     properties = ProximityProperties()
-    AddContactMaterial(_DISSIPATION, _STIFF, CoulombFriction(mu, mu), properties)
+    AddContactMaterial(None, _STIFF, CoulombFriction(mu, mu), properties)
+    properties.AddProperty("material", "relaxation_time", _RELAXATION)
     return properties
 
 
@@ -176,14 +182,21 @@ def _frame(plant: Any, body: Any, pose: RigidTransform, name: str) -> Any:
 
 
 def _walls(outline: np.ndarray) -> list[tuple[RigidTransform, Box]]:
-    """Thin boxes behind the edges: of all shapes, contacts of balls with boxes are exact."""
+    """Thin boxes behind the edges: of all shapes, contacts of balls with boxes are exact. They end where, at a sharp corner, they
+    would come out of the next edge."""
+    along = np.roll(outline, -1, axis=0) - outline
+    lengths = np.linalg.norm(along, axis=1)
+    along /= lengths[:, None]
+    # cosine and sine of the angle inside the corner at the start of each edge
+    back = -np.roll(along, 1, axis=0)
+    cosine, sine = (along * back).sum(axis=1), along[:, 0] * back[:, 1] - along[:, 1] * back[:, 0]
+    short = _WALL * np.maximum(0.0, cosine) / sine
     found = []
-    for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        length = float(np.linalg.norm(b - a))
-        along = (b - a) / length
-        middle = (a + b) / 2 + _WALL / 2 * np.array((-along[1], along[0]))
-        pose = RigidTransform(RollPitchYaw(0.0, 0.0, float(np.arctan2(along[1], along[0]))), (*middle, 0.0))
-        found.append((pose, Box(length, _WALL, 2 * HALF)))
+    for k, (start, way) in enumerate(zip(outline, along, strict=True)):
+        first, last = short[k], lengths[k] - short[(k + 1) % len(outline)]
+        middle = start + (first + last) / 2 * way + _WALL / 2 * np.array((-way[1], way[0]))
+        pose = RigidTransform(RollPitchYaw(0.0, 0.0, float(np.arctan2(way[1], way[0]))), (*middle, 0.0))
+        found.append((pose, Box(last - first, _WALL, 2 * HALF)))
     return found
 
 

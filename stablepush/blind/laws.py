@@ -14,6 +14,13 @@ _STRIBECK, _STILL = 0.008, 1e-4
 _SAG = 6.0
 
 
+#: Effects that change friction, slope or load of the feet as the slider goes on.
+CHANGING = frozenset((
+    "anisotropy-world", "anisotropy-object", "speed-dependence", "spatial-variation", "tilt", "checkerboard", "threefold",
+    "load-transfer",
+))  # fmt: skip
+
+
 def turned(angle: np.ndarray | float) -> np.ndarray:
     """Rotation matrices (..., 2, 2)."""
     c, s = np.cos(angle), np.sin(angle)

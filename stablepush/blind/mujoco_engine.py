@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from stablepush.blind.engine import FOOT, HALF, HEAVY, HEIGHT, IN_FEET, Engine, State
-from stablepush.blind.laws import ellipse, friction, slope_at, turned
+from stablepush.blind.laws import CHANGING, ellipse, friction, slope_at, turned
 from stablepush.blind.worlds import GRAVITY, World
 
 #: Step (s), after how many of them friction and motion are set anew, and time constants of table and finger contacts.
@@ -29,6 +29,8 @@ class MujocoEngine(Engine):
         self.foot_bodies = np.array([self.model.geom_bodyid[g] for g in self.foot_geoms])
         self.finger_geoms = np.array([names.index(f"finger{k}") for k in range(len(self.fingers))])
         self._curved = ellipse(world, 0.0) is not None
+        self._changes = any(a.effect in CHANGING or a.form == "load" for a in world.applied)
+        self._begun = False
 
     def _xml(self) -> str:
         w, step = self.world, STEP
@@ -63,11 +65,14 @@ class MujocoEngine(Engine):
     def begin(self, slider: np.ndarray, pusher: np.ndarray) -> None:
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:3], self.data.qpos[-3:] = slider, pusher
+        self._begun = False
 
     def advance(self, imposed: np.ndarray, order: float, force: np.ndarray) -> State:
         model, data = self.model, self.data
         data.qvel[-3:] = imposed
-        self._set(order, force)
+        if self._changes or not self._begun:
+            self._set(order, force)
+            self._begun = True
         if self._curved:
             for _ in range(_EVERY):
                 self._curved_step()

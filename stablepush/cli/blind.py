@@ -27,12 +27,12 @@ def blind(
         int | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Logs to make (12), or to take at most (all).")
     ] = None,
     generator: Annotated[
-        str,
+        str | None,
         typer.Option(
-            help="What reality is: mujoco, drake, both (one set in ten by Drake), or lab, the Manipulation Lab's pokes with "
-            "other supports."
+            help="What reality is: mujoco (if not given), drake, both (one set in ten by Drake), or lab, the Manipulation Lab's "
+            "pokes with other supports."
         ),
-    ] = "mujoco",
+    ] = None,
     data: Annotated[Path | None, typer.Option(help="Clone of the lab's logs, for the generator lab.")] = None,
     seed: Annotated[
         int | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Of the logs; one that nobody knows if not given.")
@@ -52,9 +52,7 @@ def blind(
 
     Exits with 1 if the seal of any set is broken.
     """
-    from importlib.util import find_spec
-
-    if generator not in _NEEDS:
+    if generator is not None and generator not in _NEEDS:
         raise InputError(f"--generator: expected {', '.join(list(_NEEDS)[:-1])} or lab, got {generator!r}")
     if (generator == "lab") != (data is not None):
         raise InputError("--data: the generator lab needs the folder of the lab's logs, others take none")
@@ -66,15 +64,14 @@ def blind(
     if seed is not None:
         require_seed(seed)
     require_folder(output)
-    missing = [module for module in _NEEDS[generator] if find_spec(module) is None]
-    if missing:
-        extras = ",".join(dict.fromkeys("drake" if module == "pydrake" else "sim" for module in missing))
-        raise InputError(f'the blind check needs {" and ".join(missing)}: pip install "stablepush[{extras}]"')
+    # one that was begun has its generator
+    _require(generator or ("lab" if (output / "ledger.jsonl").is_file() else "mujoco"))
     from stablepush.blind.check import BlindCheck, alone
     from stablepush.files import write_atomically
 
     with alone(output), Progress("blind") as progress:
         check = BlindCheck(output, generator, sets, seed, pushes, jobs, scheduler, data, expect or ())
+        _require(check.generator)
 
         def said(what: str, done: int, total: int) -> None:
             progress.describe(f"{what} {done} of {total}")
@@ -83,7 +80,7 @@ def blind(
         progress.say(f"ledger when all was diagnosed: {check.diagnose(said)}", error=False)
         score = check.score(said)
     write_atomically(output / "score.csv", _table(score))
-    write_atomically(output / "score.html", _page(score, earlier, generator) if data is None else _lab_page(score))
+    write_atomically(output / "score.html", _page(score, earlier, check.generator) if data is None else _lab_page(score))
     for name, words in score.lines:
         print(f"{name}: {words}")
     print(output / "score.html")
@@ -92,6 +89,15 @@ def blind(
 
 
 _ENGINES = {"mujoco": "MuJoCo", "drake": "Drake", "both": "MuJoCo, one in ten from Drake"}
+
+
+def _require(generator: str) -> None:
+    from importlib.util import find_spec
+
+    missing = [module for module in _NEEDS[generator] if find_spec(module) is None]
+    if missing:
+        extras = ",".join(dict.fromkeys("drake" if module == "pydrake" else "sim" for module in missing))
+        raise InputError(f'the blind check needs {" and ".join(missing)}: pip install "stablepush[{extras}]"')
 
 
 def _table(score: Score) -> str:

@@ -150,7 +150,7 @@ def _page(report: GapReport) -> str:
         "how far off it is. Without forces the ends of pushes are fitted in the place of wrenches, each carried out again "
         "in simulation. An effect is named if no effect would show so clearly by chance more than once in a hundred logs "
         "(signs of the trials' scores drawn at random; without forces a larger gain may do instead), and the log density "
-        "grows by enough over its scatter between trials; the others are judged given it. Pressure is named if it "
+        "grows by enough over its scatter between pushes; the others are judged given it. Pressure is named if it "
         "predicts held-out trials as well as any pressure does, friction of the fingers if forces of those that slip say "
         "so. Which effects act was found on all trials; shares of the gap are those of trials left out of the fit, five "
         "folds, repeats kept together."

@@ -120,6 +120,7 @@ def _possible(system: System) -> tuple[list[dict[str, Any]], FloatArray, Observa
         pose=pose,
         twist=twist,
         acceleration=np.zeros((n, 3)),
+        unsteady=np.zeros((n, 3)),
         wrench=np.zeros((n, 3)),
         pusher=compose(pose, np.column_stack((place, np.zeros(n)))) if n else np.zeros((0, 3)),
         normal=np.full((n, 2, 2), np.nan),

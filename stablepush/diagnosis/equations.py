@@ -37,7 +37,7 @@ class Demands(NamedTuple):
     """What an effect must do to be named.
 
     ``gain``: what the sum of squares over its scale falls by, in one step, and what the statistic is, at least. ``density``: what
-    the log density of the trials rises by, and ``errors``: how many of its standard errors over trials that must be. ``chance``:
+    the log density of the trials rises by, and ``errors``: how many of its standard errors over pushes that must be. ``chance``:
     so improbable a statistic, of any effect, comes about by chance at most this often, unless density and errors are ``sure``
     times as large.
     """

@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -132,7 +133,11 @@ def replays(log: PushLog, observations: Observations) -> list[Replay]:
     if log.rig.contact_kind == "held":
         return []
     sheet = _Sheet(log, observations)
-    found = [_logged(sheet, k, name) or _commanded(sheet, k, name) for k, name in enumerate(observations.names)]
+    found = []
+    for k, name in enumerate(observations.names):
+        # a pusher whose poses jump farther than anything moves
+        with suppress(InputError):
+            found.append(_logged(sheet, k, name) or _commanded(sheet, k, name))
     return [push for push in found if push is not None]
 
 
@@ -216,7 +221,11 @@ def misses(
 ) -> FloatArray:
     """Return how far (n, 3) the slider was measured from where pushes end: the twist from one to the other, as ``(x, y, rho θ)``
     in m; NaN where a push cannot be simulated."""
-    table = friction_of(surface, values, weight).compiled()
+    try:
+        table = friction_of(surface, values, weight).compiled()
+    except InputError:
+        # parameters beyond all sense
+        return np.full((len(pushes), 3), np.nan)
 
     def missed(push: Replay) -> FloatArray:
         miss = compose(inverse(carry_out(push, table, slider, mu, values)), push.end)

@@ -118,13 +118,16 @@ class System(Equations):
             unknown = load**2 * (jitter / (jitter + (velocity**2).sum(axis=1))) ** 2
             for arm in (np.array((1.0, 0.0, -y)), np.array((0.0, 1.0, x))):
                 covariance += unknown[:, None, None] * np.outer(arm, arm)
-        # where the speed changes between rows, what the mass takes is not told by them
-        mass = self.rig.slider.mass or 0.0
+        # where the speed changes between rows, what the mass takes is not told by them; rows that are all but at one time tell
+        # nothing of it
+        inertia = (self.rig.slider.mass or 0.0) * np.array((1.0, 1.0, self.rig.slider.radius_of_gyration**2))
+        most = float(np.abs(loads).sum()) + noise.force
         for share, off in zip(_UNSTEADY, (o.unsteady, o.acceleration), strict=True):
-            jolt = mass * share * off * (1.0, 1.0, self.rig.slider.radius_of_gyration**2)
+            jolt = share * inertia * off
+            jolt = jolt / np.maximum(1.0, np.linalg.norm(jolt / (1, 1, self.rho), axis=1, keepdims=True) / most)
             covariance += jolt[:, :, None] * jolt[:, None, :]
         self.covariance = covariance
-        self._w = np.linalg.cholesky(np.linalg.inv(covariance)).transpose(0, 2, 1)
+        self._w = np.linalg.inv(np.linalg.cholesky(covariance))
 
     def predictable(self, pushes: list[Replay]) -> list[Replay]:
         """Keep the pushes whose ends the noise of the first pose hardly moves, and :attr:`end_noise` (n, 3) of each.
@@ -246,7 +249,7 @@ class System(Equations):
 def pushes_of(groups: Sequence[str]) -> np.ndarray:
     """Numbers (trials,) of the pushes that trials repeat; a log that is one group says nothing of repeats."""
     together = len({g or k for k, g in enumerate(groups)}) > 1
-    names = [g if g and together else f"trial {k}" for k, g in enumerate(groups)]
+    names = [(g, 0) if g and together else ("", k) for k, g in enumerate(groups)]
     number = {name: k for k, name in enumerate(dict.fromkeys(names))}
     return np.array([number[name] for name in names], dtype=int)
 
