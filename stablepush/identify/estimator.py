@@ -19,7 +19,7 @@ from stablepush._arrays import FloatArray, read_only
 from stablepush.identify.moments import Moments
 from stablepush.identify.pairs import Pairs
 from stablepush.identify.pressure import PressureEnsemble, PressureSampler
-from stablepush.identify.program import Estimate, norm_program, squared_program
+from stablepush.identify.program import Estimate, norm_program, squared_program, sum_of_norms_program
 from stablepush.models.monomials import bombieri_norms, gradient_rows, monomials, substitution
 from stablepush.planar import angle_between, unit
 
@@ -89,7 +89,7 @@ class Part:
     """Some of the pairs, reduced: their moments, the shrinkage, and pseudo pairs from the pressures that they leave likely.
 
     ``stiffness`` (m, m), ``pull`` (m,): the penalty ``|a - a0|²`` is ``aᵀ stiffness a - 2 pull·a + pull_constant``.
-    ``pair_weights`` (n,): robust weights of the pairs.
+    ``pair_weights`` (n,): robust weights of the pairs. ``rows``: the pairs themselves, for a loss that moments do not tell.
     """
 
     pairs: Moments
@@ -99,6 +99,7 @@ class Part:
     pair_weights: FloatArray
     pseudo: Moments | None = None
     pressures: PressureEnsemble | None = None
+    rows: Pairs | None = None
 
     def with_pseudo(self, pseudo: Moments) -> Part:
         """Return the part with other pseudo pairs."""
@@ -176,7 +177,11 @@ class SquaredLoss:
 
 
 class NormLoss:
-    """``minimise w_reg |a| + w_force |ξ| + |δ|`` for loads in N: the loss of the authors' code (:class:`NormProgram`)."""
+    """The loss of the authors' code, for loads in N.
+
+    ``minimise w_reg |a| + w_force |ξ| + |δ|`` for SOS-convex polynomials of degree 4 and more (:class:`NormProgram`), and
+    ``w_reg |a| + w_force Σ |ξ_i| + Σ |δ_i|`` for the quadratic and what need not be convex (:class:`SumOfNormsProgram`).
+    """
 
     def __init__(self, degree: int, convex: bool, force_scale: float) -> None:
         self.candidates: Sequence[NormWeights] = [NormWeights(a, b) for a, b in product(W_FORCE, W_REG)]
@@ -188,14 +193,18 @@ class NormLoss:
         """Reduce pairs to moments."""
         moments = Moments.from_pairs(pairs.loads, pairs.directions, self._degree)
         m = len(moments.target)
-        return Part(moments, np.zeros((m, m)), np.zeros(m), 0.0, np.ones(len(pairs)))
+        return Part(moments, np.zeros((m, m)), np.zeros(m), 0.0, np.ones(len(pairs)), rows=pairs)
 
     def solve(self, part: Part, weights: NormWeights) -> Estimate:
         """Return the coefficients under ``weights``."""
         # H of loads in N has coefficients a / scale^d, and gradients smaller by the scale
         scale = self._force_scale
         w_reg = weights.w_reg / scale**self._degree
-        return norm_program(self._degree, self._convex).solve(part.pairs, w_reg, weights.w_force, 1 / scale)
+        if self._convex and self._degree > 2:
+            return norm_program(self._degree, True).solve(part.pairs, w_reg, weights.w_force, 1 / scale)
+        assert part.rows is not None, "prepare() keeps the pairs"
+        program = sum_of_norms_program(self._degree, self._convex, len(part.rows))
+        return program.solve(part.rows.loads, part.rows.directions, w_reg, weights.w_force, 1 / scale)
 
 
 def robust_weights(coefficients: FloatArray, pairs: Pairs, degree: int) -> FloatArray:

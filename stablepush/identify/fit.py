@@ -140,7 +140,8 @@ def fit_limit_surface(
         Seed of the split into folds, of the pressures and of the ensemble; 0 if not given, so that a fit can be repeated.
     loss : {"squared", "published", "norm"}
         ``"squared"``: as above. ``"published"``: the paper's equation, ``a0 = 0`` and every ``w_i = 1``, without the slider.
-        ``"norm"``: norms instead of squares, as in the authors' code, without the slider.
+        ``"norm"``: as in the authors' code (:class:`NormLoss`), without the slider: norms instead of squares, over all pairs
+        at once for the ``-cvx`` models, of every pair for ``poly4`` and ``quadratic``.
     hold_out : array-like of int, optional
         Rows that choose the weights and are not used otherwise, as in the paper's experiments, instead of folds.
     robust : bool

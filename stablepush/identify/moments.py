@@ -27,10 +27,8 @@ class Moments:
     def from_pairs(cls, loads: FloatArray, directions: FloatArray, degree: int, weights: FloatArray | None = None) -> Moments:
         """Reduce normalised loads (n, 3) and unit normalised twists (n, 3), each pair counted ``weights`` (n,) times."""
         root = np.ones(len(loads)) if weights is None else np.sqrt(weights)
-        gradient = gradient_rows(loads, degree) * root[:, None, None]
-        along = np.einsum("ni,nim->nm", directions, gradient)
-        across = (gradient - directions[:, :, None] * along[:, None, :]).reshape(-1, gradient.shape[-1])
         values = monomials(loads, degree) * root[:, None]
+        across = (gradient_across(loads, directions, degree) * root[:, None, None]).reshape(-1, values.shape[-1])
         return cls(across.T @ across, values.T @ values, root @ values, float(root @ root))
 
     @classmethod
@@ -49,3 +47,10 @@ class Moments:
 
     def __mul__(self, factor: float) -> Moments:
         return Moments(self.slip * factor, self.level * factor, self.target * factor, self.count * factor)
+
+
+def gradient_across(loads: FloatArray, directions: FloatArray, degree: int) -> FloatArray:
+    """Return rows (n, 3, m) that take coefficients to the part of ``∇H(F_i)`` across the measured twist ``V_i``."""
+    gradient = gradient_rows(loads, degree)
+    along = np.einsum("ni,nim->nm", directions, gradient)
+    return np.asarray(gradient - directions[:, :, None] * along[:, None, :])
