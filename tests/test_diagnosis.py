@@ -9,10 +9,11 @@ from conftest import FORCES, LOAD, MASS, QUIET, check_schema, edited, make_log, 
 
 import stablepush as sp
 from stablepush.cli import main
-from stablepush.diagnosis.attribution import by_chance
+from stablepush.diagnosis.attribution import _as_good_as_free, by_chance
 from stablepush.diagnosis.equations import SIZES, ScoreTest, statistics
 from stablepush.diagnosis.forward import ForwardModel
 from stablepush.diagnosis.observations import _rates, half_spacing, observe
+from stablepush.diagnosis.shrink import HeldOut, explains_most
 from stablepush.diagnosis.system import System, pushes_of
 from stablepush.diagnosis.where import repeats_share
 from stablepush.effects import CATALOGUE
@@ -87,6 +88,45 @@ def test_an_effect_is_named_with_its_parameters(effect, name, truth):
         first = report.where[0]
         assert first.channel == FIRST[id][0] and first.covariate in FIRST[id][1], first
     assert entry["after"] < entry["before"]
+
+
+def test_one_finger_of_two_that_is_thicker_is_told():
+    slider = sp.Slider(triangle().vertices, MASS, pressure())
+    # a finger that is 2.5 mm thicker than the rig says is one that sits so far ahead
+    pusher = sp.Pusher(((0.0025, 0.02), (0.0, -0.02)), 0.005)
+    rig = sp.VirtualRig(slider, sp.IdealLimitSurface(pressure(), LOAD), 0.5, pusher, [], QUIET)
+    report = sp.diagnose(rig.execute(sp.random_pushes(slider, pusher, 40)).log)
+    assert report.named == ["contact-geometry"]
+    assert report.ranking[0]["parameters"]["radius"]["estimate"] == pytest.approx(0.0075, abs=1e-4)
+    assert any("finger 1 alone" in note for note in report.notes)
+    assert next(e for e in report.shrink if e["channel"] == "pose")["closed"] > 0.9
+
+
+def test_effects_that_hide_each_other_in_the_gaps_are_found():
+    """Thicker fingers seem farther off, a delay brings them nearer: neither alone explains anything."""
+    report = sp.diagnose(make_log("contact-geometry:radius=0.0064", "latency:delay=0.11", two=True))
+    assert set(report.named) == {"contact-geometry", "latency"}
+
+
+def test_an_effect_in_the_body_frame_need_not_do_quite_as_well_as_the_free_surface():
+    class Judge:
+        @staticmethod
+        def better(ahead, behind):
+            return bool((ahead - behind).sum() > 6)
+
+    scores = {"free": np.full(40, 10.0), "scaled": np.zeros(40)}
+    body = {"pressure-shift": np.full(40, 9.5), "pressure-spread": np.full(40, 3.5)}
+    assert _as_good_as_free(Judge, scores, body) == ["pressure-shift"]
+    assert _as_good_as_free(Judge, scores, {**body, "pressure-shift": np.full(40, 8.5)}) == []
+
+
+def test_what_a_cause_leaves_is_judged_by_what_a_refit_leaves():
+    def judged(after):
+        squares = {"before": np.full(9, 50.0), "refit": np.full(9, 4.0), "after": np.full(9, after)}
+        return explains_most(HeldOut({}, {}, {"wrench": squares}, {"wrench": np.arange(9)}, {"wrench": 1.0}))
+
+    # the nominal friction may be far off: what any refit takes away is not to a cause's credit
+    assert judged(1.4) and not judged(3.0)
 
 
 def test_nothing_is_named_where_nothing_acts():

@@ -28,7 +28,7 @@ from stablepush.planar import angle_between, normalize_twist, unit
 RHO = 0.05
 #: Contact friction that the authors' code uses in the stability tables (the paper says 1.0).
 MU = 0.95
-#: As the paper has them: loss and constraint; the authors' code takes norms.
+#: The models of the paper.
 PUBLISHED = ("poly4-cvx", "poly4", "quadratic", "gp")
 
 

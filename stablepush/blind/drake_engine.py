@@ -22,7 +22,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from stablepush.blind.engine import FOOT, HALF, HEAVY, HEIGHT, IN_FEET, Engine, State
-from stablepush.blind.laws import ellipse, friction, slope_at, turned
+from stablepush.blind.laws import pull_of, slope_at, turned
 from stablepush.blind.worlds import GRAVITY, World
 
 #: Step (s), stiffness (N/m) and relaxation time (s) of contacts, thickness (m) of the slider's walls, and of the table, and speed
@@ -141,15 +141,7 @@ def _friction_beyond(world: World, slider: np.ndarray, arms: np.ndarray, velocit
     """Force (k, 2) in W on feet of unit load that friction has beyond the isotropic one of the world."""
     speed = np.linalg.norm(velocity, axis=1, keepdims=True)
     e = velocity / np.maximum(speed, 1e-12)
-    along, left = friction(world, slider[:2] + arms, velocity, float(slider[2]), order)
-    shape = ellipse(world, float(slider[2]))
-    if shape is None:
-        full = along[:, None] * e + left[:, None] * np.stack((-e[:, 1], e[:, 0]), axis=-1)
-    else:
-        # greatest power over the ellipse of forces
-        axes = turned(shape[2])
-        squares = axes @ np.diag((shape[0] ** 2, shape[1] ** 2)) @ axes.T
-        full = along[:, None] * (e @ squares) / (np.sqrt(((e @ squares) * e).sum(axis=1, keepdims=True)) + 1e-12)
+    full = pull_of(world, slider[:2] + arms, velocity, float(slider[2]), order)
     # a foot at rest is held by what is in the contact
     return np.asarray((world.mu * e - full) * speed / (speed + _STILL))
 

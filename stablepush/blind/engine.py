@@ -46,6 +46,16 @@ class State:
     touches: tuple[bool, bool]
 
 
+def grip_under(world: World, force: np.ndarray) -> np.ndarray:
+    """Friction (...) of the fingers under forces (..., 2) of the pusher, in N."""
+    grip = world.of("contact-friction")
+    if grip is None or grip.form == "constant":
+        return np.full(force.shape[:-1], world.grip + (grip.numbers["change"] if grip is not None else 0.0))
+    # a single finger has all of the load, two share it
+    size = np.linalg.norm(force, axis=-1) / (2 if world.two else 1)
+    return np.maximum(0.02, world.grip + grip.numbers["change"] * 2 * size / (size + _NOMINAL_FORCE))
+
+
 class Engine(ABC):
     """A world's slider and pusher; friction and motion are set anew in every tick of ``tick`` s."""
 
@@ -61,8 +71,8 @@ class Engine(ABC):
         if geometry is not None:
             radii[: 1 if geometry.form == "one-finger" else 2] += geometry.numbers["change"]
         self.radii = np.maximum(radii, 5e-4)
-        self.grip = world.grip + (grip.numbers["change"] if grip is not None and grip.form == "constant" else 0.0)
-        self._by_load = grip.numbers["change"] if grip is not None and grip.form == "load" else 0.0
+        self.grip = float(grip_under(world, np.zeros(2)))
+        self._by_load = grip is not None and grip.form == "load"
         self._transfer = world.of("load-transfer")
 
     @abstractmethod
@@ -106,11 +116,7 @@ class Engine(ABC):
 
     def grip_at(self, force: np.ndarray) -> float:
         """Friction of the fingers under a force (2,) in N."""
-        if not self._by_load:
-            return self.grip
-        size = float(np.linalg.norm(force)) / len(self.fingers)
-        # a single finger has the load's friction, two share it
-        return max(0.02, self.grip + self._by_load * 2 * size / (size + _NOMINAL_FORCE))
+        return float(grip_under(self.world, force))
 
     def lifted(self, arms: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Vertical forces (k,) on the feet, at arms (k, 2) in W, that pushing above the table brings."""

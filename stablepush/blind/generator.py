@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from cryptography.fernet import Fernet
 
-from stablepush.blind.engine import Engine, Truth
+from stablepush.blind.engine import Engine, Truth, grip_under
 from stablepush.blind.instruments import SCATTER, Row, record, write
 from stablepush.blind.laws import feet_of, loads, turned
 from stablepush.blind.worlds import Applied, World, draw
@@ -24,6 +24,8 @@ from stablepush.blind.worlds import Applied, World, draw
 #: An effect that stands out by this many times the noise of all rows together, after a free pressure has taken what it can,
 #: should be found.
 DETECTABLE = 10.0
+#: A finger slips where its force is so near to the edge of its cone.
+_AT_LIMIT = 0.98
 #: Share of the sets that Drake makes where both engines do.
 _DRAKE = 0.1
 #: Effects that show in the gap between fingers and outline, that only reshape the surface, and draws of the noise of motion.
@@ -113,7 +115,7 @@ def size(world: World, a: Applied, truths: list[Truth]) -> float:
         inward = np.stack((np.cos(pusher[:, 2]), np.sin(pusher[:, 2])), axis=-1)
         along = np.abs(force[:, 1] * inward[:, 0] - force[:, 0] * inward[:, 1])
         normal = (force[:, :2] * inward).sum(axis=1)
-        slips = along > 0.9 * (world.grip + a.numbers["change"]) * np.maximum(normal, 1e-9)
+        slips = along > _AT_LIMIT * grip_under(world, force[:, :2]) * np.maximum(normal, 1e-9)
         return float(abs(a.numbers["change"]) * np.median(normal) / world.force_noise * np.sqrt(slips.sum() / 4))
     plain = replace(world, applied=[other for other in world.applied if other is not a])
     truly, units = loads(world, pose, twist, orders)

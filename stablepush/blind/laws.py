@@ -134,6 +134,19 @@ def ellipse(world: World, theta: float) -> tuple[float, float, float] | None:
     return None
 
 
+def pull_of(world: World, place: np.ndarray, velocity: np.ndarray, theta: float, order: float) -> np.ndarray:
+    """Force (k, 2) in W that feet of unit load at places (k, 2), with velocities (k, 2) in W, take to be moved; 0 at rest."""
+    e = velocity / np.maximum(np.linalg.norm(velocity, axis=1, keepdims=True), 1e-12)
+    along, left = friction(world, place, velocity, theta, order)
+    shape = ellipse(world, theta)
+    if shape is None:
+        return np.asarray(along[:, None] * e + left[:, None] * np.stack((-e[:, 1], e[:, 0]), axis=-1))
+    # greatest power over the ellipse of forces
+    axes = turned(shape[2])
+    stretched = e @ (axes @ np.diag((shape[0] ** 2, shape[1] ** 2)) @ axes.T)
+    return np.asarray(along[:, None] * stretched / (np.sqrt((stretched * e).sum(axis=1, keepdims=True)) + 1e-12))
+
+
 def loads(world: World, poses: np.ndarray, twists: np.ndarray, orders: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Friction loads (n, 3) in B of poses (n, 3) and body twists (n, 3) by the formula, with all effects of the table; and what
     each foot of the world as it is believed adds for a unit load, (n, 3, k)."""
@@ -156,17 +169,7 @@ def _load(world: World, feet: np.ndarray, weights: np.ndarray, pose: np.ndarray,
     velocity = (twist[:2] + twist[2] * np.stack((-feet[:, 1], feet[:, 0]), axis=-1)) @ rotation.T
     place = pose[:2] + feet @ rotation.T
     normal = weights * world.mass * GRAVITY
-    mu, left = friction(world, place, velocity, float(pose[2]), order)
-    shape = ellipse(world, float(pose[2]))
-    if shape is None:
-        e = velocity / (np.linalg.norm(velocity, axis=1, keepdims=True) + 1e-9)
-        force = normal[:, None] * (mu[:, None] * e + left[:, None] * np.stack((-e[:, 1], e[:, 0]), axis=-1))
-    else:
-        # greatest power over the ellipse of forces
-        axes = turned(shape[2])
-        squares = axes @ np.diag((shape[0] ** 2, shape[1] ** 2)) @ axes.T
-        along = velocity @ squares
-        force = (mu * normal)[:, None] * along / (np.sqrt((along * velocity).sum(axis=1, keepdims=True)) + 1e-9)
+    force = normal[:, None] * pull_of(world, place, velocity, float(pose[2]), order)
     pull = world.mass * GRAVITY * slope_at(world, pose[:2])
     f = (force - weights[:, None] * pull) @ rotation
     return np.array((*f.sum(axis=0), float((feet[:, 0] * f[:, 1] - feet[:, 1] * f[:, 0]).sum())))

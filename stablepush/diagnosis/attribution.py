@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from scipy.stats import t as student
@@ -11,7 +12,7 @@ from scipy.stats import t as student
 from stablepush._arrays import FloatArray
 from stablepush.diagnosis.equations import OF_BODY, OF_PRESSURE, RANGES, SIZES, Fitted, ScoreTest, Values
 from stablepush.diagnosis.forward import PARAMETERS
-from stablepush.diagnosis.system import System
+from stablepush.diagnosis.system import IN_GAPS, System
 from stablepush.effects import CATALOGUE
 
 #: Draws of the bootstrap of the greatest statistic.
@@ -26,6 +27,11 @@ _MOST, _TRIED = 4, 4
 _RIVAL = 0.5
 #: An alternative that needs values beyond this many times half of their plausible range is none.
 _MOST_PLAUSIBLE = 1.5
+#: Mean square of what is left of the gaps of the fingers, over their noise, from which two effects may hide each other.
+_LACK = 4.0
+#: An effect in the body frame does all but as well as the free surface with this share of its gain: that of another form than
+#: the catalogue's has more, a surface that the nominal pressure cannot have leaves a third or less.
+_ALL_BUT = 0.9
 #: Parts into which trials fall for held-out judgements.
 FOLDS = 5
 #: Slip counts from so many of its own standard errors, and from this share of the speed.
@@ -151,10 +157,11 @@ def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitt
                 entering.append((test.gain, id, times))
         tried = [(system.fit([*chosen, id], True), id, times) for _, id, times in sorted(entering, reverse=True)[:_TRIED]]
         tried = [one for one in tried if system.better(one[0].density, current.density, times=one[2])]
-        if not tried:
+        entered = [(fit, [id]) for fit, id, _ in tried] or _masked(system, chosen, current)
+        if not entered:
             break
-        current, best, _ = max(tried, key=lambda one: one[0].score)
-        chosen.append(best)
+        current, added = max(entered, key=lambda one: one[0].score)
+        chosen += added
         system.settle(current)
         current = system.fit(chosen, True)
     for id in list(chosen):
@@ -166,12 +173,31 @@ def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitt
     return chosen, current
 
 
+def _masked(system: System, chosen: list[str], current: Fitted) -> list[tuple[Fitted, list[str]]]:
+    """Fits with two effects that hide each other in the gaps of the fingers, neither of which enters alone.
+
+    A delay brings fingers seemingly nearer when they push, thinner ones are nearer.
+    """
+    if len(chosen) + 2 > _MOST or system.lack_of_touch(current) < _LACK:
+        return []
+    found = []
+    for pair in combinations([id for id in IN_GAPS if id not in chosen and id not in system.nuisance], 2):
+        both = system.fit([*chosen, *pair], True)
+        possible = all(_possible(id, both.values[id]) for id in pair)
+        if possible and system.better(both.density, current.density, times=2.0):
+            found.append((both, list(pair)))
+    return found
+
+
 def _as_good_as_free(system: System, scores: dict[str, FloatArray], body: dict[str, FloatArray]) -> list[str]:
-    """Effects in the body frame that predict held-out trials as well as the free surface does, best first, if the best does."""
+    """Effects in the body frame that predict held-out trials as well as the free surface does, or all but, best first, if the
+    best does."""
+    gain = float((scores["free"] - scores["scaled"]).sum())
     enough = [
         id
         for id, density in body.items()
-        if not system.better(scores["free"], density) and system.better(density, scores["scaled"])
+        if system.better(density, scores["scaled"])
+        and (not system.better(scores["free"], density) or float((density - scores["scaled"]).sum()) > _ALL_BUT * gain)
     ]
     enough.sort(key=lambda id: -float(body[id].sum()))
     best = max(body, key=lambda id: float(body[id].sum()))

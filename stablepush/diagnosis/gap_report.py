@@ -310,6 +310,9 @@ def _notes(log: PushLog, system: System, found: Attribution, share: float, p_sha
             f"a Gaussian process of place, heading, order and speed could explain up to {100 * share:.0f} % of what is left "
             f"(p {p_share:.2f})"
         )
+    off = system.observations.off
+    if "contact-geometry" in found.named and not all(off):
+        notes.append(f"the radius is that of finger {off.index(1.0) + 1} alone: the other finger is where the rig has it")
     if found.contact is not None:
         notes.append(f"friction at the fingers from {found.contact.trials} trials that slip: {found.contact.estimate:.3f}")
     return notes

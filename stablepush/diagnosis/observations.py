@@ -15,6 +15,9 @@ from stablepush.se2 import log as log_of
 #: Fingers farther (m) than this from where fingers usually are, beside the outline, do not touch it; nor do those that are
 #: farther from it than the other length. Where contact points are logged, they tell, and the other length alone counts.
 _TOUCH, _NEAR = 3e-3, 8e-3
+#: One finger alone is off if its gaps are, and differ from the other's, by so many standard errors, and the other's are off by
+#: less than this share of its.
+_ONE, _OTHER = 6.0, 0.2
 #: Fingers farther (m) from the outline than this do not touch it for sure.
 _AWAY = 1e-3
 #: Radius (m) that fingers have at most, where it is not said.
@@ -63,6 +66,8 @@ class Observations:
         Trials, and forces (N) in W, of readings before the push while no finger touches: what they read is the sensor's own.
     finger_radius : float or None
         In m: the rig's, else the distance at which fingers usually are from the outline; None if neither is known.
+    off : tuple of two floats
+        Fingers, 1 or 0, whose radius may be another: both, unless one alone is off.
     """
 
     names: list[str]
@@ -83,6 +88,7 @@ class Observations:
     group: list[str]
     rest: tuple[np.ndarray, FloatArray]
     finger_radius: float | None
+    off: tuple[float, float]
 
     @property
     def has_wrench(self) -> BoolArray:
@@ -172,6 +178,7 @@ def observe(log: PushLog) -> Observations:
     return Observations(
         names, trial, rank[trial], time, pose, twist, acceleration, unsteady, wrench, pusher,
         normal, place, gap, slip, span, group, _at_rest(log, names, rows_of, poses), radius,
+        _fingers_off(log, trial, gap),
     )  # fmt: skip
 
 
@@ -304,6 +311,25 @@ def _fingers(
             # the slider slips against the finger the other way round
             slip[good] = np.where(np.isfinite(slip[good]), 0.5 * (slip[good] - along), -along)
     return radius, normal, place, gap, slip
+
+
+def _fingers_off(log: PushLog, trial: np.ndarray, gap: FloatArray) -> tuple[float, float]:
+    """Which fingers are off, 1 or 0: both, unless by the medians of the trials one is and the other is not."""
+    middle, error = np.zeros(2), np.full(2, np.inf)
+    for k in range(2):
+        trials = np.unique(trial[np.isfinite(gap[:, k])])
+        if len(trials) > 2:
+            by_trial = np.array([np.nanmedian(gap[trial == t, k]) for t in trials])
+            middle[k] = np.median(by_trial)
+            noise = log.rig.noise.position if log.rig.noise is not None else 0.0
+            spread = max(noise, 1.4826 * float(np.median(np.abs(by_trial - middle[k]))), 1e-9)
+            error[k] = 1.2533 * spread / np.sqrt(len(trials))
+    for k in range(2):
+        other = middle[1 - k]
+        apart = min(abs(middle[k]) / error[k], abs(middle[k] - other) / float(np.hypot(*error)))
+        if np.isfinite(error).all() and apart > _ONE and abs(other) < _OTHER * abs(middle[k]):
+            return (1.0, 0.0) if k == 0 else (0.0, 1.0)
+    return 1.0, 1.0
 
 
 def half_spacing(log: PushLog) -> float:

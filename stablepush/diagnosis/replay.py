@@ -65,6 +65,8 @@ class Replay:
         The pusher's first pose in W, and its motion from there.
     logged : bool
         Whether the motion is the way as it was logged, up to the last pose; else as it was commanded, to rest.
+    off : tuple of floats
+        Fingers, 1 or 0, whose radius may be another.
     """
 
     trial: int
@@ -74,6 +76,14 @@ class Replay:
     place: FloatArray
     course: Course
     logged: bool
+    off: tuple[float, ...]
+
+    def thicker(self, change: float) -> Pusher:
+        """Return the pusher with a change (m) of the fingers that are off; one of two is moved ahead by it."""
+        pusher = self.pusher
+        if all(self.off):
+            return Pusher(pusher.fingers, max(_THIN, pusher.radius + change))
+        return Pusher(pusher.fingers + change * np.outer(self.off, (1.0, 0.0)), pusher.radius)
 
 
 class _Sheet:
@@ -97,6 +107,7 @@ class _Sheet:
             self.pushers[:, 2] = np.where(np.isfinite(self.pushers[:, 2]), self.pushers[:, 2], 0.0)
         half = half_spacing(log)
         self.places = np.array(((0.0, half), (0.0, -half))) if self.two else np.zeros((1, 2))
+        self.off = observations.off if self.two else (1.0,)
         self.radius = observations.finger_radius if observations.finger_radius is not None else _RADIUS
         self.mu = rig.contact_friction if rig.contact_friction is not None else 1.0
         self.seen: BoolArray = np.asarray(np.isfinite(self.poses).all(axis=1) & np.isfinite(self.times))
@@ -158,7 +169,7 @@ def _logged(sheet: _Sheet, trial: int, name: str) -> Replay | None:
     first, last = rows[0], rows[-1]
     pusher = Pusher(sheet.places, sheet.radius)
     course = course_of(pusher, motion, sheet.step)
-    return Replay(trial, sheet.poses[first], sheet.poses[last], pusher, sheet.pushers[first], course, True)
+    return Replay(trial, sheet.poses[first], sheet.poses[last], pusher, sheet.pushers[first], course, True, sheet.off)
 
 
 def _commanded(sheet: _Sheet, trial: int, name: str) -> Replay | None:
@@ -179,7 +190,7 @@ def _commanded(sheet: _Sheet, trial: int, name: str) -> Replay | None:
     twist = transport_twist(twist_from_cor((cor_x, cor_y), sense), inverse(docked))
     start, end = sheet.poses[seen[0]], sheet.poses[seen[-1]]
     course = course_of(pusher, [(twist, abs(angle))], sheet.step)
-    return Replay(trial, start, end, pusher, compose(start, docked), course, False)
+    return Replay(trial, start, end, pusher, compose(start, docked), course, False, sheet.off)
 
 
 def _knots(rows: np.ndarray, pushers: FloatArray, phases: np.ndarray | None) -> np.ndarray:
@@ -259,7 +270,7 @@ def carry_out(replay: Replay, table: Any, slider: Slider, mu: float, values: Map
     delay = float(values.get("latency", np.zeros(1))[0]) if replay.logged else 0.0
     pusher = replay.pusher
     if replay.logged and "contact-geometry" in values:
-        pusher = Pusher(pusher.fingers, max(_THIN, pusher.radius + float(values["contact-geometry"][0])))
+        pusher = replay.thicker(float(values["contact-geometry"][0]))
     mu = max(0.0, mu + float(values.get("contact-friction", np.zeros(1))[0]))
     # the tracked origin lies off the centre of mass by the offset
     start = compose(replay.start, -offset)

@@ -197,10 +197,14 @@ def closes_touch(held: HeldOut) -> float:
 
 
 def explains_most(held: HeldOut) -> bool:
-    """Tell whether the mended simulation leaves a tenth of the gap of the wrench or less."""
-    before, after = (float(held.squares["wrench"][k].mean()) for k in ("before", "after"))
+    """Tell whether the mended simulation closes most of the gap that a refit without effects leaves of the wrench.
+
+    What is in no catalogue is followed a little by one effect or another; an effect that has another form than the catalogue's
+    leaves a gap too.
+    """
+    refit, after = (float(held.squares["wrench"][k].mean()) for k in ("refit", "after"))
     floor = min(held.floors["wrench"], after)
-    return bool((after - floor) < 0.1 * (before - floor))
+    return bool((after - floor) < 0.5 * (refit - floor))
 
 
 def ends_are_off(held: HeldOut) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from stablepush._arrays import FloatArray
-from stablepush.diagnosis.equations import SIZES, Equations, Values
+from stablepush.diagnosis.equations import SIZES, Equations, Fitted, Values
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.observations import Observations, contact_velocity
 from stablepush.diagnosis.replay import Replay, carried
@@ -147,6 +147,13 @@ class System(Equations):
         """Whitened rows (3n, ...) of arrays (n, 3, ...)."""
         return np.einsum("nij,nj...->ni...", self._w, wrenches).reshape(3 * len(wrenches), *wrenches.shape[2:])
 
+    def lack_of_touch(self, fitted: Fitted) -> float:
+        """Robust mean square of what a fit leaves of the gaps, over their noise; 0 where none are measured."""
+        count = sum(len(rows) for _, rows in self.gap_rows)
+        behind = len(fitted.residual) - self.rest.size
+        left = fitted.residual[behind - count : behind]
+        return float(np.median(left**2)) / 0.455 if count else 0.0
+
     def gap_change(self, id: str, value: FloatArray) -> FloatArray:
         """What an effect does to the gaps (g,), in m."""
         half = 0.5 * value if id == "latency" else np.zeros_like(value)
@@ -158,7 +165,7 @@ class System(Equations):
         for k, rows in self.gap_rows:
             normal = o.normal[rows, k]
             if id == "contact-geometry":
-                parts.append(np.ones((len(rows), 1)))
+                parts.append(np.full((len(rows), 1), o.off[k]))
             elif id == "frame-offset":
                 # the outline is drawn about the tracked origin: it lies off by minus the offset
                 parts.append(normal)
