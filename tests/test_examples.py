@@ -75,3 +75,22 @@ def test_the_reference_has_every_public_name():
     text = (ROOT / "docs" / "api.rst").read_text(encoding="utf-8")
     listed = re.findall(r":: stablepush\.(\w+)$", text, flags=re.MULTILINE)
     assert sorted(listed) == sorted(set(sp.__all__))
+
+
+def test_the_picture_of_the_architecture_is_true():
+    """Every module is in it, and imports within the package go to the same group or further down."""
+    picture = (ROOT / "docs" / "architecture.svg").read_text(encoding="utf-8")
+    place, row = {}, -1
+    for kind, text in re.findall(r'class="(group|name)">([\w, /]+)<', picture):
+        row += kind == "group"
+        place[text] = row
+    package = ROOT / "stablepush"
+    modules = {p.stem: p for p in package.iterdir() if p.suffix == ".py" or (p / "__init__.py").is_file()}
+    public = {name for name in modules if not name.startswith("_")}
+    assert public <= set(place)
+    for name in public:
+        files = [modules[name]] if modules[name].is_file() else modules[name].rglob("*.py")
+        for file in files:
+            for other in re.findall(r"^ *from stablepush\.(\w+)[\w.]* import", file.read_text(encoding="utf-8"), re.MULTILINE):
+                if other in public:
+                    assert place[name] <= place[other], f"{name} imports {other}"
