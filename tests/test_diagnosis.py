@@ -90,16 +90,22 @@ def test_an_effect_is_named_with_its_parameters(effect, name, truth):
     assert entry["after"] < entry["before"]
 
 
-def test_one_finger_of_two_that_is_thicker_is_told():
+@pytest.mark.parametrize(("side", "fingers"), (("left", ((0, -0.02), (0.0025, 0.02))), ("right", ((0.0025, -0.02), (0, 0.02)))))
+def test_one_finger_of_two_that_is_thicker_is_told(side, fingers):
     slider = sp.Slider(triangle().vertices, MASS, pressure())
     # a finger that is 2.5 mm thicker than the rig says is one that sits so far ahead
-    pusher = sp.Pusher(((0.0025, 0.02), (0.0, -0.02)), 0.005)
+    pusher = sp.Pusher(fingers, 0.005)
     rig = sp.VirtualRig(slider, sp.IdealLimitSurface(pressure(), LOAD), 0.5, pusher, [], QUIET)
-    report = sp.diagnose(rig.execute(sp.random_pushes(slider, pusher, 40)).log)
+    log = rig.execute(sp.random_pushes(slider, pusher, 40)).log
+    report = sp.diagnose(log)
     assert report.named == ["contact-geometry"]
     assert report.ranking[0]["parameters"]["radius"]["estimate"] == pytest.approx(0.0075, abs=1e-4)
-    assert any("finger 1 alone" in note for note in report.notes)
+    assert any(f"the {side} finger alone" in note for note in report.notes)
     assert next(e for e in report.shrink if e["channel"] == "pose")["closed"] > 0.9
+    # the mended rig has fingers that are alike
+    assert report.effects == {}
+    # nobody knows which one is as it should be where the rig does not say how thick they are
+    assert observe(edited(log, finger_radius=None)).off == (1.0, 1.0)
 
 
 def test_effects_that_hide_each_other_in_the_gaps_are_found():
@@ -121,12 +127,14 @@ def test_an_effect_in_the_body_frame_need_not_do_quite_as_well_as_the_free_surfa
 
 
 def test_what_a_cause_leaves_is_judged_by_what_a_refit_leaves():
-    def judged(after):
+    def judged(after, *effects):
         squares = {"before": np.full(9, 50.0), "refit": np.full(9, 4.0), "after": np.full(9, after)}
-        return explains_most(HeldOut({}, {}, {"wrench": squares}, {"wrench": np.arange(9)}, {"wrench": 1.0}))
+        return explains_most(HeldOut({}, {}, {"wrench": squares}, {"wrench": np.arange(9)}, {"wrench": 1.0}), effects)
 
     # the nominal friction may be far off: what any refit takes away is not to a cause's credit
-    assert judged(1.4) and not judged(3.0)
+    assert judged(1.4, "drift") and not judged(3.0, "drift")
+    # but a cause that a refit takes in cannot do better
+    assert judged(4.0, "pressure-shift") and not judged(9.0, "pressure-shift")
 
 
 def test_nothing_is_named_where_nothing_acts():

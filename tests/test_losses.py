@@ -11,6 +11,7 @@ import stablepush as sp
 from stablepush.identify import POLYNOMIALS
 from stablepush.identify.estimator import NormLoss, NormWeights, SquaredLoss, SquaredWeights, sphere_power
 from stablepush.identify.pairs import Pairs
+from stablepush.identify.program import norm_program, sum_of_norms_program
 from stablepush.identify.sos import gram_equations
 from stablepush.models.monomials import bombieri_norms, gradient_rows, monomials, substitution
 from stablepush.planar import angle_between, normalize_twist, normalize_wrench, unit
@@ -100,6 +101,21 @@ def test_sum_of_norms_is_a_minimum(degree, convex):
     least = objective(a) * (1 - 1e-6)
     for step in np.abs(a).max() * rng.normal(size=(200, len(a))) * 10.0 ** rng.uniform(-4, -1, (200, 1)):
         assert objective(a + step) >= least
+
+
+def test_programs_are_canonicalised_once():
+    for program in (norm_program(4), sum_of_norms_program(4, False, 7), sum_of_norms_program(2, True, 7)):
+        assert program._problem.is_dcp(dpp=True)
+
+
+def test_a_fit_that_collapses_says_so():
+    """The penalty counts for loads in N: feeble ones it outweighs."""
+    f, v = pairs(15, 0.05)
+    fit = sp.fit_limit_surface(0.02 * f, v, "quadratic", characteristic_length=RHO, loss="norm", hold_out=np.arange(10, 15))
+    assert any("no size" in remark for remark in fit.remarks)
+    assert np.isfinite(fit.surface.wrench(v)).all()
+    fit = sp.fit_limit_surface(5 * f, v, "quadratic", characteristic_length=RHO, loss="norm", hold_out=np.arange(10, 15))
+    assert not any("no size" in remark for remark in fit.remarks)
 
 
 def test_published_loss_is_the_papers_equation():

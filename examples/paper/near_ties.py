@@ -24,7 +24,6 @@ from stablepush.models.monomials import gradient_rows
 from stablepush.planar import angle_between
 
 SLACKS = (0.0, 0.01, 0.02, 0.05)
-POLYNOMIALS_OF_THE_PAPER = ("poly4-cvx", "poly4", "quadratic")
 
 
 def evaluate(data: Path, arrangement: str, model: str, count: int, turn: int) -> np.ndarray:
@@ -50,7 +49,7 @@ def evaluate(data: Path, arrangement: str, model: str, count: int, turn: int) ->
 def main() -> None:
     options = lab.parser(__doc__).parse_args()
     arrangements = sorted(lab.labelled_rotations(options.data))
-    for arrangement, model, count in product(arrangements, POLYNOMIALS_OF_THE_PAPER, tables.TRAIN):
+    for arrangement, model, count in product(arrangements, lab.PUBLISHED[:3], tables.TRAIN):
         jobs = [(options.data, arrangement, model, count, turn) for turn in range(tables.EVALUATIONS)]
         scores = np.array(lab.run_all(evaluate, jobs, options.jobs))
         line = f"{arrangement:>18s} {model:>9s} {count:2d} + 10"

@@ -19,6 +19,7 @@ import numpy as np
 import scipy.optimize
 
 import stablepush as sp
+from stablepush.oracle import BOUNDARY_SLACK
 from stablepush.planar import angle_between, normalize_twist, unit
 
 TRAIN, EVALUATIONS = (10, 20, 30), 25
@@ -48,7 +49,7 @@ def judge(surface: sp.LimitSurface, contacts: list[sp.PushContact], twists: np.n
             stable[i] = bool(oracle.is_stable(twist))
         except sp.ConvergenceError:
             load = stationary_load(surface, twist)
-            stable[i] = load is not None and bool(oracle.cone.margin(load) >= 0)
+            stable[i] = load is not None and bool(oracle.cone.margin(load) >= -BOUNDARY_SLACK)
         share = oracle.probability(twist)
         probability[i] = stable[i] if share is None else float(share)
     return stable, probability
@@ -59,9 +60,11 @@ def stationary_load(surface: sp.LimitSurface, twist: np.ndarray) -> np.ndarray |
 
     The paper's inverse: ``|∇H(F) - V|²`` is minimised from ``F = V`` on; None where that leaves more than 1 deg.
     """
+    if not isinstance(surface, sp.PolynomialLimitSurface):
+        return None
     direction = unit(normalize_twist(twist, surface.characteristic_length))
     physical = np.array((1.0, 1.0, surface.characteristic_length))
-    size = 1 / np.linalg.norm(surface.gradient(direction * physical)) ** (1 / 3)
+    size = np.linalg.norm(surface.gradient(direction * physical)) ** (-1 / (surface.degree - 1))
     found = scipy.optimize.least_squares(lambda f: surface.gradient(f * size * physical) - direction, direction)
     load = found.x * size
     slip = surface.gradient(load * physical)

@@ -37,6 +37,8 @@ class DrakeEngine(Engine):
 
     def __init__(self, world: World) -> None:
         super().__init__(world)
+        grip = world.of("contact-friction")
+        self._grips_by_load = grip is not None and grip.form == "load"
         builder = DiagramBuilder()
         plant, scene = AddMultibodyPlantSceneGraph(builder, time_step=STEP)
         plant.set_discrete_contact_approximation(DiscreteContactApproximation.kSap)
@@ -120,7 +122,7 @@ class DrakeEngine(Engine):
                 one.F_Bq_W = SpatialForce(np.zeros(3), np.array((fx, fy, fz)))
                 acting.append(one)
             self._forces.FixValue(self._own, acting)
-        if self._by_load:
+        if self._grips_by_load:
             material = _material(self.grip_at(force))
             for shape in (*self._balls, *self._walls):
                 self._scene.AssignRole(

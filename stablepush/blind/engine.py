@@ -67,12 +67,11 @@ class Engine(ABC):
         self.feet, self.weights = feet_of(world)
         self.fingers = np.array(((0.0, world.half), (0.0, -world.half))) if world.two else np.zeros((1, 2))
         radii = np.full(len(self.fingers), world.radius)
-        geometry, grip = world.of("contact-geometry"), world.of("contact-friction")
+        geometry = world.of("contact-geometry")
         if geometry is not None:
             radii[: 1 if geometry.form == "one-finger" else 2] += geometry.numbers["change"]
         self.radii = np.maximum(radii, 5e-4)
         self.grip = float(grip_under(world, np.zeros(2)))
-        self._by_load = grip is not None and grip.form == "load"
         self._transfer = world.of("load-transfer")
 
     @abstractmethod

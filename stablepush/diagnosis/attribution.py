@@ -29,6 +29,8 @@ _RIVAL = 0.5
 _MOST_PLAUSIBLE = 1.5
 #: Mean square of what is left of the gaps of the fingers, over their noise, from which two effects may hide each other.
 _LACK = 4.0
+#: Two effects at once must do so many times what one must.
+_TWO = 2.0
 #: An effect in the body frame does all but as well as the free surface with this share of its gain: that of another form than
 #: the catalogue's has more, a surface that the nominal pressure cannot have leaves a third or less.
 _ALL_BUT = 0.9
@@ -145,7 +147,7 @@ def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitt
     """Effects of table, contact and sensors that act: steps forward, then back, the surface refitted in each."""
     chosen: list[str] = []
     demands, current = system.demands, system.fit([], True)
-    for _ in range(_MOST):
+    while len(chosen) < _MOST:
         said(f"effects: {', '.join(chosen) or 'none yet'}")
         tests = system.tests(current, True, [id for id in BEYOND_PRESSURE if id not in chosen])
         chance = by_chance(tests)
@@ -176,15 +178,16 @@ def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitt
 def _masked(system: System, chosen: list[str], current: Fitted) -> list[tuple[Fitted, list[str]]]:
     """Fits with two effects that hide each other in the gaps of the fingers, neither of which enters alone.
 
-    A delay brings fingers seemingly nearer when they push, thinner ones are nearer.
+    Thicker fingers are farther from the outline, and a delay brings them seemingly nearer.
     """
-    if len(chosen) + 2 > _MOST or system.lack_of_touch(current) < _LACK:
+    # without a rig that says how noisy it is, nobody knows what noise leaves of the gaps
+    if len(chosen) + 2 > _MOST or system.rig.noise is None or system.lack_of_touch(current) < _LACK:
         return []
     found = []
     for pair in combinations([id for id in IN_GAPS if id not in chosen and id not in system.nuisance], 2):
         both = system.fit([*chosen, *pair], True)
         possible = all(_possible(id, both.values[id]) for id in pair)
-        if possible and system.better(both.density, current.density, times=2.0):
+        if possible and system.better(both.density, current.density, times=_TWO):
             found.append((both, list(pair)))
     return found
 

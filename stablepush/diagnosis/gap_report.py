@@ -146,7 +146,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         # a few rows that hardly tell anything may hide it from the mean square
         folds = folds_of(system)
         worse = not system.better(held_out(system, found.chosen, found.free, folds), held_out(system, [], found.free, folds))
-    if worse or (unknown and not explains_most(held)):
+    if worse or (unknown and not explains_most(held, named)):
         verdict, effects = "unknown", []
     elif found.rivals:
         verdict, effects = "ambiguous", [found.rivalled, *found.rivals, *(id for id in named if id != found.rivalled)]
@@ -165,8 +165,10 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     # poses alone tell the shape of the surface, not its size
     sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
     surface = system.surface(found.final.loads) if sized else None
-    report_effects = {entry["effect"]: _plain(entry) for entry in ranking if entry["effect"] in named}
-    notes = _notes(log, system, found, share, p_share, len(replayed) - len(pushes))
+    # a rig has fingers of one radius
+    simulated = [id for id in named if id != "contact-geometry" or all(observations.off)]
+    report_effects = {entry["effect"]: _plain(entry) for entry in ranking if entry["effect"] in simulated}
+    notes = _notes(log, system, found, effects, share, p_share, len(replayed) - len(pushes))
     return GapReport(
         log=name,
         trials=len(log),
@@ -285,7 +287,9 @@ def _sentence(verdict: str, effects: list[str], shrink: list[dict[str, Any]], to
     return "A gap stays that no effect of the catalogue explains."
 
 
-def _notes(log: PushLog, system: System, found: Attribution, share: float, p_share: float, left_out: int) -> list[str]:
+def _notes(
+    log: PushLog, system: System, found: Attribution, effects: list[str], share: float, p_share: float, left_out: int
+) -> list[str]:
     notes = []
     rig = log.rig
     if rig.noise is None:
@@ -311,8 +315,12 @@ def _notes(log: PushLog, system: System, found: Attribution, share: float, p_sha
             f"(p {p_share:.2f})"
         )
     off = system.observations.off
-    if "contact-geometry" in found.named and not all(off):
-        notes.append(f"the radius is that of finger {off.index(1.0) + 1} alone: the other finger is where the rig has it")
+    if "contact-geometry" in effects and not all(off):
+        side = ("left", "right")[off.index(1.0)]
+        notes.append(
+            f"the radius is that of the {side} finger alone, seen along the push: the other is as the rig has it; "
+            "the mended rig, whose fingers are alike, goes without"
+        )
     if found.contact is not None:
         notes.append(f"friction at the fingers from {found.contact.trials} trials that slip: {found.contact.estimate:.3f}")
     return notes

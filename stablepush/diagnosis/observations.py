@@ -18,6 +18,8 @@ _TOUCH, _NEAR = 3e-3, 8e-3
 #: One finger alone is off if its gaps are, and differ from the other's, by so many standard errors, and the other's are off by
 #: less than this share of its.
 _ONE, _OTHER = 6.0, 0.2
+#: And by at least this (m).
+_LEAST_OFF = 2e-4
 #: Fingers farther (m) from the outline than this do not touch it for sure.
 _AWAY = 1e-3
 #: Radius (m) that fingers have at most, where it is not said.
@@ -67,7 +69,7 @@ class Observations:
     finger_radius : float or None
         In m: the rig's, else the distance at which fingers usually are from the outline; None if neither is known.
     off : tuple of two floats
-        Fingers, 1 or 0, whose radius may be another: both, unless one alone is off.
+        Fingers, left and right of where the pusher faces, whose radius may be another, 1 or 0: both, unless one alone is off.
     """
 
     names: list[str]
@@ -314,8 +316,12 @@ def _fingers(
 
 
 def _fingers_off(log: PushLog, trial: np.ndarray, gap: FloatArray) -> tuple[float, float]:
-    """Which fingers are off, 1 or 0: both, unless by the medians of the trials one is and the other is not."""
+    """Which fingers, left and right of where the pusher faces, are off, 1 or 0: both, unless by the medians of the trials one is
+    and the other is not."""
     middle, error = np.zeros(2), np.full(2, np.inf)
+    if log.rig.finger_radius is None:
+        # the radius is then what most rows have: neither finger is known to be as it should be
+        return 1.0, 1.0
     for k in range(2):
         trials = np.unique(trial[np.isfinite(gap[:, k])])
         if len(trials) > 2:
@@ -327,7 +333,8 @@ def _fingers_off(log: PushLog, trial: np.ndarray, gap: FloatArray) -> tuple[floa
     for k in range(2):
         other = middle[1 - k]
         apart = min(abs(middle[k]) / error[k], abs(middle[k] - other) / float(np.hypot(*error)))
-        if np.isfinite(error).all() and apart > _ONE and abs(other) < _OTHER * abs(middle[k]):
+        known = np.isfinite(error).all() and abs(middle[k]) > _LEAST_OFF
+        if known and apart > _ONE and abs(other) < _OTHER * abs(middle[k]):
             return (1.0, 0.0) if k == 0 else (0.0, 1.0)
     return 1.0, 1.0
 

@@ -79,7 +79,8 @@ class Replay:
     off: tuple[float, ...]
 
     def thicker(self, change: float) -> Pusher:
-        """Return the pusher with a change (m) of the fingers that are off; one of two is moved ahead by it."""
+        """Return the pusher with a change (m) of the fingers that are off; one of two is moved ahead by it, which is the same
+        while the face is square to the pusher."""
         pusher = self.pusher
         if all(self.off):
             return Pusher(pusher.fingers, max(_THIN, pusher.radius + change))

@@ -13,7 +13,7 @@ from scipy.stats import t as student
 
 from stablepush._arrays import FloatArray
 from stablepush.contact import PushContact
-from stablepush.diagnosis.attribution import FOLDS, Attribution, folds_of
+from stablepush.diagnosis.attribution import BEYOND_PRESSURE, FOLDS, Attribution, folds_of
 from stablepush.diagnosis.equations import Values
 from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.replay import Replay, first_contacts, misses
@@ -32,6 +32,8 @@ _SMOOTH = 0.2
 _DRAWS = 4
 #: Ends are off if they are so many times as far off as noise would leave them, with so small a p-value.
 _OFF, _SURELY = 2.0, 0.01
+#: Shares of a gap that effects may leave of what a refit without them leaves, and of what the nominal simulation leaves.
+_LEAVES_OF_REFIT, _LEAVES = 0.5, 0.1
 _FITS = ("before", "refit", "after")
 
 
@@ -196,15 +198,18 @@ def closes_touch(held: HeldOut) -> float:
     return float(_closed("touch", "m", held.trials["touch"], held.squares["touch"], held.floors["touch"])["closed"])
 
 
-def explains_most(held: HeldOut) -> bool:
-    """Tell whether the mended simulation closes most of the gap that a refit without effects leaves of the wrench.
+def explains_most(held: HeldOut, effects: Sequence[str]) -> bool:
+    """Tell whether the mended simulation closes most of the gap of the wrench.
 
-    What is in no catalogue is followed a little by one effect or another; an effect that has another form than the catalogue's
-    leaves a gap too.
+    Effects that a refitted pressure cannot take in are to close half of what a refit without effects leaves: what is in no
+    catalogue is followed a little by one or another, an effect of another form than the catalogue's leaves a gap too. The
+    others do what a refit does: they are to leave a tenth of the gap of the nominal simulation or less.
     """
-    refit, after = (float(held.squares["wrench"][k].mean()) for k in ("refit", "after"))
+    beyond = any(id in PARAMETERS and id in BEYOND_PRESSURE for id in effects)
+    base, most = ("refit", _LEAVES_OF_REFIT) if beyond else ("before", _LEAVES)
+    gap, after = (float(held.squares["wrench"][k].mean()) for k in (base, "after"))
     floor = min(held.floors["wrench"], after)
-    return bool((after - floor) < 0.5 * (refit - floor))
+    return bool((after - floor) < most * (gap - floor))
 
 
 def ends_are_off(held: HeldOut) -> bool:

@@ -190,7 +190,7 @@ class NormLoss:
         self._degree, self._convex, self._force_scale = degree, convex, force_scale
 
     def prepare(self, pairs: Pairs) -> Part:
-        """Reduce pairs to moments."""
+        """Reduce pairs to moments; they are kept too, for sums of norms."""
         moments = Moments.from_pairs(pairs.loads, pairs.directions, self._degree)
         m = len(moments.target)
         return Part(moments, np.zeros((m, m)), np.zeros(m), 0.0, np.ones(len(pairs)), rows=pairs)
@@ -201,7 +201,7 @@ class NormLoss:
         scale = self._force_scale
         w_reg = weights.w_reg / scale**self._degree
         if self._convex and self._degree > 2:
-            return norm_program(self._degree, True).solve(part.pairs, w_reg, weights.w_force, 1 / scale)
+            return norm_program(self._degree).solve(part.pairs, w_reg, weights.w_force, 1 / scale)
         assert part.rows is not None, "prepare() keeps the pairs"
         program = sum_of_norms_program(self._degree, self._convex, len(part.rows))
         return program.solve(part.rows.loads, part.rows.directions, w_reg, weights.w_force, 1 / scale)

@@ -39,6 +39,9 @@ FOLDS = 5
 #: Share of Metropolis steps below which the likely pressures are said to be poorly mixed.
 LEAST_ACCEPTANCE = 0.02
 
+#: Median of H over the pairs below which a fit under the norm loss has collapsed towards zero.
+COLLAPSED = 1e-2
+
 #: A robust weight below which a pair is reported as an outlier; a pair that fits has weight 1 to 1.75.
 OUTLIER_WEIGHT = 0.2
 
@@ -256,6 +259,8 @@ def fit_limit_surface(
         )
     if taken_over:
         remarks.append(f"{taken_over} of {done} solves were taken over by the second solver")
+    if loss == "norm" and np.median(monomials(pairs.loads, degree) @ best.coefficients) < COLLAPSED:
+        remarks.append("the penalty outweighs the pairs: what is left of the surface has a shape and no size (weak loads, in N?)")
     pair_weights = np.zeros(len(pairs))
     pair_weights[train] = whole.pair_weights
     outliers = int((whole.pair_weights < OUTLIER_WEIGHT).sum())

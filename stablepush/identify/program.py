@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -156,17 +156,18 @@ class SquaredProgram(_Program):
 
 
 class NormProgram(_Program):
-    """``minimise w_reg |a| + w_force |ξ| + w_slip |δ|``: the loss of the authors' code, norms where the paper has squares.
+    """``minimise w_reg |a| + w_force |ξ| + w_slip |δ|`` over SOS-convex polynomials: norms where the paper has squares, as in
+    the authors' code for convex quartics.
 
     ``ξ_i = H(F_i) - 1`` and ``δ_i = ∇H(F_i) - s_i V_i`` with a free scale ``s_i``, which is the part of the gradient across the
     measured twist. The authors ask for positive scales. Here they are free, which leaves the data as moments; the two differ
     only where the fitted gradient opposes a measured twist, an outlier.
     """
 
-    def __init__(self, degree: int, convex: bool) -> None:
+    def __init__(self, degree: int) -> None:
         import cvxpy as cp
 
-        super().__init__(degree, convex, LEAST_EIGENVALUE_NORM)
+        super().__init__(degree, True, LEAST_EIGENVALUE_NORM)
         count = self._a.size
         self._size = cp.Parameter(nonneg=True)
         self._level = cp.Parameter((count + 1, count))
@@ -200,15 +201,17 @@ class SumOfNormsProgram(_Program):
 
         super().__init__(degree, convex, LEAST_EIGENVALUE_NORM)
         count = self._a.size
-        self._w_reg, self._w_force = cp.Parameter(nonneg=True), cp.Parameter(nonneg=True)
+        self._size = cp.Parameter(nonneg=True)
         self._across, self._level = cp.Parameter((3 * pairs, count)), cp.Parameter((pairs, count))
-        # Bombieri's norm of a quadratic is Frobenius' of its matrix; of degree 4 it is that of the coefficients
+        # no parameter meets another one in a product: only then is the problem canonicalised once
+        self._level_target = cp.Parameter(pairs)
+        # Frobenius' norm of a quadratic's matrix is Bombieri's; |a| of degree 4 is the plain norm of the coefficients
         size = np.sqrt(bombieri_norms(2)) if degree == 2 else np.ones(count)
         self._gradient_factor = 0.5 if degree == 2 else 1.0
         slip = cp.reshape(self._across @ self._a, (pairs, 3), order="C")
         self._pose(
-            self._w_reg * cp.norm(cp.multiply(size, self._a))
-            + self._w_force * cp.norm1(self._level @ self._a - 1)
+            self._size * cp.norm(cp.multiply(size, self._a))
+            + cp.norm1(self._level @ self._a - self._level_target)
             + cp.sum(cp.norm(slip, axis=1))
         )
         self._degree = degree
@@ -217,8 +220,9 @@ class SumOfNormsProgram(_Program):
         """Solve for normalised loads (n, 3) and unit normalised twists (n, 3)."""
         across = gradient_across(loads, directions, self._degree)
         self._across.value = self._gradient_factor * w_slip * across.reshape(-1, across.shape[-1])
-        self._level.value = monomials(loads, self._degree)
-        self._w_reg.value, self._w_force.value = w_reg, w_force
+        self._level.value = w_force * monomials(loads, self._degree)
+        self._level_target.value = np.full(len(loads), w_force)
+        self._size.value = w_reg
         return self._solve()
 
 
@@ -243,12 +247,12 @@ def squared_program(degree: int) -> SquaredProgram:
 
 
 @cache
-def norm_program(degree: int, convex: bool) -> NormProgram:
+def norm_program(degree: int) -> NormProgram:
     """Return the program of a degree; its canonical form is kept for the process."""
-    return NormProgram(degree, convex)
+    return NormProgram(degree)
 
 
-@cache
+@lru_cache(maxsize=16)
 def sum_of_norms_program(degree: int, convex: bool, pairs: int) -> SumOfNormsProgram:
-    """Return the program of a degree and a number of pairs; its canonical form is kept for the process."""
+    """Return the program of a degree and a number of pairs; the canonical forms of the last few are kept."""
     return SumOfNormsProgram(degree, convex, pairs)
