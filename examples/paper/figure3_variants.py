@@ -1,8 +1,8 @@
 """What figure 3 leaves open, and how much of the difference to the published numbers it can make.
 
 The paper does not say how facets share the points sampled on them, how weights of legs are drawn, or by which length moments
-are scaled; that noisy loads become unit vectors could be meant of twists alone. Each variant changes one of these, or a number
-that the paper gives (half of the pairs of legs on facets); methods as published.
+are scaled; nor is it clear whether noisy loads become unit vectors, as noisy twists do. Each variant changes one of these, or a
+number that the paper gives (half of the pairs of legs on facets); methods as published.
 
     python examples/paper/figure3_variants.py --published published.json [--trials 50]
 """
@@ -28,7 +28,7 @@ VARIANTS = {
         "moments over the unit radius",
         "a quarter on facets",
     ),
-    "ring_noisy": ("as in figure 3", "loads as they are", "loads of the clean size", "moments over the unit radius"),
+    "ring_noisy": ("as in figure 3", "loads as unit vectors", "loads of the clean size", "moments over the unit radius"),
 }
 
 
@@ -67,7 +67,7 @@ def run_trial(case: str, variant: str, trial: int) -> dict[str, list[float]]:
     seen_loads = loads[rest] + noise * rng.normal(size=loads[rest].shape)
     if variant == "loads of the clean size":
         seen_loads *= np.linalg.norm(loads[rest], axis=1, keepdims=True) / np.linalg.norm(seen_loads, axis=1, keepdims=True)
-    elif noise and variant != "loads as they are":
+    elif variant == "loads as unit vectors":
         seen_loads = unit(seen_loads)
     seen = unit(directions[rest] + noise * rng.normal(size=directions[rest].shape))
     errors: dict[str, list[float]] = {method: [] for method in METHODS}
