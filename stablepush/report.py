@@ -9,13 +9,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from stablepush import __version__
 from stablepush._arrays import FloatArray
+from stablepush.contact import PushContact
+from stablepush.errors import InputError
+from stablepush.models import LimitSurface
+from stablepush.oracle import StabilityOracle
 from stablepush.path import PlanResult, Push
-from stablepush.planar import cor_from_twist
+from stablepush.planar import angle_between, cor_from_twist, twist_from_cor, unit
 from stablepush.problem import PlanningProblem
 from stablepush.pushing import Pusher, PushTrace
+from stablepush.region import StableRegion
 from stablepush.se2 import compose, exp, transform_points
 from stablepush.slider import Slider
 from stablepush.sliding import Slide
@@ -25,6 +31,10 @@ from stablepush.trajectory import pusher_on_the_way
 _TRANSFER_POSES = 121
 #: Rows of a motion that a page has, at most.
 _MOTION_ROWS = 601
+#: Cells of a map's margins along a side.
+_CELLS = 101
+#: Lines of the mesh of a limit surface.
+_LATITUDES, _LONGITUDES = 37, 72
 #: Places that the page has for a planned push.
 _PUSH_PLACES = 21
 #: Rows that each push of several has, at least.
@@ -91,6 +101,95 @@ def slide_html(slider: Slider, slide: Slide, title: str = "A free slide") -> str
     twists = np.concatenate((slide.twists[:-1], slide.direction[None]))
     chosen = _spread(len(slide.t), _MOTION_ROWS)
     return _motion_page(slider, _motion_rows(slider, slide.t[chosen], slide.poses[chosen], twists[chosen]), title)
+
+
+def surface_html(
+    surface: LimitSurface,
+    wrenches: ArrayLike = (),
+    twists: ArrayLike = (),
+    names: Sequence[str] = (),
+    title: str = "A limit surface",
+) -> str:
+    """Return a limit surface that can be turned, with pokes on it, as one HTML page that needs no network.
+
+    ``wrenches`` (n, 3) in N and N·m and ``twists`` (n, 3), in B, are those of pokes; ``names`` what they are called. The surface
+    is drawn in ``(fx, fy, tau/rho)``.
+    """
+    rho = surface.characteristic_length
+    scale = (1.0, 1.0, rho)
+    loads, motions = np.reshape(wrenches, (-1, 3)).astype(np.float64), np.reshape(twists, (-1, 3)).astype(np.float64)
+    if loads.shape != motions.shape:
+        raise InputError(f"wrenches, twists: expected as many of one as of the other, got {len(loads)} and {len(motions)}")
+    latitude, longitude = np.linspace(-np.pi / 2, np.pi / 2, _LATITUDES), np.linspace(0, 2 * np.pi, _LONGITUDES, endpoint=False)
+    up, around = np.meshgrid(latitude, longitude, indexing="ij")
+    rays = np.stack((np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)), axis=-1)
+    value, twice = surface.value(rays * scale), surface.value(2 * rays * scale)
+    degree = round(float(np.log2(np.median(np.abs(twice)) / np.median(np.abs(value)))))
+    radius = np.where(value > 0, np.abs(value), np.nan) ** (-1 / degree)
+    # a surface that is not convex may be open: no more of it than twice its usual size
+    size = min(float(np.nanmax(radius)), 2 * float(np.nanmedian(radius)))
+    mesh = np.where(radius[..., None] <= size, radius[..., None] * rays, np.nan)
+    pokes, errors = [], []
+    for k, (load, motion) in enumerate(zip(loads, motions, strict=True)):
+        measured, predicted = unit(motion * scale), unit(surface.twist(load) * scale)
+        errors.append(float(np.degrees(angle_between(measured, predicted))))
+        pokes.append(
+            {
+                "name": names[k] if k < len(names) else str(k + 1), "wrench": load.tolist(), "load": (load / scale).tolist(),
+                "measured": measured.tolist(), "predicted": predicted.tolist(), "error": errors[-1],
+                "level": float(surface.value(load)),
+            }
+        )  # fmt: skip
+    summary = f"Loads up to {size:.3g} {surface.force_unit}; characteristic length {rho:.3g} m."
+    if errors:
+        summary += f" {len(errors)} pokes, slip {np.mean(errors):.1f}° off on average."
+    corners = [[None if np.isnan(p).any() else p.tolist() for p in row] for row in mesh]
+    data = {"mesh": corners, "limit": size, "unit": surface.force_unit, "pokes": pokes, "summary": summary}
+    key = "Dots: measured loads, orange: measured slip, dark: slip of the surface." if pokes else ""
+    return _render("surface.html", title=title, label="The limit surface in three dimensions", key=key, data=_script(data))
+
+
+def region_html(
+    surface: LimitSurface,
+    contact: PushContact,
+    regions: Sequence[StableRegion],
+    slider: Slider | None = None,
+    extent: float | None = None,
+    title: str = "Stable rotation centres",
+) -> str:
+    """Return a map of stable regions as one HTML page that needs no network: it tells of any rotation centre whether each region
+    has it and with what margin, and shows the turn about it.
+
+    ``extent``: half side of the map in m; five times the radius of slider or contact if not given.
+    """
+    radius = max(contact.radius, 0.0 if slider is None else slider.radius)
+    size = 5 * radius if extent is None else extent
+    places = np.linspace(-size, size, _CELLS)
+    centers = np.stack(np.meshgrid(places, places), axis=-1)
+    oracle = StabilityOracle(surface, contact)
+    margins = {}
+    for sense in (1, -1):
+        degrees = np.degrees(oracle.margin(twist_from_cor(centers, sense)))
+        margins[str(sense)] = [[round(float(v), 2) for v in row] for row in degrees]
+    if not regions:
+        raise InputError("regions: expected at least one")
+    entries = []
+    for region in regions:
+        rings = {}
+        for sense in (1, -1):
+            found = region.polygons(sense, size)
+            rings[str(sense)] = [list(r.coords) for polygon in found for r in (polygon.exterior, *polygon.interiors)]
+        entries.append({"name": region.name, "rings": rings})
+    # begin at a stable turn, if there is one
+    inside = [(p.area, *p.representative_point().coords[0], sense) for sense in (1, -1) for p in regions[0].polygons(sense, size)]
+    start = max(inside)[1:] if inside else (0.0, 0.5 * size, 1)
+    data = {
+        "extent": size, "cells": _CELLS, "margins": margins, "regions": entries, "cor": start,
+        "contacts": contact.points.tolist(), "slider": None if slider is None else slider.vertices.tolist(),
+    }  # fmt: skip
+    lines = zip(("filled", "dashed", "dotted", "finely dotted"), regions, strict=False)
+    key = "Blue: counter-clockwise, orange: clockwise; " + ", ".join(f"{line}: {region.name}" for line, region in lines) + "."
+    return _render("region.html", title=title, label="Map of rotation centres about the slider", key=key, data=_script(data))
 
 
 def _spread(count: int, most: int) -> np.ndarray:

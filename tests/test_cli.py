@@ -39,6 +39,18 @@ def test_a_gaussian_process_is_fitted_and_classifies(rig, tmp_path, capsys):
     assert main(["classify", str(out), *arguments]) == 0
 
 
+def test_pages_of_a_surface_and_of_a_map(rig, tmp_path, capsys):
+    surface, region = tmp_path / "s.html", tmp_path / "r.html"
+    assert main(["fit", str(rig / "log"), "--view", str(surface), "-o", str(tmp_path / "m.json")]) == 0
+    contact = ["--contact", str(rig / "contact.json"), "--slider", str(rig / "slider.json")]
+    assert main(["map", str(tmp_path / "m.json"), *contact, "--view", str(region), "-o", str(tmp_path / "m.png")]) == 0
+    assert "pokes, slip" in surface.read_text(encoding="utf-8")
+    assert '"name": "conservative"' in region.read_text(encoding="utf-8")
+    # a page inside the log would be taken for a part of it
+    assert main(["fit", str(rig / "log"), "--view", str(rig / "log" / "s.html"), "-o", str(tmp_path / "m.json")]) == 2
+    assert "outside" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("options", (["--loss", "norm"], ["--loss", "published"], ["--com-tolerance", "0.004"]))
 def test_fits_in_other_ways(rig, tmp_path, options):
     out = tmp_path / "m.json"

@@ -79,6 +79,7 @@ def fit(
     com_tolerance: Annotated[
         float, typer.Option(parser=number, metavar="METRES", help="How far off the centre of mass may be, each way.")
     ] = 0.0,
+    view: Annotated[Path | None, typer.Option(help="The surface with the pokes on it, as an HTML page.")] = None,
 ) -> None:
     """Identify a limit surface from a log of pokes."""
     import numpy as np
@@ -97,8 +98,10 @@ def fit(
             f"--com-tolerance: {com_tolerance:g} is of use only where the slider is: {' or '.join(WITH_PRIOR)}, squared loss"
         )
     require_seed(seed)
-    require_files(output)
-    require_outside(output, log)
+    require_files(output, view)
+    for path in (output, view):
+        if path is not None:
+            require_outside(path, log)
     pokes = read_pushlog(log)
     loads, twists, names = pokes.pairs()
     if not names:
@@ -116,6 +119,12 @@ def fit(
         )
     from stablepush.formats import save_model
 
+    if view is not None:
+        from stablepush.files import write_atomically
+        from stablepush.report import surface_html
+
+        page = surface_html(result.surface, loads, twists, names, title=f"{model} from {len(names)} pokes")
+        write_atomically(view, page)
     save_model(result.surface, output)
     print(f"{output}: {model} from {len(names)} pokes, {result.status}, {result.total_time:.2f} s")
     for remark in result.remarks:

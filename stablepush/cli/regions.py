@@ -62,6 +62,7 @@ def draw_map(
     ] = None,
     margins: Annotated[Path | None, typer.Option(help="Chart of margins over turns each way, as PNG.")] = None,
     sphere: Annotated[Path | None, typer.Option(help="Regions on the sphere of unit twists, as PNG.")] = None,
+    view: Annotated[Path | None, typer.Option(help="The map as an HTML page that tells of any rotation centre.")] = None,
 ) -> None:
     """Draw the stable regions: of the model, all-pressure and conservative."""
     from stablepush.all_pressure import all_pressure_region
@@ -82,7 +83,7 @@ def draw_map(
             raise InputError(f"{name}: expected a number >= 0, got {value:g}")
     if slider is None and (com_tolerance > 0 or least_mu is not None):
         raise InputError("--com-tolerance, --least-mu: expected --slider with them, as they are for the all-pressure region")
-    require_files(output, regions_file, margins, sphere, read=(model, contact, slider))
+    require_files(output, regions_file, margins, sphere, view, read=(model, contact, slider))
     surface, fingers = load_model(model), load_contact(contact)
     body = None if slider is None else load_slider(slider)
     if least_mu is not None and least_mu > fingers.mu:
@@ -114,11 +115,18 @@ def draw_map(
         except UnsupportedContactError as error:
             print(f"no conservative region: {error}")
     # all is made before any of it is written
-    pictures = [(output, figure_png(plot_regions(regions, fingers, body, extent, probability=shading)))]
+    pictures: list[tuple[Path, str | bytes]] = [
+        (output, figure_png(plot_regions(regions, fingers, body, extent, probability=shading)))
+    ]
     if margins is not None:
         pictures.append((margins, figure_png(plot_margins(surface, fingers, regions))))
     if sphere is not None:
         pictures.append((sphere, figure_png(plot_twist_sphere(regions))))
+    if view is not None:
+        from stablepush.report import region_html
+
+        with about(model):
+            pictures.append((view, region_html(surface, fingers, regions, body, extent)))
     if regions_file is not None:
         write_json(regions_file, regions_to_json(regions, extent))
     for path, picture in pictures:
