@@ -129,7 +129,10 @@ def draw(found: dict, theirs: dict, file) -> None:
 
     colors = dict(zip(METHODS, ("#0072B2", "#E69F00", "#009E73", "#999999", "#D55E00"), strict=True))
     figure = Figure((13, 7), layout="constrained")
-    for axes, (case, methods) in zip(figure.subplots(2, 2).flat, found.items(), strict=False):
+    panels = figure.subplots(2, 2).ravel()
+    for axes in panels[len(found) :]:
+        axes.set_visible(False)
+    for axes, (case, methods) in zip(panels, found.items(), strict=False):
         for i, (method, row) in enumerate(methods.items()):
             place = np.arange(len(TRAIN)) + (i - 2) * 0.17
             mean, half = np.array(row).T
