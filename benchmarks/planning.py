@@ -14,13 +14,15 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import subprocess
+import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
 import stablepush as sp
+from stablepush.parallel import run_parallel
 
 SCENES = Path(__file__).parents[1] / "examples" / "scenes"
 LATTICE = "cor-lattice"
@@ -56,6 +58,12 @@ def run(scene: str, planner: str, seed: int, seconds: float, improve: float) -> 
     }
 
 
+def alone(*job: object) -> dict:
+    """:func:`run` in a process of its own: OMPL takes one seed in a process."""
+    done = subprocess.run([sys.executable, __file__, "--alone", json.dumps(job)], capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=5)
@@ -65,7 +73,12 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="*")
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--show", type=Path, help="rows of an earlier run, to print again")
+    parser.add_argument("--scheduler", help="Dask cluster that does the work instead; it has to have this file")
+    parser.add_argument("--alone", help=argparse.SUPPRESS)
     options = parser.parse_args()
+    if options.alone:
+        print(json.dumps(run(*json.loads(options.alone))))
+        return
     scenes = options.scenes or sorted(file.stem for file in SCENES.glob("*.json") if file.stem != "triangle")
     others = [name for name in sp.planner_names() if name.startswith("ompl")]
     if options.show:
@@ -76,22 +89,21 @@ def main() -> None:
         return
     rows = []
     run(scenes[0], LATTICE, 0, 60.0, 0.0)  # compiled code is built before anything is timed
-    with ProcessPoolExecutor(options.jobs, max_tasks_per_child=1) as pool:
-        for scene in scenes:
-            jobs = [pool.submit(run, scene, LATTICE, 0, 120.0, effort) for effort in EFFORTS]
-            jobs.append(pool.submit(run, scene, LATTICE, 0, options.seconds, math.inf))
-            for name in others:
-                for seed in range(options.seeds):
-                    shares = (1.0, *(SHARES if name in IMPROVING else ()))
-                    jobs += [pool.submit(run, scene, name, seed, share * options.seconds, math.inf) for share in shares]
-                    jobs.append(pool.submit(run, scene, name, seed, options.seconds, 0.0))
-            found = [job.result() for job in jobs]
-            solved = [row for row in found if row["valid"] and row["planner"] != LATTICE]
-            if solved and options.long > 0:
-                best = min(solved, key=lambda row: row["duration"])
-                found.append(pool.submit(run, scene, best["planner"], best["seed"], options.long, math.inf).result())
-            rows += found
-            show(scene, found, others, options)
+    for scene in scenes:
+        jobs: list[tuple] = [(scene, LATTICE, 0, 120.0, effort) for effort in EFFORTS]
+        jobs.append((scene, LATTICE, 0, options.seconds, math.inf))
+        for name in others:
+            for seed in range(options.seeds):
+                shares = (1.0, *(SHARES if name in IMPROVING else ()))
+                jobs += [(scene, name, seed, share * options.seconds, math.inf) for share in shares]
+                jobs.append((scene, name, seed, options.seconds, 0.0))
+        found = list(run_parallel(alone, jobs, options.jobs, scheduler=options.scheduler))
+        solved = [row for row in found if row["valid"] and row["planner"] != LATTICE]
+        if solved and options.long > 0:
+            best = min(solved, key=lambda row: row["duration"])
+            found.append(alone(scene, best["planner"], best["seed"], options.long, math.inf))
+        rows += found
+        show(scene, found, others, options)
     summary(rows)
     if options.output:
         options.output.write_text(json.dumps(rows, indent=1), encoding="utf-8")

@@ -26,12 +26,14 @@ if TYPE_CHECKING:
     from stablepush.formats import load_contact, load_model, load_slider, save_model
     from stablepush.identify import (
         Certificate,
+        CrossValidation,
         Fit,
         GridPressure,
         OnlineEstimate,
         OnlineIdentifier,
         Poke,
         certify,
+        cross_validate,
         ellipsoid_from_pressure,
         fit_limit_surface,
         fit_pressure_grid,
@@ -50,6 +52,7 @@ if TYPE_CHECKING:
     from stablepush.movingai import load_movingai_map
     from stablepush.options import PlanOptions
     from stablepush.oracle import StabilityOracle
+    from stablepush.parallel import run_parallel
     from stablepush.path import PlanResult, Push, Transfer, load_plan, save_plan
     from stablepush.planning import plan, planner_names
     from stablepush.probability import ProbabilityMap, chance_region, probability_map
@@ -81,12 +84,14 @@ _HOMES = {
     "formats": ("load_contact", "load_model", "load_slider", "save_model"),
     "identify": (
         "Certificate",
+        "CrossValidation",
         "Fit",
         "GridPressure",
         "OnlineEstimate",
         "OnlineIdentifier",
         "Poke",
         "certify",
+        "cross_validate",
         "ellipsoid_from_pressure",
         "fit_limit_surface",
         "fit_pressure_grid",
@@ -105,6 +110,7 @@ _HOMES = {
     "probability": ("ProbabilityMap", "chance_region", "probability_map"),
     "pushing": ("PushAnswer", "PushTrace", "Pusher", "TableFriction", "push_twist", "simulate_push"),
     "region": ("StableRegion", "stable_region"),
+    "parallel": ("run_parallel",),
     "rosbag": ("load_rosbag", "save_rosbag"),
     "slider": ("Slider",),
     "sliding": ("EigenDirections", "Slide", "eigen_directions", "simulate_free_sliding", "sliding_basins"),
@@ -120,6 +126,7 @@ __all__ = [
     "CheckReport",
     "Command",
     "ConvergenceError",
+    "CrossValidation",
     "Effect",
     "EffectKind",
     "EigenDirections",
@@ -171,6 +178,7 @@ __all__ = [
     "check_plan",
     "compare_regions",
     "contact_push",
+    "cross_validate",
     "diagnose",
     "eigen_directions",
     "ellipsoid_from_pressure",
@@ -203,6 +211,7 @@ __all__ = [
     "rank_pokes",
     "read_commands",
     "read_pushlog",
+    "run_parallel",
     "sample_plan",
     "save_model",
     "save_plan",

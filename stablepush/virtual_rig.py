@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,6 +16,7 @@ from stablepush.effects import REFERENCE_SPEED, Effect, principal
 from stablepush.errors import InputError
 from stablepush.logs.pushlog import Noise, PushLog, Rig
 from stablepush.models import IdealLimitSurface, LimitSurface, PolynomialLimitSurface
+from stablepush.parallel import run_parallel
 from stablepush.pushing import Pusher, PushTrace, TableFriction, simulate_push
 from stablepush.se2 import compose, inverse, transform_points
 from stablepush.slider import Slider
@@ -428,29 +428,22 @@ def execute_batch(
     *,
     rows: int = 7,
     workers: int | None = None,
+    scheduler: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Execution]:
     """Carry out many logs side by side: each job is a rig, its commands and a seed. Results do not depend on ``workers``.
 
-    ``workers``: processes; as many as there are cores if not given.
+    ``workers``: processes; as many as there are cores if not given. ``scheduler``: address of a Dask cluster instead.
     """
     results: list[Execution] = []
     if workers is not None and workers < 1:
         raise InputError(f"workers: expected at least 1, got {workers}")
-    if workers == 1 or len(jobs) == 1:
-        for job in jobs:
-            results.append(_execute_job((*job, rows)))
-            if progress is not None:
-                progress(len(results), len(jobs))
-        return results
-    with ProcessPoolExecutor(workers) as pool:
-        for result in pool.map(_execute_job, [(*job, rows) for job in jobs]):
-            results.append(result)
-            if progress is not None:
-                progress(len(results), len(jobs))
+    for result in run_parallel(_execute_job, [(*job, rows) for job in jobs], workers, scheduler=scheduler):
+        results.append(result)
+        if progress is not None:
+            progress(len(results), len(jobs))
     return results
 
 
-def _execute_job(job: tuple[VirtualRig, Sequence[Command], int, int]) -> Execution:
-    rig, commands, seed, rows = job
+def _execute_job(rig: VirtualRig, commands: Sequence[Command], seed: int, rows: int) -> Execution:
     return rig.execute(commands, rows=rows, seed=seed)

@@ -142,12 +142,16 @@ def pressure():
     return sp.SupportDistribution.from_polygon(0.9 * triangle().vertices, 0.03)
 
 
-def make_log(*effects, count=40, rows=7, noise=QUIET, seed=0, two=False, **options):
+def make_rig(*effects, noise=QUIET, two=False, **options):
     slider = sp.Slider(triangle().vertices, MASS, pressure())
     pusher = sp.Pusher.two_fingers(0.05, 0.005) if two else sp.Pusher.finger(0.005)
     surface = sp.IdealLimitSurface(pressure(), LOAD)
-    rig = sp.VirtualRig(slider, surface, 0.5, pusher, [parse_effect(e) for e in effects], noise, **options)
-    return rig.execute(sp.random_pushes(slider, pusher, count, seed=seed), rows=rows, seed=seed).log
+    return sp.VirtualRig(slider, surface, 0.5, pusher, [parse_effect(e) for e in effects], noise, **options)
+
+
+def make_log(*effects, count=40, rows=7, seed=0, **options):
+    rig = make_rig(*effects, **options)
+    return rig.execute(sp.random_pushes(rig.slider, rig.pusher, count, seed=seed), rows=rows, seed=seed).log
 
 
 def edited(log, drop=(), **rig):

@@ -57,7 +57,7 @@ def test_the_readme_s_python_runs(tmp_path):
     assert blocks("README.md", tmp_path).strip()
 
 
-@pytest.mark.parametrize("page", ["tutorial.md", "robot.md"])
+@pytest.mark.parametrize("page", ["tutorial.md", "robot.md", "choosing.md"])
 def test_a_page_s_python_runs(page, tmp_path):
     assert blocks(Path("docs") / page, tmp_path).strip()
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from unittest.mock import patch
@@ -21,6 +20,7 @@ import stablepush as sp
 from stablepush.diagnosis import attribution, gap_report, shrink, system
 from stablepush.diagnosis.equations import SIZES, Demands, ScoreTest
 from stablepush.diagnosis.observations import Observations, observe
+from stablepush.parallel import run_parallel
 
 VARIANTS = ("as it is", "nominal surface, not refitted", "rows, not trials", "each effect at 5 %")
 
@@ -61,10 +61,9 @@ def without(variant: str) -> Iterator[None]:
             yield
 
 
-def one(job: tuple[str, str, int, int]) -> dict[str, object]:
-    variant, id, seed, pushes = job
+def one(variant: str, id: str, seed: int, pushes: int) -> dict[str, object]:
     with without(variant):
-        return {"variant": variant, **campaign.one((id, seed, pushes))}
+        return {"variant": variant, **campaign.one(id, seed, pushes)}
 
 
 def main() -> None:
@@ -74,15 +73,15 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--pushes", type=int, default=60)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--scheduler", help="Dask cluster that does the work instead; it has to find this folder's modules")
     options = parser.parse_args()
     kinds = [("none", k) for k in range(options.clean)]
     kinds += [(id, k) for k in range(options.per_effect) for id in campaign.LARGEST if id != "model-capacity"]
     jobs = [(v, id, options.first_seed + seed, options.pushes) for v in VARIANTS for id, seed in kinds]
     rows: list[dict[str, object]] = []
-    with ProcessPoolExecutor(options.jobs) as pool:
-        for row in pool.map(one, jobs):
-            rows.append(row)
-            print(f"\r{len(rows)} of {len(jobs)}", end="", flush=True)
+    for row in run_parallel(one, jobs, options.jobs, scheduler=options.scheduler):
+        rows.append(row)
+        print(f"\r{len(rows)} of {len(jobs)}", end="", flush=True)
     print(f"\n{'':<32s}{'clean logs with a name':>32s}{'effects named':>32s}{'with a wrong name':>32s}")
     for variant in VARIANTS:
         mine = [row for row in rows if row["variant"] == variant]

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import csv
 import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from scipy.stats import beta
 
 import stablepush as sp
 from stablepush.effects import CATALOGUE
+from stablepush.parallel import run_parallel
 
 #: Amplitudes from faint to strong, in shares of these largest ones.
 LARGEST = {
@@ -135,9 +135,8 @@ def world(id: str, seed: int, pushes: int, **campaign: object) -> tuple[sp.Virtu
     return rig, commands, int(rng.integers(2**31))
 
 
-def one(job: tuple[str, int, int]) -> dict[str, object]:
+def one(name: str, seed: int, pushes: int) -> dict[str, object]:
     """Simulate a log and diagnose it; the diagnosis sees the log alone."""
-    name, seed, pushes = job
     id = name.removeprefix(POSES)
     rig, commands, draw = world(id, seed, pushes)
     effects = list(rig.effects)
@@ -235,6 +234,7 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--pushes", type=int, default=60)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--scheduler", help="Dask cluster that does the work instead; it has to find this folder's modules")
     options = parser.parse_args()
     rows: list[dict[str, str]] = []
     if options.output.exists():
@@ -247,11 +247,11 @@ def main() -> None:
     most = max(counts.values())
     jobs += [(id, options.first_seed + seed, options.pushes) for seed in range(most) for id, n in counts.items() if seed < n]
     jobs = [job for job in jobs if job[:2] not in done]
-    with options.output.open("a", encoding="utf-8", newline="") as file, ProcessPoolExecutor(options.jobs) as pool:
+    with options.output.open("a", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, FIELDS)
         if not rows:
             writer.writeheader()
-        for k, row in enumerate(pool.map(one, jobs), start=1):
+        for k, row in enumerate(run_parallel(one, jobs, options.jobs, scheduler=options.scheduler), start=1):
             writer.writerow(row)
             file.flush()
             rows.append({name: str(value) for name, value in row.items()})

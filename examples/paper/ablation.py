@@ -89,7 +89,7 @@ def main() -> None:
     report: dict[str, Any] = {}
     for spoiled in (0.0, 0.1):
         jobs = list(product((options.data,), (options.surface,), logs, (spoiled,), range(options.evaluations)))
-        results = lab.run_all(evaluate, jobs, options.jobs)
+        results = lab.run_all(evaluate, jobs, options)
         title = f"{options.surface}, {len(logs)} arrangements, up to {options.evaluations} splits each" + (
             ", 10 % nonsense" if spoiled else ""
         )

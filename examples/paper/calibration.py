@@ -81,8 +81,8 @@ def main() -> None:
     report: dict[str, list[tuple[float, float]]] = {}
     for with_slider, count in product((True, False), TOTALS):
         jobs = list(product((options.data,), logs, (with_slider,), (count,), range(options.evaluations)))
-        real = lab.run_all(on_pokes, jobs, options.jobs)
-        simulated = lab.run_all(on_rig, list(product((with_slider,), (count,), range(RIGS))), options.jobs)
+        real = lab.run_all(on_pokes, jobs, options)
+        simulated = lab.run_all(on_rig, list(product((with_slider,), (count,), range(RIGS))), options)
         for name, shares in (("pokes", real), ("simulated", simulated)):
             line = f"{name:>9s}, {'with the slider' if with_slider else 'pokes alone':>15s}, {count:2d} pokes:"
             inside = np.array([[(np.abs(s - 0.5) < level / 2).mean() for level in COVERAGES] for s in shares])

@@ -93,7 +93,7 @@ def main() -> None:
     theirs = lab.published(options).get("figure_3", {}).get("mean_angle_error_deg", {})
     cases_run = options.cases or list(CASES)
     jobs = list(product(cases_run, range(options.trials)))
-    results = dict(zip(jobs, lab.run_all(run_trial, jobs, options.jobs), strict=True))
+    results = dict(zip(jobs, lab.run_all(run_trial, jobs, options), strict=True))
     found = {
         case: {
             m: [lab.interval([results[case, t][m][k] for t in range(options.trials)]) for k in range(len(TRAIN))] for m in METHODS

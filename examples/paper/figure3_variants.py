@@ -103,7 +103,7 @@ def main() -> None:
                 )
         for variant in variants:
             jobs = [(case, variant, trial) for trial in range(options.trials)]
-            found = lab.run_all(run_trial, jobs, options.jobs)
+            found = lab.run_all(run_trial, jobs, options)
             for method in METHODS:
                 cells = [lab.interval([f[method][k] for f in found]) for k in range(len(figure3.TRAIN))]
                 print(f"{method + ', ' + variant:<32s}"[:44] + "".join(f"{m:8.2f} ± {h:4.2f}" for m, h in cells), flush=True)

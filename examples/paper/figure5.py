@@ -62,7 +62,7 @@ def main() -> None:
     theirs = lab.published(options).get("figure_5", {}).get("mean_angle_error_deg", {})
     logs = lab.pokes(options.data, options.surface)
     jobs = list(product((options.data,), (options.surface,), logs, range(EVALUATIONS)))
-    results = lab.run_all(evaluate, jobs, options.jobs)
+    results = lab.run_all(evaluate, jobs, options)
     found = {name: [lab.interval([r[name][k] for r in results]) for k in (0, 1)] for name in results[0]}
     print(f"{options.surface}: {len(logs)} arrangements ({', '.join(logs)}), {EVALUATIONS} splits each")
     for k, test in enumerate(("sensor", "idealLS")):

@@ -14,7 +14,6 @@ import argparse
 import csv
 import json
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from tqdm import tqdm
 
 import stablepush as sp
 from stablepush.logs.mlab import Source, find_sources, import_source
+from stablepush.parallel import run_parallel
 from stablepush.planar import angle_between, normalize_twist, unit
 
 RHO = 0.05
@@ -39,6 +39,7 @@ def parser(text: str | None, data: bool = True) -> argparse.ArgumentParser:
         arguments.add_argument("data", type=Path, metavar="DATA", help="clone of the authors' repository, or a folder with raw/")
     arguments.add_argument("--published", type=Path, help="JSON of published numbers (DATA/published.json)")
     arguments.add_argument("--jobs", type=int, default=2, help="processes")
+    arguments.add_argument("--scheduler", help="Dask cluster that does the work instead; it has to find this folder's modules")
     arguments.add_argument("-o", "--output", type=Path, default=Path("paper"), help="folder for figures and numbers")
     return arguments
 
@@ -137,11 +138,10 @@ def fit_as_published(
     return sp.fit_limit_surface(loads[rows], twists[rows], model, characteristic_length=rho, loss="norm", hold_out=hold_out)
 
 
-def run_all(function: Callable, jobs: list[tuple], processes: int) -> list:
-    """Return ``function(*job)`` of every job, computed by several processes, with a progress bar for who watches."""
-    with ProcessPoolExecutor(processes) as pool:
-        done = pool.map(function, *zip(*jobs, strict=True))
-        return list(tqdm(done, total=len(jobs), desc=function.__name__, disable=None, leave=False))
+def run_all(function: Callable, jobs: list[tuple], options: argparse.Namespace) -> list:
+    """Return ``function(*job)`` of every job, computed side by side, with a progress bar for who watches."""
+    done = run_parallel(function, jobs, options.jobs, scheduler=options.scheduler)
+    return list(tqdm(done, total=len(jobs), desc=function.__name__, disable=None, leave=False))
 
 
 def angle_error(surface: sp.LimitSurface, loads: np.ndarray, twists: np.ndarray, rho: float = RHO) -> float:

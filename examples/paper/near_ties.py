@@ -51,7 +51,7 @@ def main() -> None:
     arrangements = sorted(lab.labelled_rotations(options.data))
     for arrangement, model, count in product(arrangements, lab.PUBLISHED[:3], tables.TRAIN):
         jobs = [(options.data, arrangement, model, count, turn) for turn in range(tables.EVALUATIONS)]
-        scores = np.array(lab.run_all(evaluate, jobs, options.jobs))
+        scores = np.array(lab.run_all(evaluate, jobs, options))
         line = f"{arrangement:>18s} {model:>9s} {count:2d} + 10"
         for slack in SLACKS:
             near = scores[:, :, 0] <= scores[:, :, 0].min(axis=1, keepdims=True) * (1 + slack) + 1e-12

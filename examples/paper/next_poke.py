@@ -132,9 +132,9 @@ def main() -> None:
         sim, real = {}, {}
         for chosen in (False, True):
             jobs = list(product((with_slider,), (chosen,), range(options.rigs)))
-            sim[chosen] = np.array(lab.run_all(simulated, jobs, options.jobs))
+            sim[chosen] = np.array(lab.run_all(simulated, jobs, options))
             jobs = list(product((options.data,), logs, (with_slider,), (chosen,), range(options.replays)))
-            real[chosen] = np.array(lab.run_all(replayed, jobs, options.jobs))
+            real[chosen] = np.array(lab.run_all(replayed, jobs, options))
         for name, both in (("simulated", sim), ("replay", real)):
             for label, values in (("random", both[False]), ("chosen", both[True]), ("gain", both[False] - both[True])):
                 row = [lab.interval(column) for column in values.T]

@@ -52,7 +52,7 @@ def main() -> None:
     report = {}
 
     def tell(label: str, support: sp.SupportDistribution, noise: float, rho: float) -> None:
-        results = np.array(lab.run_all(errors, [(support, noise, rho, seed) for seed in range(options.trials)], options.jobs))
+        results = np.array(lab.run_all(errors, [(support, noise, rho, seed) for seed in range(options.trials)], options))
         for k, method in enumerate(("as published", "default")):
             report[f"{label}, {method}"] = row = [lab.interval(column) for column in results[:, k].T]
             print(f"{f'{label}, {method}':>52s}" + "".join(f"   {m:5.2f} ± {h:4.2f}" for m, h in row), flush=True)

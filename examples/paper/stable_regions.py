@@ -96,7 +96,7 @@ def main() -> None:
             for name, build in (("STABLE", sp.lynch_mason_region), ("all-pressure", sp.all_pressure_region)):
                 held = [bool(build(body, c).contains_twists(twist)) for c, twist in zip(contacts, rotations, strict=True)]
                 rows[f"{name}, {word}"] = [score(np.array(held), labels)]
-        for result in lab.run_all(predict, list(product((options.data,), (arrangement,), range(options.draws))), options.jobs):
+        for result in lab.run_all(predict, list(product((options.data,), (arrangement,), range(options.draws))), options):
             for name, values in result.items():
                 rows.setdefault(name, []).append(values)
         found[arrangement] = rows

@@ -111,7 +111,7 @@ def main() -> None:
             *product(arrangements, ("few",), ("default",), FEW, range(EVALUATIONS)),
         )
     ]
-    results = np.array(lab.run_all(evaluate, jobs, options.jobs))
+    results = np.array(lab.run_all(evaluate, jobs, options))
     keys = [job[1:5] for job in jobs]
 
     def select(arrangement: str, kind: str, method: str, count: int) -> np.ndarray:

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import argparse
 import time
-from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
 import stablepush as sp
+from stablepush.parallel import run_parallel
 from stablepush.planar import transport_twist, twist_from_cor
 from stablepush.se2 import inverse, transform_points, wrap_angle
 
@@ -104,8 +104,7 @@ def by_library(push: dict, step: float = 2.5e-4) -> tuple[np.ndarray, np.ndarray
     return trace.poses[-1], trace.pushers[-1]
 
 
-def both(job: tuple[int, float]) -> tuple[np.ndarray, np.ndarray, float, float]:
-    seed, step = job
+def both(seed: int, step: float) -> tuple[np.ndarray, np.ndarray, float, float]:
     push = random_push(seed)
     by_library(push)
     begin = time.perf_counter()
@@ -121,8 +120,7 @@ def main() -> None:
     parser.add_argument("--step", type=float, default=1e-4, help="of MuJoCo, in s")
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
-    with ProcessPoolExecutor(options.jobs) as pool:
-        found = list(pool.map(both, [(seed, options.step) for seed in range(options.pushes)]))
+    found = list(run_parallel(both, [(seed, options.step) for seed in range(options.pushes)], options.jobs))
     ours, theirs = np.array([f[0] for f in found]), np.array([f[1] for f in found])
     way = np.hypot(*theirs[:, :2].T)
     off, turn = np.hypot(*(ours - theirs)[:, :2].T), np.abs(wrap_angle(ours[:, 2] - theirs[:, 2]))

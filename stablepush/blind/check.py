@@ -13,14 +13,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import joblib
-
 from stablepush import __version__
 from stablepush.blind.score import Score, score_of
 from stablepush.blind.seal import Ledger, complaint, digest, digest_of_folder, open_label
 from stablepush.blind.supports import cases, imported, score_of_supports
 from stablepush.errors import InputError, SolverError
 from stablepush.files import write_atomically, write_json
+from stablepush.parallel import run_parallel
 
 Files = dict[str, bytes]
 Said = Callable[[str, int, int], None]
@@ -103,10 +102,10 @@ class BlindCheck:
         after the last of them."""
         missing = [k for k in range(self.sets) if not self.ledger.find("sealed", k)]
         if self.data is None:
-            jobs = [joblib.delayed(generated)(k, self.generator, self.seed, self.pushes, self.key) for k in missing]
+            sealed = self._run(generated, [(k, self.generator, self.seed, self.pushes, self.key) for k in missing])
         else:
-            jobs = [joblib.delayed(imported)(k, self.data, self.key) for k in missing]
-        for done, (number, files) in enumerate(self._run(jobs), 1):
+            sealed = self._run(imported, [(k, self.data, self.key) for k in missing])
+        for done, (number, files) in enumerate(sealed, 1):
             _write(self.of(number), files)
             seal = {"label": digest(files["label.sealed"]), "log": digest_of_folder(self.of(number) / "log")}
             self.ledger.add("sealed", number, **seal)
@@ -120,8 +119,8 @@ class BlindCheck:
         for number in missing:
             if digest_of_folder(self.of(number) / "log") != self.ledger.find("sealed", number)[0][1]["log"]:
                 raise InputError(f"{self.of(number) / 'log'}: this is not the log that was sealed")
-        jobs = [joblib.delayed(diagnosed)(k, _read(self.of(k) / "log")) for k in missing]
-        for done, (number, answer) in enumerate(self._run(jobs), 1):
+        jobs = [(k, _read(self.of(k) / "log")) for k in missing]
+        for done, (number, answer) in enumerate(self._run(diagnosed, jobs), 1):
             write_atomically(self.of(number) / "diagnosis.json", answer.decode())
             self.ledger.add("diagnosed", number, diagnosis=digest(answer), code=code_of())
             said("diagnosed", done, len(missing))
@@ -163,35 +162,16 @@ class BlindCheck:
             else:
                 missing.append(number)
         effects = {k: [a["effect"] for a in of_row[k]["label"]["applied"]] for k in missing}
-        jobs = [joblib.delayed(known)(k, _read(self.of(k) / "log"), effects[k]) for k in missing]
-        for done, (number, closed) in enumerate(self._run(jobs), 1):
+        jobs = [(k, _read(self.of(k) / "log"), effects[k]) for k in missing]
+        for done, (number, closed) in enumerate(self._run(known, jobs), 1):
             file = self.of(number) / "known.json"
             write_json(file, closed)
             self.ledger.add("known", number, closed=digest(file.read_bytes()))
             of_row[number]["known"] = closed
             said("fitted with the cause known", done, len(jobs))
 
-    def _run(self, jobs: list[Any]) -> Iterator[Any]:
-        if jobs:
-            with self._engine():
-                yield from joblib.Parallel(n_jobs=self.jobs, return_as="generator_unordered")(jobs)
-
-    @contextmanager
-    def _engine(self) -> Iterator[None]:
-        """Processes of this machine, or a Dask cluster."""
-        if self.scheduler is None:
-            yield
-            return
-        try:
-            from dask.distributed import Client
-        except ImportError:
-            raise InputError('a Dask cluster needs the extra "scale": pip install "stablepush[scale]"') from None
-        try:
-            client = Client(self.scheduler, timeout="10s")
-        except (OSError, ValueError) as error:
-            raise InputError(f"--scheduler: no Dask cluster answers at {self.scheduler!r}: {error}") from None
-        with client, joblib.parallel_config(backend="dask"):
-            yield
+    def _run(self, function: Callable[..., Any], jobs: list[tuple[Any, ...]]) -> Iterator[Any]:
+        return run_parallel(function, jobs, self.jobs, scheduler=self.scheduler, in_order=False)
 
 
 def _made(folder: Path) -> None:

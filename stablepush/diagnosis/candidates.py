@@ -1,93 +1,120 @@
-"""Pushes that a lab could make next, and which of them separate two causes."""
+"""Pushes that a lab could make next, and what they would read if an effect acted."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 
 from stablepush._arrays import FloatArray
-from stablepush.diagnosis.equations import SIZES, Fitted
+from stablepush.commands import poke
+from stablepush.diagnosis.equations import Fitted
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
+from stablepush.diagnosis.motions import Motions
 from stablepush.diagnosis.observations import Observations
+from stablepush.diagnosis.replay import MOVING, Replay, carry_out, friction_of, misses, step_of
 from stablepush.diagnosis.system import System
+from stablepush.pushing import course_of
 from stablepush.se2 import compose
 
-#: Headings of the slider, speeds (m/s) and places (m from the origin of W, both ways) that are looked at; pushes proposed.
-_HEADINGS, _SPEEDS, _PLACES, _PROPOSED = 12, (0.005, 0.02, 0.06), (-0.1, 0.1), 8
-#: How often each is made, and what the sum of squares must differ by, between the causes, for pushes to be worth while.
-_TIMES, _TOLD = 2, 10.0
+#: Headings of the slider, speeds (m/s) and places (m from the origin of W, both ways) that are looked at.
+_HEADINGS, _SPEEDS, _PLACES = 12, (0.005, 0.02, 0.06), (-0.1, 0.1)
 #: Way of a push, in m.
 _WAY = 0.04
+#: Without forces: places along the room that an edge has, directions (rad from the normal), and how many of all these pushes
+#: are simulated, drawn at random.
+_ALONG, _DIRECTIONS, _DRAWN = (0.2, 0.5, 0.8), (-0.4, 0.0, 0.4), 120
+#: How much farther (m) from the slider than a lab would such a push begins.
+_BACK = 8e-3
 
 
-def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict[str, Any]]:
-    """Return pushes that tell two effects apart, each as it was fitted, the most telling first, each twice: the diagnosis
-    believes no single push. None if not even all of them would.
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """Pushes as entries of a list, and what they would read.
 
-    Chosen one by one so that what is left of the difference of the two predictions, over the noise, is largest when either effect
-    takes what values suit it better, as far as the log lets it (the T-criterion of Atkinson and Fedorov 1975, linearised).
-
-    Pushes of an edge at its middle, in the terms of a list that ``simulate`` takes: ``edge``, ``along`` (m), ``direction`` (rad),
-    ``way`` (m), ``speed`` (m/s), and where the slider is put, ``x, y, theta`` in W; with the differences in N, and in m between
-    finger and outline, that are expected.
+    ``readings(id, fitted, step)`` (n, r): readings over their noise, with an effect a step away from where it was fitted;
+    ``small(id)``: a step that counts as small; ``expected``: in words and units, a difference of the readings of one push.
     """
-    entries, inward, o = _possible(system)
-    if not entries:
-        return []
+
+    entries: list[dict[str, Any]]
+    readings: Callable[[str, Fitted, FloatArray], FloatArray]
+    small: Callable[[str], float]
+    expected: Callable[[FloatArray], dict[str, float]]
+
+
+def loads_of(system: System) -> Candidates:
+    """Loads while the slider is pushed straight at the middle of an edge, and gaps between finger and outline where the log has
+    them."""
+    entries, inward, o = _straight(system)
     model = ForwardModel(o, system.points, system.weight, system.rig.slider.radius_of_gyration**2, system.center)
     noise = system.noise.force * np.array((1.0, 1.0, system.moment_noise))
+    seen = any(len(rows) for _, rows in system.gap_rows)
 
     def readings(id: str, fitted: Fitted, step: FloatArray) -> FloatArray:
-        """Loads and gap (n, 4) of all pushes over their noise, with an effect a step away from where it was fitted."""
         value = fitted.values[id] + step
         effects = {**fitted.values, id: value}
         load = model.predict(fitted.loads, {k: v for k, v in effects.items() if k in PARAMETERS})
-        return np.column_stack((load / noise, _gap_change(id, value, inward, o.twist) / system.gap_noise))
+        return np.column_stack((load / noise, seen * _gap_change(id, value, inward, o.twist) / system.gap_noise))
 
-    predicted, slopes, known = [], [], []
-    for id, fitted in causes.items():
-        size = SIZES[id]
-        small = SMALL.get(id, 1e-4) * np.eye(size)
-        predicted.append(readings(id, fitted, np.zeros(size)))
-        slopes.append(np.stack([(readings(id, fitted, s) - predicted[-1]) / s.max() for s in small], axis=-1))
-        at = sum(SIZES[k] for k in list(fitted.values)[: list(fitted.values).index(id)])
-        spread = fitted.covariance[at : at + size, at : at + size]
-        known.append(np.linalg.pinv(spread, hermitian=True))
-    difference = predicted[0] - predicted[1]
-    squares = (difference**2).sum(axis=1)
-    pulls = [np.einsum("nrd,nr->nd", slope, difference) for slope in slopes]
-    grams = [np.einsum("nrd,nre->nde", slope, slope) for slope in slopes]
-    chosen: list[int] = []
-    total, told, pulled, informed = 0.0, 0.0, [np.zeros(len(k)) for k in known], list(known)
-    while len(chosen) < min(_PROPOSED // _TIMES, len(entries)):
-        left = np.full(len(entries), np.inf)
-        for pull, gram, b, a in zip(pulls, grams, pulled, informed, strict=True):
-            slope, information = b + _TIMES * pull, a + _TIMES * gram
-            taken = np.einsum("nd,nde,ne->n", slope, np.linalg.pinv(information, hermitian=True), slope)
-            left = np.minimum(left, total + _TIMES * squares - taken)
-        left[chosen] = -np.inf
-        best = int(left.argmax())
-        told = float(left[best])
-        chosen.append(best)
-        total += _TIMES * float(squares[best])
-        pulled = [b + _TIMES * pull[best] for b, pull in zip(pulled, pulls, strict=True)]
-        informed = [a + _TIMES * gram[best] for a, gram in zip(informed, grams, strict=True)]
-    if told < _TOLD:
-        return []
-    force = np.linalg.norm(difference[:, :3] * noise / (1, 1, system.rho), axis=1)
-    away = np.abs(difference[:, 3]) * system.gap_noise
-    return [
-        {**entries[i], "expected_difference_N": float(force[i]), "expected_difference_m": float(away[i])}
-        for i in chosen
-        for _ in range(_TIMES)
-    ]
+    def expected(difference: FloatArray) -> dict[str, float]:
+        force = float(np.linalg.norm(difference[:3] * noise / (1, 1, system.rho)))
+        return {"expected_difference_N": force, "expected_difference_m": float(np.abs(difference[3]) * system.gap_noise)}
+
+    return Candidates(entries, readings, lambda id: SMALL.get(id, 1e-4), expected)
 
 
-def _possible(system: System) -> tuple[list[dict[str, Any]], FloatArray, Observations]:
+def ends_of(system: Motions) -> Candidates:
+    """Where the slider ends if a pusher like the log's pushes it, off the middle of an edge and askew as well."""
+    drawn = _drawn(system) if system.pushes else []
+    kept, _ = system.predictable([push for _, push in drawn])
+    rig, weight = system.rig, system.moving_weight
+    table = friction_of(system.surface(system.nominal), {}, weight).compiled()
+    # misses from about where a push ends are small
+    kept = [replace(push, end=carry_out(push, table, rig.slider, system.mu, {})) for push in kept]
+    noise = np.median(system.spread.reshape(-1, 3), axis=0)
+
+    def readings(id: str, fitted: Fitted, step: FloatArray) -> FloatArray:
+        effects = {**fitted.values, id: fitted.values[id] + step}
+        ends = misses(kept, system.surface(fitted.loads), rig.slider, system.mu, weight, effects)
+        # what cannot be simulated with an effect tells nothing of it
+        return np.nan_to_num(ends) / noise
+
+    def expected(difference: FloatArray) -> dict[str, float]:
+        return {"expected_difference_of_ends_m": float(np.linalg.norm(difference * noise))}
+
+    return Candidates([drawn[push.trial][0] for push in kept], readings, lambda id: MOVING.get(id, 1e-4), expected)
+
+
+def _drawn(system: Motions) -> list[tuple[dict[str, Any], Replay]]:
+    """Pushes by the log's pusher, as entries of a list and as they are simulated."""
+    like, slider = system.pushes[0], system.rig.slider
+    pusher = like.pusher
+    half = float(np.abs(pusher.fingers[:, 1]).max()) + pusher.radius
+    edges = [(e, float(np.linalg.norm(b - a))) for e, (a, b) in enumerate(map(slider.edge, range(len(slider.vertices))))]
+    headings = 2 * np.pi * np.arange(_HEADINGS) / _HEADINGS
+    wanted = list(
+        product([e for e in edges if e[1] > 2 * half], _ALONG, _DIRECTIONS, headings.tolist(), _SPEEDS, _PLACES, _PLACES)
+    )
+    found: list[tuple[dict[str, Any], Replay]] = []
+    for i in np.random.default_rng(0).permutation(len(wanted))[:_DRAWN]:
+        (edge, length), share, direction, heading, speed, x, y = wanted[int(i)]
+        along = half + share * (length - 2 * half)
+        put = {"x": x, "y": y, "theta": heading}
+        entry = {"edge": edge, "along": along, "direction": direction, "way": _WAY, "speed": speed, **put}
+        start = np.array((x, y, heading))
+        command = poke(slider, pusher, edge, along, start=start, direction=direction, way=_WAY, speed=speed)
+        # from farther away: an effect may bring finger and outline nearer
+        motion = [(np.array((speed, 0.0, 0.0)), _BACK / speed), *command.motion]
+        place = compose(command.place, (-_BACK, 0.0, 0.0))
+        push = Replay(len(found), start, start, pusher, place, course_of(pusher, motion, step_of(slider)), like.logged, like.off)
+        found.append((entry, push))
+    return found
+
+
+def _straight(system: System) -> tuple[list[dict[str, Any]], FloatArray, Observations]:
     """Pushes, normals (n, 2) of the edges that they push, and rows as a log of them would have."""
     two = system.rig.contact_kind == "two-point"
     room = _room(system) if two else 0.0

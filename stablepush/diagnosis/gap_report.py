@@ -125,7 +125,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         pushes = motions.pushes
     else:
         system = system_of(observations, log.rig)
-        pushes = system.predictable(replayed)
+        pushes, system.end_noise = system.predictable(replayed)
     found = attribute(system, said)
     said("how far the gap shrinks")
     named = found.named
@@ -207,7 +207,8 @@ def shrink_with(log: PushLog, effects: list[str]) -> list[dict[str, Any]]:
     final = system.fit(chosen, True)
     contact = slip_friction(system, final) if "contact-friction" in effects else None
     found = Attribution(chosen, [], "", False, True, final, {}, {}, contact)
-    return shrink(hold_out(system, found, log, system.predictable(replayed)))
+    pushes, system.end_noise = system.predictable(replayed)
+    return shrink(hold_out(system, found, log, pushes))
 
 
 def _too_little(log: PushLog, name: str) -> GapReport:
@@ -244,14 +245,15 @@ def _plain(entry: dict[str, Any]) -> dict[str, Any]:
 def _next(system: System, found: Attribution, effects: list[str], ranking: list[dict[str, Any]]) -> dict[str, Any]:
     """The pushes that best separate the two causes most in play."""
     likely = [*effects, *(entry["effect"] for entry in ranking if entry["identifiable"])]
-    # straight pushes do not tell of the fingers' friction
-    pair = list(dict.fromkeys(id for id in likely if id in SIZES and id != "contact-friction"))[:2]
+    # loads of straight pushes do not tell of the fingers' friction, ends of slanting ones do
+    unseen = {"contact-friction"} if system.has_wrench else set()
+    pair = list(dict.fromkeys(id for id in likely if id in SIZES and id not in unseen))[:2]
     if found.rivals:
         pair = [found.rivalled, found.rivals[0]]
-    if len(pair) < 2 or not system.has_wrench or "contact-friction" in pair:
+    if len(pair) < 2 or unseen & set(pair):
         why = "more pushes in headings, places, speeds and faces that vary, in random order"
         return {"separates": pair, "pushes": [], "why": why}
-    from stablepush.diagnosis.candidates import separating_pushes
+    from stablepush.diagnosis.separation import separating_pushes
 
     others = [id for id in found.chosen if id not in pair]
     pushes = separating_pushes(system, {id: system.fit([*others, id], found.free) for id in pair})

@@ -59,7 +59,7 @@ class Motions(System):
         self.nominal = np.zeros(len(_SMALL))
         self._slopes: dict[str, FloatArray] = {}
         self._found: dict[Any, FloatArray] = {}
-        self.pushes = self.predictable(pushes)
+        self.pushes, self.end_noise = self.predictable(pushes)
         #: How far (m, for a component of an end each) the surface moves it within its prior: pushes that friction decides
         #: scatter with it, those that stay stuck end where the pusher goes.
         self.reach = np.linalg.norm(self._slope("", _SMALL) * _PRIOR, axis=1)

@@ -86,7 +86,7 @@ def rank(system: System, found: Attribution, effects: list[str]) -> list[dict[st
         elif id == "model-capacity":
             # a refitted surface takes it: nothing speaks for it but that another surface fits better
             seen = system.has_surface and "free" in found.scores
-            entry = (0.3 if seen and found.absorbed and not found.chosen else 0.05 if seen else 0.02, {}, seen)
+            entry = (0.3 if seen and found.absorbed and not found.chosen else 0.01 if seen else 0.02, {}, seen)
         else:
             entry = _of_fit(id, system, found, effects)
         probability, parameters, seen = entry

@@ -98,7 +98,7 @@ class _Sheet:
             return np.stack([np.asarray(s[c], dtype=np.float64) if c in s else blank for c in names], axis=-1)
 
         self.log, self.outline = log, rig.slider.vertices
-        self.step = max(_STEP, _STEP_SHARE * rig.slider.characteristic_length)
+        self.step = step_of(rig.slider)
         self.poses, self.pushers, self.times = columns("x", "y", "theta"), columns("px", "py", "ptheta"), columns("t")[:, 0]
         self.points = columns("c1x", "c1y", "c2x", "c2y").reshape(-1, 2, 2)
         self.phases = np.asarray(s["phase"]) if "phase" in s else None
@@ -131,6 +131,11 @@ class _Sheet:
         points, normals, _ = nearest(self.outline, places)
         apart = np.linalg.norm(points[0] - points[1]) >= _SAME_POINT
         return PushContact(points, normals, self.mu) if apart else None
+
+
+def step_of(slider: Slider) -> float:
+    """Return the way (m) of a finger in a step of the simulation."""
+    return max(_STEP, _STEP_SHARE * slider.characteristic_length)
 
 
 def first_contacts(log: PushLog, observations: Observations) -> dict[int, PushContact]:

@@ -96,6 +96,8 @@ class System(Equations):
         parts = [np.repeat(o.trial, 3)] if self.has_wrench else []
         parts += [o.trial[rows] for _, rows in self.gap_rows] + [np.repeat(trial, 2)]
         self.trial = np.concatenate(parts).astype(int)
+        #: Noise (m) of the ends of pushes that are carried out again, where there are any.
+        self.end_noise = np.zeros((0, 3))
         if rig.finger_radius is None and any(len(rows) for _, rows in self.gap_rows):
             self.nuisance = ("contact-geometry",)
 
@@ -129,19 +131,17 @@ class System(Equations):
         self.covariance = covariance
         self._w = np.linalg.inv(np.linalg.cholesky(covariance))
 
-    def predictable(self, pushes: list[Replay]) -> list[Replay]:
-        """Keep the pushes whose ends the noise of the first pose hardly moves, and :attr:`end_noise` (n, 3) of each.
+    def predictable(self, pushes: list[Replay]) -> tuple[list[Replay], FloatArray]:
+        """Return the pushes whose ends the noise of the first pose hardly moves, and the noise (n, 3) of these ends, in m.
 
         Where a finger passes a corner by a hair, say, the end is anyone's guess.
         """
         if not self.has_surface or not pushes:
-            self.end_noise = np.zeros((0, 3))
-            return []
+            return [], np.zeros((0, 3))
         moved = carried(pushes, self.surface(self.nominal), self.rig.slider, self.mu, self.moving_weight, self.noise)
         own = np.array((self.noise.position, self.noise.position, self.rho * self.noise.angle))
         kept = np.linalg.norm(moved, axis=1) <= _AMPLIFIED * np.linalg.norm(own)
-        self.end_noise = np.hypot(moved[kept], own)
-        return [push for push, good in zip(pushes, kept, strict=True) if good]
+        return [push for push, good in zip(pushes, kept, strict=True) if good], np.hypot(moved[kept], own)
 
     def white(self, wrenches: FloatArray) -> FloatArray:
         """Whitened rows (3n, ...) of arrays (n, 3, ...)."""

@@ -1,0 +1,64 @@
+"""Which of the pushes that could be made next separate two causes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from stablepush.diagnosis.candidates import Candidates, ends_of, loads_of
+from stablepush.diagnosis.equations import SIZES, Fitted
+from stablepush.diagnosis.motions import Motions
+from stablepush.diagnosis.system import System
+
+#: Pushes proposed, how often each is to be made, and what the sum of squares must differ by, between the causes, for them to be
+#: worth while.
+_PROPOSED, _TIMES, _TOLD = 8, 2, 10.0
+
+
+def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict[str, Any]]:
+    """Return pushes that tell two effects apart, each as it was fitted, the most telling first, each twice: the diagnosis
+    believes no single push. None if not even all of them would.
+
+    Chosen one by one so that what is left of the difference of the two predictions, over the noise, is largest when either effect
+    takes what values suit it better, as far as the log lets it (the T-criterion of Atkinson and Fedorov 1975, linearised).
+
+    Straight pushes of an edge, in the terms of a list that ``simulate`` takes: ``edge``, ``along`` (m), ``direction`` (rad),
+    ``way`` (m), ``speed`` (m/s), and where the slider is put, ``x, y, theta`` in W; with the differences that are expected of
+    loads (N) and of gaps between finger and outline (m), or without forces of ends (m; turns times the radius of gyration).
+    """
+    candidates: Candidates = ends_of(system) if isinstance(system, Motions) else loads_of(system)
+    if not candidates.entries:
+        return []
+    predicted, slopes, known = [], [], []
+    for id, fitted in causes.items():
+        size = SIZES[id]
+        small = candidates.small(id) * np.eye(size)
+        predicted.append(candidates.readings(id, fitted, np.zeros(size)))
+        slopes.append(np.stack([(candidates.readings(id, fitted, s) - predicted[-1]) / s.max() for s in small], axis=-1))
+        at = sum(SIZES[k] for k in list(fitted.values)[: list(fitted.values).index(id)])
+        spread = fitted.covariance[at : at + size, at : at + size]
+        known.append(np.linalg.pinv(spread, hermitian=True))
+    difference = predicted[0] - predicted[1]
+    squares = (difference**2).sum(axis=1)
+    pulls = [np.einsum("nrd,nr->nd", slope, difference) for slope in slopes]
+    grams = [np.einsum("nrd,nre->nde", slope, slope) for slope in slopes]
+    chosen: list[int] = []
+    total, told, pulled, informed = 0.0, 0.0, [np.zeros(len(k)) for k in known], list(known)
+    while len(chosen) < min(_PROPOSED // _TIMES, len(squares)):
+        left = np.full(len(squares), np.inf)
+        for pull, gram, b, a in zip(pulls, grams, pulled, informed, strict=True):
+            slope, information = b + _TIMES * pull, a + _TIMES * gram
+            taken = np.einsum("nd,nde,ne->n", slope, np.linalg.pinv(information, hermitian=True), slope)
+            left = np.minimum(left, total + _TIMES * squares - taken)
+        left[chosen] = -np.inf
+        best = int(left.argmax())
+        told = float(left[best])
+        chosen.append(best)
+        total += _TIMES * float(squares[best])
+        pulled = [b + _TIMES * pull[best] for b, pull in zip(pulled, pulls, strict=True)]
+        informed = [a + _TIMES * gram[best] for a, gram in zip(informed, grams, strict=True)]
+    if told < _TOLD:
+        return []
+    return [{**candidates.entries[i], **candidates.expected(difference[i])} for i in chosen for _ in range(_TIMES)]

@@ -1,0 +1,122 @@
+"""What a diagnosis makes of fingers: the gaps between them and the outline, their slip, their radius."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import FORCES, LOAD, MASS, QUIET, check_schema, edited, make_log, pressure, triangle
+
+import stablepush as sp
+from stablepush.diagnosis.observations import half_spacing, observe
+
+
+def one_finger_a_push():
+    """A log of a pusher with two fingers of which one touches in a push, now this and now that."""
+    slider = sp.Slider(triangle().vertices, MASS, pressure())
+    pusher = sp.Pusher.two_fingers(0.05, 0.005)
+    rig = sp.VirtualRig(slider, sp.IdealLimitSurface(pressure(), LOAD), 0.5, pusher, [], sp.Noise(0.02, 5e-5, 5e-4))
+    pushes = sp.random_pushes(slider, pusher, 40, seed=3)
+    commands = [replace(c, place=np.add(c.place, (0, 0, 0.25 * (-1) ** k))) for k, c in enumerate(pushes)]
+    log = rig.execute(commands, seed=3).log
+    touch = [np.isfinite(log.samples[c]) for c in ("c1x", "c2x")]
+    alone = [t for t in log.trials["trial"] if not (touch[0] & touch[1])[log.rows(t)].any()]
+    samples = {name: values[np.isin(log.samples["trial"], alone)] for name, values in log.samples.items()}
+    trials = {name: values[np.isin(log.trials["trial"], alone)] for name, values in log.trials.items()}
+    return sp.PushLog(log.rig, trials, samples)
+
+
+@pytest.mark.parametrize(("side", "fingers"), (("left", ((0, -0.02), (0.0025, 0.02))), ("right", ((0.0025, -0.02), (0, 0.02)))))
+def test_one_finger_of_two_that_is_thicker_is_told(side, fingers):
+    slider = sp.Slider(triangle().vertices, MASS, pressure())
+    # a finger that is 2.5 mm thicker than the rig says is one that sits so far ahead
+    pusher = sp.Pusher(fingers, 0.005)
+    rig = sp.VirtualRig(slider, sp.IdealLimitSurface(pressure(), LOAD), 0.5, pusher, [], QUIET)
+    log = rig.execute(sp.random_pushes(slider, pusher, 40)).log
+    report = sp.diagnose(log)
+    assert report.named == ["contact-geometry"]
+    assert report.ranking[0]["parameters"]["radius"]["estimate"] == pytest.approx(0.0075, abs=1e-4)
+    assert any(f"the {side} finger alone" in note for note in report.notes)
+    assert next(e for e in report.shrink if e["channel"] == "pose")["closed"] > 0.9
+    # the mended rig has fingers that are alike
+    assert report.effects == {}
+    # nobody knows which one is as it should be where the rig does not say how thick they are
+    assert observe(edited(log, finger_radius=None)).off == (1.0, 1.0)
+
+
+def test_effects_that_hide_each_other_in_the_gaps_are_found():
+    """Thicker fingers seem farther off, a delay brings them nearer: neither alone explains anything."""
+    report = sp.diagnose(make_log("contact-geometry:radius=0.0064", "latency:delay=0.11", two=True))
+    assert set(report.named) == {"contact-geometry", "latency"}
+
+
+def test_slip_is_that_of_the_surfaces_not_of_the_contact_point():
+    """A finger that rolls along a face moves its contact point, and slips no bit: against the simulated modes."""
+    slider = sp.Slider(triangle().vertices, MASS, pressure())
+    rig = sp.VirtualRig(slider, sp.IdealLimitSurface(pressure(), LOAD), 0.4, sp.Pusher.finger(0.02))
+    execution = rig.execute(sp.random_pushes(slider, rig.pusher, 30, seed=3), rows=40)
+    o = observe(execution.log)
+    speed = np.hypot(*o.twist[:, :2].T)
+    sticks, rolls, slips = [], [], []
+    for k, trace in enumerate(execution.traces):
+        rows = np.flatnonzero(o.trial == k)
+        modes = trace.modes[np.clip(np.searchsorted(trace.t, o.time[rows] - 0.2) - 1, 0, len(trace.t) - 2), 0]
+        corner = np.linalg.norm(o.place[rows, 0, None] - slider.vertices, axis=2).min(axis=1) < 5e-3
+        inside = np.isfinite(o.slip[rows]) & ~corner & (np.arange(len(rows)) > 0) & (np.arange(len(rows)) < len(rows) - 1)
+        stuck = inside & (modes == 1)
+        sticks += (np.abs(o.slip[rows]) / speed[rows])[stuck].tolist()
+        rolls += (0.02 * np.abs(o.twist[rows, 2]) / speed[rows])[stuck].tolist()
+        for mode, sign in ((2, 1), (3, -1)):
+            slips += (sign * o.slip[rows])[inside & (modes == mode)].tolist()
+    assert len(sticks) > 50
+    assert np.median(sticks) < 0.02
+    assert np.median(rolls) > 0.1
+    assert len(slips) > 10
+    assert np.mean(np.array(slips) > 0) > 0.9
+
+
+def test_latency_shows_without_forces():
+    log = edited(make_log("latency:delay=0.1"), drop=("fx", "fy", "tau"))
+    report = sp.diagnose(log)
+    check_schema(report)
+    assert "latency" in report.named
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_thin_fingers_of_unknown_radius_are_no_error(seed):
+    """Noise can put the pusher a little inside of the outline."""
+    slider = sp.Slider(triangle().vertices, MASS, pressure())
+    pusher = sp.Pusher.finger(0.0)
+    rig = sp.VirtualRig(slider, sp.IdealLimitSurface(pressure(), LOAD), 0.5, pusher, [], sp.Noise(0.02, 2e-4, 2e-3))
+    log = rig.execute(sp.random_pushes(slider, pusher, 8, seed=seed, groups=0), seed=seed).log
+    check_schema(sp.diagnose(edited(log, FORCES, finger_radius=None)))
+
+
+def test_fingers_that_never_touch_together_are_found():
+    """Their spacing follows from single contacts, and a contact point that is logged alone counts."""
+    log = one_finger_a_push()
+    assert len(log) > 8
+    seen = observe(log)
+    assert half_spacing(log) == pytest.approx(0.025, abs=5e-4)
+    touching = np.isfinite(seen.gap)
+    assert touching.any(axis=1).mean() > 0.8 and not touching.all(axis=1).any()
+    assert np.nanmedian(np.abs(seen.gap)) < 3e-4
+    assert sp.diagnose(log).verdict in ("none", "absorbed")
+
+
+def test_rows_at_all_but_one_time_and_jumps_of_the_pusher_are_no_error():
+    """Two rows 1e-8 s apart tell nothing of the acceleration, and no pusher moves 100 km."""
+    log = make_log(count=16)
+    times, pushers = np.array(log.samples["t"]), np.array(log.samples["px"])
+    rows = [log.rows(trial) for trial in log.trials["trial"]]
+    pushing = [r[log.samples["phase"][r] == "push"] for r in rows]
+    times[pushing[0][2]] = times[pushing[0][1]] + 1e-8
+    pushers[pushing[1][3]] = 1e5
+    report = sp.diagnose(sp.PushLog(log.rig, log.trials, {**log.samples, "t": times, "px": pushers}))
+    assert report.verdict in ("none", "absorbed")
+
+
+def test_the_mended_rig_knows_what_the_log_tells_of_its_fingers():
+    log = edited(make_log(count=40, two=True), contact_friction=None, finger_radius=None)
+    report = sp.diagnose(log)
+    assert report.rig.finger_radius == pytest.approx(0.005, abs=3e-4)
+    assert report.rig.contact_friction is None or report.rig.contact_friction == pytest.approx(0.5, abs=0.1)

@@ -1,0 +1,134 @@
+"""The same numbers wherever work is done; cross-validation of models, which is such work."""
+
+import os
+import time
+
+import numpy as np
+import pytest
+from conftest import LOAD, pressure, triangle
+
+import stablepush as sp
+
+
+def power(base, exponent):
+    if exponent < 0:
+        raise ValueError(f"no {exponent}")
+    return base**exponent, os.getpid()
+
+
+def leave_a_file(folder, name, seconds):
+    time.sleep(seconds)
+    (folder / name).write_text("done", encoding="utf-8")
+    return name
+
+
+def factor(matrix):
+    """An answer that hangs on the order in which linear algebra adds."""
+    matrix += 0.5  # and a worker may write into what it gets
+    return np.linalg.svd(matrix @ matrix.T)[1]
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    distributed = pytest.importorskip("dask.distributed")
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as found:
+        yield found.scheduler_address
+
+
+def test_results_come_in_the_order_of_the_jobs():
+    jobs = [(base, 3) for base in range(20)]
+    here = list(sp.run_parallel(power, jobs))
+    there = list(sp.run_parallel(power, jobs, 2))
+    assert [value for value, _ in here] == [value for value, _ in there] == [base**3 for base in range(20)]
+    assert {process for _, process in here} == {os.getpid()}
+    assert os.getpid() not in {process for _, process in there}
+
+
+def test_results_out_of_order_are_all_there():
+    found = [value for value, _ in sp.run_parallel(power, [(base, 2) for base in range(20)], 2, in_order=False)]
+    assert sorted(found) == [base**2 for base in range(20)]
+
+
+def test_numbers_do_not_depend_on_the_place(cluster):
+    rng = np.random.default_rng(0)
+    jobs = [(rng.normal(size=(120, 120)),) for _ in range(4)]
+    copies = [[(m.copy(),) for (m,) in jobs] for _ in range(2)]
+    here = np.array(list(sp.run_parallel(factor, jobs, 2)))
+    assert np.array_equal(here, list(sp.run_parallel(factor, copies[0], scheduler=cluster)))
+    np.testing.assert_allclose(list(sp.run_parallel(factor, copies[1], 1)), here, rtol=1e-12)
+
+
+def test_an_error_is_passed_on():
+    with pytest.raises(ValueError, match="no -1"):
+        list(sp.run_parallel(power, [(2, 1), (2, -1)], 2))
+
+
+def test_leaving_early_ends_the_work(tmp_path):
+    jobs = [(tmp_path, str(k), 0.0 if k == 0 else 0.4) for k in range(40)]
+    work = sp.run_parallel(leave_a_file, jobs, 2)
+    assert next(work) == "0"
+    work.close()
+    left = len(list(tmp_path.iterdir()))
+    time.sleep(1.5)
+    # what was under way may end, the rest is never begun
+    assert len(list(tmp_path.iterdir())) <= left + 4 < 40
+
+
+def test_nothing_to_do():
+    assert list(sp.run_parallel(power, [], 2)) == []
+
+
+@pytest.mark.parametrize(("options", "words"), [({"processes": 0}, "processes"), ({"scheduler": "tcp://127.0.0.1:1"}, "no Dask")])
+def test_bad_options_are_refused(options, words):
+    with pytest.raises(sp.InputError, match=words):
+        list(sp.run_parallel(power, [(1, 1)], **options))
+
+
+def pokes(count, seed=0):
+    rng = np.random.default_rng(seed)
+    surface = sp.IdealLimitSurface(pressure(), LOAD)
+    twists = rng.normal(size=(count, 3)) / (1, 1, surface.characteristic_length)
+    return surface.wrench(twists) * rng.normal(1, 0.02, (count, 1)), twists
+
+
+def test_cross_validation_is_what_a_loop_over_folds_gives():
+    loads, twists = pokes(12)
+    found = sp.cross_validate(loads, twists, ["quadratic"], characteristic_length=0.05, folds=12, repeats=1, seed=3)
+    for row in range(12):
+        train = np.arange(12) != row
+        fit = sp.fit_limit_surface(loads[train], twists[train], "quadratic", characteristic_length=0.05, seed=3)
+        scale = (1, 1, 0.05)
+        one, other = (v * scale / np.linalg.norm(v * scale) for v in (fit.surface.twist(loads[row]), twists[row]))
+        assert found.errors[0, row] == pytest.approx(np.arccos(min(1.0, one @ other)), abs=1e-7)
+    assert found.best == "quadratic" and found.behind("quadratic") == (0.0, 0.0)
+
+
+def test_cross_validation_tells_the_better_model_and_is_the_same_everywhere(cluster):
+    loads, twists = pokes(24)
+    options = {"slider": triangle(), "repeats": 2, "seed": 1}
+    said = []
+    here = sp.cross_validate(loads, twists, ["quadratic", "poly4-cvx"], **options, progress=lambda *n: said.append(n))
+    assert said[0] == (1, 20) and said[-1] == (20, 20)
+    # facets of support points are no ellipsoid
+    assert here.best == "poly4-cvx"
+    more, half = here.behind("quadratic")
+    assert more > half > 0
+    for place in ({"processes": 2}, {"scheduler": cluster}):
+        there = sp.cross_validate(loads, twists, ["quadratic", "poly4-cvx"], **options, **place)
+        np.testing.assert_allclose(there.errors, here.errors, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"models": ["poly5"]}, "models"),
+        ({"models": []}, "models"),
+        ({"folds": 1}, "folds"),
+        ({"folds": 9}, "folds"),
+        ({"repeats": 0}, "repeats"),
+        ({"seed": -1}, "seed"),
+    ],
+)
+def test_bad_cross_validations_are_refused(options, words):
+    with pytest.raises(sp.InputError, match=words):
+        sp.cross_validate(*pokes(8), **options)
