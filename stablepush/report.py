@@ -60,14 +60,14 @@ class Section:
 
 def report_html(title: str, lead: str, sections: Sequence[Section]) -> str:
     """Return a report as one HTML page that needs no network."""
-    return _render("report.html", title=title, lead=lead, sections=sections, version=__version__)
+    return render("report.html", title=title, lead=lead, sections=sections)
 
 
 def plan_html(problem: PlanningProblem, result: PlanResult, title: str = "Plan of stable pushes") -> str:
     """Return the animation of a plan as one HTML page that needs no network."""
     key = "Blue crosses are counter-clockwise rotation centres, orange ones clockwise."
     label = "The slider and its pusher among obstacles"
-    return _render("plan.html", title=title, label=label, key=key, data=_script(_plan_data(problem, result)))
+    return render("plan.html", title=title, label=label, key=key, data=script(_plan_data(problem, result)))
 
 
 def push_html(slider: Slider, pusher: Pusher, trace: PushTrace, title: str = "A push") -> str:
@@ -146,7 +146,7 @@ def surface_html(
     corners = [[None if np.isnan(p).any() else p.tolist() for p in row] for row in mesh]
     data = {"mesh": corners, "limit": size, "unit": surface.force_unit, "pokes": pokes, "summary": summary}
     key = "Dots: measured loads, orange: measured slip, dark: slip of the surface." if pokes else ""
-    return _render("surface.html", title=title, label="The limit surface in three dimensions", key=key, data=_script(data))
+    return render("surface.html", title=title, label="The limit surface in three dimensions", key=key, data=script(data))
 
 
 def region_html(
@@ -189,7 +189,7 @@ def region_html(
     }  # fmt: skip
     lines = zip(("filled", "dashed", "dotted", "finely dotted"), regions, strict=False)
     key = "Blue: counter-clockwise, orange: clockwise; " + ", ".join(f"{line}: {region.name}" for line, region in lines) + "."
-    return _render("region.html", title=title, label="Map of rotation centres about the slider", key=key, data=_script(data))
+    return render("region.html", title=title, label="Map of rotation centres about the slider", key=key, data=script(data))
 
 
 def _spread(count: int, most: int) -> np.ndarray:
@@ -251,7 +251,7 @@ def _motion_page(
     if result is not None:
         key += " Dashed: the plan and its goal."
     label = "The slider as it moves over the table"
-    return _render("motion.html", title=title, label=label, key=key, data=_script(data))
+    return render("motion.html", title=title, label=label, key=key, data=script(data))
 
 
 def _planned_way(result: PlanResult) -> list[list[float]]:
@@ -261,7 +261,7 @@ def _planned_way(result: PlanResult) -> list[list[float]]:
     return [place for way in ways for place in way.tolist()]
 
 
-def _script(data: dict[str, Any]) -> str:
+def script(data: dict[str, Any]) -> str:
     """JSON for a script element: inside one only "<" could end it or open a comment."""
     return json.dumps(data, allow_nan=False).replace("<", "\\u003c")
 
@@ -316,7 +316,8 @@ def _frame(problem: PlanningProblem, result: PlanResult) -> FloatArray:
     return np.concatenate((low - room, high + room))
 
 
-def _render(template: str, **values: Any) -> str:
+def render(template: str, **values: Any) -> str:
+    """Return a template of the package, filled in; ``data`` is what :func:`script` returned."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -326,4 +327,4 @@ def _render(template: str, **values: Any) -> str:
         from markupsafe import Markup
 
         values["data"] = Markup(values["data"])
-    return environment.get_template(template).render(**values)
+    return environment.get_template(template).render(version=__version__, **values)

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import LOAD, MASS, pressure, triangle
+from conftest import FORCES, LOAD, MASS, edited, make_log, pressure, triangle
 
 import stablepush as sp
+from stablepush.gap_page import gap_html
 from stablepush.report import plan_html, push_html, region_html, slide_html, surface_html
 
 BROWSER = next((p for p in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if p), None)
@@ -20,6 +21,12 @@ CONTACT = sp.PushContact([[-0.02, -0.05], [0.02, -0.05]], [[0, 1], [0, 1]], 0.5)
 #: What a page says when something is moved, by the script that moves it.
 MOVES = {
     "surface": ("chosen.value = 2; chosen.dispatchEvent(new Event('input'));", r"Poke two: load .* slip [\d.]+° off"),
+    "diagnosis": (
+        "bar.value = 5; bar.dispatchEvent(new Event('input')); covariate.value = 2; covariate.dispatchEvent(new Event('change'));"
+        " show.click();",
+        r"Push \d+, slider at .* nominal leaves along the load .* mended leaves .* N mm",
+    ),
+    "ends": ("bar.value = 5; bar.dispatchEvent(new Event('input'));", r"Push \d+, slider at .* mended leaves .* mm"),
     "region": ("bar.value = 30; bar.dispatchEvent(new Event('input'));", r"model: stable · .*margin [\d.]+° · turned by 30°"),
     "plan": (
         "bar.value = 500; bar.dispatchEvent(new Event('input'));",
@@ -37,6 +44,9 @@ def page_of(kind):
     if kind == "region":
         regions = [sp.stable_region(SURFACE, CONTACT), sp.lynch_mason_region(SLIDER, CONTACT)]
         return region_html(SURFACE, CONTACT, regions, SLIDER)
+    if kind in ("diagnosis", "ends"):
+        log = make_log("tilt:slope=0.03/0.01", count=20)
+        return gap_html(sp.diagnose(log if kind == "diagnosis" else edited(log, FORCES), name="A <surface>"))
     if kind == "plan":
         problem = sp.load_scene(Path(__file__).parents[1] / "examples" / "scenes" / "tight-turn.json")
         return plan_html(problem, sp.plan(problem, improve=0))

@@ -67,6 +67,9 @@ class GapReport:
     loads: FloatArray = field(repr=False)
     headings: FloatArray = field(repr=False)
     orders: FloatArray = field(repr=False)
+    speeds: FloatArray = field(repr=False)
+    row_names: list[str] = field(repr=False)
+    end_names: list[str] = field(repr=False)
 
     def to_json(self) -> dict[str, Any]:
         """Return the ``diagnosis/1`` of the report."""
@@ -193,6 +196,9 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         loads=system.observations.wrench,
         headings=heading(system.observations),
         orders=system.observations.order,
+        speeds=np.linalg.norm(system.observations.twist[:, :2], axis=1),
+        row_names=[observations.names[k] for k in system.observations.trial],
+        end_names=[observations.names[push.trial] for push in pushes],
     )
 
 
@@ -221,7 +227,7 @@ def _too_little(log: PushLog, name: str) -> GapReport:
     after = {"separates": [], "pushes": [], "why": "more pushes in headings, places, speeds and faces that vary, in random order"}
     return GapReport(
         name, len(log), [], "none", [], [], [], ranking, [], [], after, f"{words[0].upper()}{words[1:]}.", [words], log.rig, None,
-        {}, {}, {}, nothing, nothing, nothing, np.zeros(0), np.zeros(0),
+        {}, {}, {}, nothing, nothing, nothing, np.zeros(0), np.zeros(0), np.zeros(0), [], [],
     )  # fmt: skip
 
 

@@ -1,0 +1,194 @@
+"""The page of a diagnosis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from stablepush._arrays import FloatArray
+from stablepush.diagnosis import GapReport
+from stablepush.plot import figure_png, plot_effects, plot_ends, plot_residuals, plot_residuals_against
+from stablepush.report import Section, render, script
+from stablepush.se2 import rotate_vectors
+from stablepush.slider import Slider
+
+#: Rows that a page has, at most.
+_MOST_ROWS = 2000
+#: Length of a large arrow over the extent of the table.
+_ARROW = 0.12
+#: Covariates that every row has.
+_PLACE = (("x", "m"), ("y", "m"), ("turned by", "deg"))
+
+
+def percent(share: float) -> str:
+    """A share in percent; where there is hardly a gap its interval says nothing."""
+    return "below -100" if share < -1 else f"{100 * share:.0f}"
+
+
+def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
+    """Return a diagnosis as one HTML page that needs no network: verdict, evidence to look at row by row, pictures, all effects,
+    what to try next."""
+    sections = [
+        Section("Verdict", report.sentence, [("verdict", report.verdict), ("effects", ", ".join(report.named) or "none")])
+    ]
+    shrink = [
+        (
+            entry["channel"],
+            f"{_number(entry['before'])} {entry['unit'].removeprefix('1')} before, {_number(entry['after'])} after, "
+            f"floor {_number(entry['floor'])}; "
+            f"closed {100 * entry['closed']:.0f} % ({percent(entry['ci95'][0])} to {percent(entry['ci95'][1])}), "
+            f"{entry['held_out_trials']} held-out trials",
+        )
+        for entry in report.shrink
+    ]
+    sections.append(
+        Section("How far the gap shrinks", "Root mean squares on trials that the mended simulation was not fitted to.", shrink)
+    )
+    if report.residuals:
+        sections.append(Section.with_picture("Where: over the table", figure_png(plot_residuals(report))))
+        text = "Residuals of the nominal simulation and of the mended one."
+        sections.append(Section.with_picture("Where: heading and order", figure_png(plot_residuals_against(report)), text))
+    if report.where:
+        found = [
+            (
+                f"{f.channel}, {f.component}: {f.covariate}",
+                f"{100 * f.share:.0f} % of the variance, p {f.p_value:.4f}",
+            )
+            for f in report.where[:12]
+        ]
+        sections.append(Section("Where: what residuals follow", "On held-out trials.", found))
+    if report.ends and len(report.places):
+        words = "Pushes carried out again in simulation, from where the slider lay and as the pusher went."
+        sections.append(Section.with_picture("Where: ends of pushes", figure_png(plot_ends(report)), words))
+    rows = []
+    for entry in report.ranking:
+        parameters = "; ".join(
+            f"{name} {_number(p['estimate'])} ({_number(p['ci95'])}) {p['unit']}" for name, p in entry["parameters"].items()
+        )
+        said = parameters if entry["identifiable"] else f"This log cannot show it: {entry['reason']}."
+        rows.append((entry["effect"], f"{entry['probability']:.2f}. {said}"))
+    text = "Probability of each effect of the catalogue given the others that are named, and its parameters with 95 % intervals."
+    sections.append(Section.with_picture("Why", figure_png(plot_effects(report)), text, rows))
+    after = report.next_experiment
+    pushes = [
+        (f"push {k + 1}", ", ".join(f"{name} {_number(value)}" for name, value in push.items()))
+        for k, push in enumerate(after["pushes"])
+    ]
+    words = f"To separate {' and '.join(after['separates'])}: {after['why']}." if after["separates"] else f"{after['why']}."
+    sections.append(Section("What to try next", words, pushes))
+    how = (
+        "Loads of support points under the outline and the parameters of effects are fitted jointly to the measured "
+        "wrenches and to the gaps between fingers and outline, each row weighted by the noise of forces and motion and by "
+        "how far off it is. Without forces the ends of pushes are fitted in the place of wrenches, each carried out again "
+        "in simulation. An effect is named if no effect would show so clearly by chance more than once in a hundred logs "
+        "(signs of the trials' scores drawn at random; without forces a larger gain may do instead), and the log density "
+        "grows by enough over its scatter between pushes; the others are judged given it. Pressure is named if it "
+        "predicts held-out trials as well as any pressure does, friction of the fingers if forces of those that slip say "
+        "so. Which effects act was found on all trials; shares of the gap are those of trials left out of the fit, five "
+        "folds, repeats kept together."
+    )
+    sections.append(Section("How it was computed", how))
+    sections.append(Section("Data quality", "", [("note", note) for note in report.notes] or [("note", "nothing to remark")]))
+    lead = f"{report.log}, {report.trials} pushes"
+    values = {"title": title, "lead": lead, "sections": sections}
+    seen = _rows_of_loads(report) if report.residuals else _rows_of_ends(report)
+    if not seen.rows:
+        return render("report.html", **values)
+    about, label = seen.about, "the slider on the table with what the simulations leave, as arrows"
+    return render("diagnosis.html", **values, about=about, label=label, data=seen.data(report.rig.slider))
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What can be looked at row by row: poses of the slider, arrows and components before and after mending, covariates."""
+
+    about: str
+    rows: list[dict[str, Any]]
+    components: list[tuple[str, str]]
+    covariates: list[tuple[str, str]]
+
+    def data(self, slider: Slider) -> str:
+        """The JSON that the page's script reads."""
+        poses = np.array([row["at"] for row in self.rows])
+        # the slider may stick out a little: what matters are the arrows
+        low, high = poses[:, :2].min(axis=0) - 0.5 * slider.radius, poses[:, :2].max(axis=0) + 0.5 * slider.radius
+        extent = float((high - low).max())
+        large = float(np.quantile(np.linalg.norm([row["arrow"]["before"] for row in self.rows], axis=1), 0.95))
+        room = 0.5 * _ARROW * extent
+        return script(
+            {
+                "rows": self.rows,
+                "components": [{"name": name, "unit": unit} for name, unit in self.components],
+                "covariates": [{"name": name, "unit": unit} for name, unit in self.covariates],
+                "frame": [*(low - room).tolist(), *(high + room).tolist()],
+                "scale": _ARROW * extent / max(large, 1e-12),
+                "slider": slider.vertices.tolist(),
+            }
+        )
+
+
+def _rows_of_loads(report: GapReport) -> _Seen:
+    along = report.loads[:, :2] / np.maximum(np.linalg.norm(report.loads[:, :2], axis=1, keepdims=True), 1e-9)
+    across = np.stack((-along[:, 1], along[:, 0]), axis=-1)
+    parts = {}
+    for key in ("before", "after"):
+        force, moment = report.residuals[key][:, :2], report.residuals[key][:, 2]
+        parts[key] = np.column_stack(((force * along).sum(axis=1), (force * across).sum(axis=1), 1000 * moment))
+    arrows = {key: rotate_vectors(report.poses[:, 2], report.residuals[key][:, :2]) for key in ("before", "after")}
+    covariates = np.column_stack(
+        (np.degrees(report.headings), report.orders, 1000 * report.speeds, report.poses[:, :2], np.degrees(report.poses[:, 2]))
+    )
+    return _Seen(
+        "Arrows: the force that a simulation lacks, where the slider lay.",
+        _rows(report.row_names, report.poses, arrows, parts, covariates),
+        [("along the load", "N"), ("across the load", "N"), ("moment", "N mm")],
+        [
+            ("heading of the motion", "deg"),
+            ("place in the log", ""),
+            ("speed", "mm/s"),
+            ("x", "m"),
+            ("y", "m"),
+            ("turned by", "deg"),
+        ],
+    )
+
+
+def _rows_of_ends(report: GapReport) -> _Seen:
+    parts = {key: ends * (1000, 1000, 1000) for key, ends in report.ends.items()}
+    arrows = {key: rotate_vectors(report.places[:, 2], ends[:, :2]) for key, ends in report.ends.items()}
+    covariates = np.column_stack((report.places[:, :2], np.degrees(report.places[:, 2]), np.arange(len(report.places))))
+    return _Seen(
+        "Arrows: from where a push ends in simulation to where the slider was measured to end, larger than they are.",
+        _rows(report.end_names, report.places, arrows, parts, covariates),
+        [("along x of the slider", "mm"), ("along y of the slider", "mm"), ("turn times the radius of gyration", "mm")],
+        [*_PLACE, ("number", "")],
+    )
+
+
+def _rows(
+    names: list[str], poses: FloatArray, arrows: dict[str, FloatArray], parts: dict[str, FloatArray], covariates: FloatArray
+) -> list[dict[str, Any]]:
+    """Rows whose numbers are all known, as many as a page can take."""
+    if not arrows:
+        return []
+    numbers = np.column_stack([poses, covariates, *arrows.values(), *parts.values()])
+    known = np.flatnonzero(np.isfinite(numbers).all(axis=1))
+    chosen = known[np.unique(np.linspace(0, max(0, len(known) - 1), min(len(known), _MOST_ROWS)).round().astype(int))]
+    return [
+        {
+            "trial": names[i],
+            "at": poses[i].tolist(),
+            "arrow": {key: arrow[i].tolist() for key, arrow in arrows.items() if key in ("before", "after")},
+            **{key: part[i].tolist() for key, part in parts.items() if key in ("before", "after")},
+            "covariates": covariates[i].tolist(),
+        }
+        for i in chosen
+    ]
+
+
+def _number(value: object) -> str:
+    if isinstance(value, list):
+        return ", ".join(_number(v) for v in value)
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
