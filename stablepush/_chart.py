@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 
 from stablepush._arrays import BoolArray, FloatArray
+from stablepush.errors import ConvergenceError
 from stablepush.planar import unit
 
 #: Largest gap (rad) between neighbours on a boundary, a whole part of the rim: great circles are that near to straight, to 1e-5.
@@ -176,7 +177,10 @@ def cor_polygons(rings: Rings, sense: int, rho: float, extent: float) -> list[sh
         twists = sense * ring / (1.0, 1.0, rho)
         for row in ((1, 0, extent), (-1, 0, extent), (0, 1, extent), (0, -1, extent)):
             twists = clip_loop(twists, np.array(row, dtype=np.float64))
-        cors = np.stack((-twists[:, 1], twists[:, 0]), axis=-1) / twists[:, 2:]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cors = np.stack((-twists[:, 1], twists[:, 0]), axis=-1) / twists[:, 2:]
+        if not np.isfinite(cors).all():
+            raise ConvergenceError("stable region: its boundary runs through itself; is the surface convex?")
         return np.concatenate((cors, cors[:1]))
 
     merged = shapely.union_all([_polygon(polygon, place) for polygon in rings])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +49,7 @@ def load_movingai_map(path: str | Path, cell: float) -> tuple[list[FloatArray], 
         if not words or words[0] != name:
             fail(number, f"expected {name!r}, got {line[:40]!r}")
         if name in ("height", "width"):
-            if len(words) != 2 or not words[1].isdigit() or not 0 < int(words[1]) <= 100_000:
+            if len(words) != 2 or not re.fullmatch(r"[0-9]{1,6}", words[1]) or not 0 < int(words[1]) <= 100_000:
                 fail(number, f"expected {name!r} and a whole number from 1 to 100000, got {line[:40]!r}")
             size[name] = int(words[1])
     rows = lines[4 : 4 + size["height"]]

@@ -30,6 +30,8 @@ from stablepush.slider import Slider
 
 #: Turns of the body that are followed: each takes some 25 ms.
 _MOST_TURNS = 1000
+#: Evaluations of the rates that are made, some 20 s: friction off the centre of mass makes a fast body swing all the way.
+_MOST_RATES = 1_500_000
 #: Speed at which a slide counts as over, of the first speed; what it still travels is the square of that.
 _OVER = 1e-8
 #: Support points this much slower than the slider, in the norm of U, have friction in proportion to their speed.
@@ -231,7 +233,16 @@ def simulate_free_sliding(
             f"cut the slide at, of at most {_MOST_TURNS / turns * min(unit_time, limit):.4g}"
         )
 
+    rates = 0
+
     def rate(_: float, state: FloatArray) -> FloatArray:
+        nonlocal rates
+        rates += 1
+        if rates > _MOST_RATES:
+            raise InputError(
+                "duration: the body swings too often to be followed to its end: expected a time in s to cut the slide at, of at "
+                f"most {0.9 * unit_time * state[4]:.4g}"
+            )
         u, shrink = state[:3], np.exp(state[3])
         norm = np.linalg.norm(u)
         u = u / norm

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from conftest import IDEALS, POLYNOMIALS, power_form, random_twists, surface_zoo
+from conftest import IDEALS, POLYNOMIALS, power_form, random_twists, surface_zoo, triangle
 
 import stablepush as sp
 from stablepush.models.monomials import hessian_operator, monomials
@@ -241,3 +241,13 @@ def test_coincident_and_idle_support_points_change_nothing():
     loads = plain.wrench(twists) * rng.uniform(0.98, 1.0, (len(twists), 1))
     np.testing.assert_allclose(rich.value(loads), plain.value(loads), atol=1e-10)
     np.testing.assert_allclose(rich.twist(loads), plain.twist(loads), atol=1e-6)
+
+
+def test_an_ensemble_of_surfaces_that_are_not_convex_is_refused():
+    fitted = sp.fit_limit_surface(np.zeros((0, 3)), np.zeros((0, 3)), slider=triangle()).surface
+    bent = np.where(np.arange(15) == 3, -3, 1)
+    for change in (lambda row: -row, lambda row: row * bent, lambda row: row * (-1) ** np.arange(15)):
+        rows = np.array(fitted.ensemble)
+        rows[3] = change(rows[3])
+        with pytest.raises(sp.InputError, match="row 3 is not"):
+            sp.PolynomialLimitSurface(fitted.coefficients, 4, fitted.characteristic_length, ensemble=rows)

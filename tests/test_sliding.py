@@ -195,3 +195,16 @@ def test_a_body_at_rest_stays():
 def test_eigen_directions_refuse_gravity_that_pulls_up():
     with pytest.raises(sp.InputError, match="gravity"):
         sp.eigen_directions(uniform(), square(), gravity=-1)
+
+
+def test_a_body_that_swings_too_often_is_cut(monkeypatch):
+    """Friction off the centre of mass makes a fast body swing; what cannot be followed says how long it can."""
+    feet = sp.SupportDistribution([[0.05, 0.0], [-0.03, 0.03], [-0.02, -0.05]], [1, 2, 3])
+    slider = sp.Slider([(-0.06, -0.06), (0.1, -0.05), (-0.05, 0.1)], 1.2)
+    surface = sp.IdealLimitSurface(feet, 3.0)
+    monkeypatch.setattr("stablepush.sliding._MOST_RATES", 2000)
+    with pytest.raises(sp.InputError, match="swings too often") as error:
+        sp.simulate_free_sliding(surface, slider, (300.0, 90.0, 0.0))
+    cut = float(str(error.value).split()[-1])
+    slide = sp.simulate_free_sliding(surface, slider, (300.0, 90.0, 0.0), duration=cut)
+    assert not slide.at_rest and slide.t[-1] == pytest.approx(cut)

@@ -17,6 +17,8 @@ from stablepush.planar import normalize_wrench, unit
 
 #: What ``force_unit`` may be: forces in newton, or in units of the maximal friction force mu*N.
 FORCE_UNITS = ("N", "mu*N")
+#: Directions in which an ensemble is looked at, and how far its second derivatives may be below zero by rounding.
+_DIRECTIONS, _ROUNDING = 200, 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,6 +90,9 @@ class PolynomialLimitSurface:
             ensemble = check_vectors(ensemble, "ensemble", len(a))
             if ensemble.ndim != 2 or not len(ensemble):
                 raise InputError(f"ensemble: expected shape (n, {len(a)}), got {ensemble.shape}")
+            bent = np.flatnonzero(_bent(ensemble, degree))
+            if len(bent):
+                raise InputError(f"ensemble: expected convex surfaces, row {bent[0]} is not")
             ensemble = read_only(ensemble)
         rho = check_number(characteristic_length, "characteristic_length", above=0.0)
         object.__setattr__(self, "coefficients", read_only(a))
@@ -177,6 +182,20 @@ class PolynomialLimitSurface:
 
     def _normalized(self, wrenches: ArrayLike) -> FloatArray:
         return normalize_wrench(check_vectors(wrenches, "wrenches", 3), self.characteristic_length)
+
+
+def _bent(coefficients: FloatArray, degree: int) -> NDArray[np.bool_]:
+    """Which of several polynomials (n, m) are seen not to be convex: along one of many directions ``H`` is not above zero, or
+    bends down."""
+    k = np.arange(_DIRECTIONS) + 0.5
+    up, around = 1 - 2 * k / _DIRECTIONS, np.pi * (1 + 5**0.5) * k
+    flat = np.sqrt(1 - up**2)
+    points = np.stack((flat * np.cos(around), flat * np.sin(around), up), axis=-1)
+    second = np.einsum("pn,enm,sm->spe", monomials(points, degree - 2), hessian_operator(degree), coefficients, optimize=True)
+    xx, xy, xz, yy, yz, zz = np.moveaxis(second, -1, 0)
+    least = np.linalg.eigvalsh(np.stack((xx, xy, xz, xy, yy, yz, xz, yz, zz), axis=-1).reshape(*xx.shape, 3, 3))
+    low, high = least[..., 0].min(axis=1), least[..., 2].max(axis=1)
+    return np.asarray((low < -_ROUNDING * np.abs(high)) | ((coefficients @ monomials(points, degree).T).min(axis=1) <= 0))
 
 
 def _rebuilt(
