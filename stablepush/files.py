@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn, TextIO, TypeVar
 
 from stablepush._arrays import FloatArray, check_array, check_number
 from stablepush.errors import InputError
@@ -157,17 +157,37 @@ def read_json(path: str | Path, *formats: str) -> Node:
 
 def read_text(path: str | Path) -> str:
     """Read a UTF-8 text file; every failure is one line that names it."""
+    with open_text(path) as stream:
+        return stream.read()
+
+
+@contextmanager
+def open_text(path: str | Path, newline: str | None = None) -> Iterator[TextIO]:
+    """Open a UTF-8 text file to be read; every failure, also while it is read, is one line that names it."""
     try:
-        if os.path.getsize(path) > _LARGEST_FILE:
-            raise InputError(f"{path}: expected a file of at most {_LARGEST_FILE // 2**20} MB")
-        with open(path, encoding="utf-8-sig") as stream:
-            return stream.read()
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start}: expected UTF-8 text") from None
+        too_large = os.path.getsize(path) > _LARGEST_FILE
+        stream = open(path, encoding="utf-8-sig", newline=newline)  # noqa: SIM115 (closed below)
     except ValueError as error:  # a NUL in the path
         raise InputError(f"{str(path)!r}: cannot read: {error}") from None
     except OSError as error:
         raise InputError(f"{path}: cannot read: {error.strerror or error}") from None
+    with stream:
+        if too_large:
+            raise InputError(f"{path}: expected a file of at most {_LARGEST_FILE // 2**20} MB")
+        try:
+            yield stream
+        except UnicodeDecodeError:
+            raise InputError(f"{path}: byte {_first_bad_byte(path)}: expected UTF-8 text") from None
+        except OSError as error:
+            raise InputError(f"{path}: cannot read: {error.strerror or error}") from None
+
+
+def _first_bad_byte(path: str | Path) -> int:
+    try:
+        Path(path).read_bytes().decode()
+    except UnicodeDecodeError as error:
+        return error.start
+    return 0
 
 
 def _reject_infinite(node: Node) -> None:

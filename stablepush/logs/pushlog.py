@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -213,15 +213,15 @@ def rig_to_json(rig: Rig) -> dict[str, Any]:
     }
 
 
-def _read_samples(folder: Path) -> tuple[dict[str, Column], list[str], str]:
-    """Columns, the place of each row in the file, and the file."""
+def _read_samples(folder: Path) -> tuple[dict[str, Column], Callable[[int], str], str]:
+    """Columns, what says the place of a row in the file, and the file."""
     table, parquet = folder / "samples.csv", folder / "samples.parquet"
     required = ("trial", "t", "x", "y", "theta")
     if parquet.exists() and not table.exists():
         columns = _read_parquet(parquet, required)
-        return columns, [f"row {i + 1}" for i in range(len(columns["t"]))], str(parquet)
+        return columns, lambda row: f"row {row + 1}", str(parquet)
     columns, lines = read_table(table, required=required, numbers=SAMPLE_NUMBERS, filled=("trial", "t"))
-    return columns, [f"line {n}" for n in lines], str(table)
+    return columns, lambda row: f"line {lines[row]}", str(table)
 
 
 def _read_parquet(path: Path, required: tuple[str, ...]) -> dict[str, Column]:
@@ -253,7 +253,7 @@ def _read_parquet(path: Path, required: tuple[str, ...]) -> dict[str, Column]:
     return columns
 
 
-def _check_trials(trials: Mapping[str, Column], lines: list[int], source: str) -> None:
+def _check_trials(trials: Mapping[str, Column], lines: Sequence[int], source: str) -> None:
     if len(trials["trial"]) == 0:
         raise InputError(f"{source}: expected at least one trial")
     seen: dict[str, int] = {}
@@ -263,18 +263,18 @@ def _check_trials(trials: Mapping[str, Column], lines: list[int], source: str) -
         seen[name] = row
 
 
-def _check_samples(samples: Mapping[str, Column], trials: Mapping[str, Column], places: list[str], source: str) -> None:
+def _check_samples(samples: Mapping[str, Column], trials: Mapping[str, Column], place: Callable[[int], str], source: str) -> None:
     if len(samples["trial"]) == 0:
         raise InputError(f"{source}: expected at least one row")
     known = set(trials["trial"])
     for row, name in enumerate(samples["trial"]):
         if name not in known:
-            raise InputError(f"{source}: {places[row]}: column trial: expected a trial of trials.csv, got {name[:40]!r}")
+            raise InputError(f"{source}: {place(row)}: column trial: expected a trial of trials.csv, got {name[:40]!r}")
     if "phase" in samples:
         for row, phase in enumerate(samples["phase"]):
             if phase and phase not in PHASES:
                 raise InputError(
-                    f"{source}: {places[row]}: column phase: expected {', '.join(PHASES)} or a blank, got {phase[:40]!r}"
+                    f"{source}: {place(row)}: column phase: expected {', '.join(PHASES)} or a blank, got {phase[:40]!r}"
                 )
 
 
@@ -284,7 +284,8 @@ def freeze(table: Mapping[str, Any]) -> dict[str, Column]:
     for name, values in table.items():
         array = np.asarray(values)
         if array.dtype.kind in "OUS":
-            text = np.array([str(v) for v in values], dtype=object)
+            words: dict[str, str] = {}
+            text = np.array([words.setdefault(str(v), str(v)) for v in values], dtype=object)
             text.flags.writeable = False
             result[name] = text
         else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from array import array
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 
 from stablepush._arrays import LARGEST_MAGNITUDE
 from stablepush.errors import InputError
-from stablepush.files import read_text
+from stablepush.files import open_text
 
 Column = np.ndarray[Any, np.dtype[Any]]
 
@@ -31,54 +32,63 @@ def read_table(
     numbers: Sequence[str],
     filled: Sequence[str] = (),
     rules: Mapping[str, Rule] | None = None,
-) -> tuple[dict[str, Column], list[int]]:
+) -> tuple[dict[str, Column], Sequence[int]]:
     """Read a CSV file with a header into columns; also returns the line of the file that each row ends in.
 
     Columns named in ``numbers`` hold floats (blank: NaN); all others hold text (blank: ``""``). ``required`` columns must be
     there, ``filled`` ones must not have blanks; ``rules`` are what the numbers of a column must obey.
     """
     name = str(path)
-    # strict: a quote that is opened and never closed must not swallow the rest of the file
-    reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
-    columns: list[list[Any]] = []
-    lines: list[int] = []
-    try:
-        header = [cell.strip() for cell in next(reader, [])]
-        if not any(header):
-            raise InputError(f"{name}: line 1: expected a header of column names")
-        for i, column in enumerate(header):
-            if header.index(column) != i:
-                raise InputError(f"{name}: line 1: column {column}: expected a column to stand once, found it twice")
-        missing = [column for column in required if column not in header]
-        if missing:
-            raise InputError(f"{name}: line 1: column {missing[0]}: missing column")
-        columns = [[] for _ in header]
-        kinds = [column not in numbers for column in header]
-        must = [column in filled for column in header]
-        for row in reader:
-            if not "".join(row).strip():
-                continue
-            lines.append(reader.line_num)
-            if len(row) != len(header):
-                raise InputError(
-                    f"{name}: line {reader.line_num}: column {header[min(len(row), len(header) - 1)]}: "
-                    f"expected {len(header)} cells, got {len(row)}"
-                )
-            for i, cell in enumerate(map(str.strip, row)):
-                if not cell and must[i]:
-                    raise InputError(f"{name}: line {reader.line_num}: column {header[i]}: expected a value, got a blank")
-                value = cell if kinds[i] else _number(cell, name, reader.line_num, header[i])
-                rule = (rules or {}).get(header[i])
-                if rule and cell and not rule[0](value):  # type: ignore[arg-type]
-                    raise InputError(f"{name}: line {reader.line_num}: column {header[i]}: expected {rule[1]}, got {cell[:40]}")
-                columns[i].append(value)
-    except csv.Error as error:
-        raise InputError(f"{name}: line {reader.line_num}: expected CSV, {error}") from None
+    columns: list[Any] = []
+    lines = array("q")
+    # a word that stands in many rows is kept once
+    words: dict[str, str] = {}
+    with open_text(path, newline="") as stream:
+        # strict: a quote that is opened and never closed must not swallow the rest of the file
+        reader = csv.reader(stream, strict=True)
+        try:
+            header = [cell.strip() for cell in next(reader, [])]
+            _check_header(header, required, name)
+            kinds = [column not in numbers for column in header]
+            must = [column in filled for column in header]
+            columns = [[] if is_word else array("d") for is_word in kinds]
+            for row in reader:
+                if not "".join(row).strip():
+                    continue
+                lines.append(reader.line_num)
+                if len(row) != len(header):
+                    raise InputError(
+                        f"{name}: line {reader.line_num}: column {header[min(len(row), len(header) - 1)]}: "
+                        f"expected {len(header)} cells, got {len(row)}"
+                    )
+                for i, cell in enumerate(map(str.strip, row)):
+                    if not cell and must[i]:
+                        raise InputError(f"{name}: line {reader.line_num}: column {header[i]}: expected a value, got a blank")
+                    value = words.setdefault(cell, cell) if kinds[i] else _number(cell, name, reader.line_num, header[i])
+                    rule = (rules or {}).get(header[i])
+                    if rule and cell and not rule[0](value):  # type: ignore[arg-type]
+                        raise InputError(
+                            f"{name}: line {reader.line_num}: column {header[i]}: expected {rule[1]}, got {cell[:40]}"
+                        )
+                    columns[i].append(value)
+        except csv.Error as error:
+            raise InputError(f"{name}: line {reader.line_num}: expected CSV, {error}") from None
     table = {
-        column: np.array(values, dtype=object if is_word else np.float64)
+        column: np.array(values, dtype=object) if is_word else np.array(values, dtype=np.float64)
         for column, values, is_word in zip(header, columns, kinds, strict=True)
     }
     return table, lines
+
+
+def _check_header(header: list[str], required: Sequence[str], name: str) -> None:
+    if not any(header):
+        raise InputError(f"{name}: line 1: expected a header of column names")
+    for i, column in enumerate(header):
+        if header.index(column) != i:
+            raise InputError(f"{name}: line 1: column {column}: expected a column to stand once, found it twice")
+    missing = [column for column in required if column not in header]
+    if missing:
+        raise InputError(f"{name}: line 1: column {missing[0]}: missing column")
 
 
 def _number(cell: str, name: str, line: int, column: str) -> float:
