@@ -44,7 +44,7 @@ def main() -> None:
     except ImportError:
         return
     try:
-        found = [both((seed, 1e-4)) for seed in range(8)]
+        found = [both(seed, 1e-4) for seed in range(8)]
     except ImportError:
         print("MuJoCo is not installed (extra sim)")
         return

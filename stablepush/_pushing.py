@@ -12,6 +12,7 @@ from stablepush._compiled import compiled, inner
 from stablepush._contact_law import respond
 from stablepush._contacts import MOST_CONTACTS, OPEN
 from stablepush._table import Motion
+from stablepush._twist import way_of
 
 #: How deep (m) a finger without a radius may be in the slider before its contact is lost.
 _DEEP = 2e-4
@@ -111,11 +112,7 @@ def _velocities(touch, pushed):  # type: ignore[no-untyped-def]
 @inner
 def _moved(x, y, c, s, vx, vy, w, dt):  # type: ignore[no-untyped-def]
     """Pose (x, y, cos, sin) after a body twist is followed for a time."""
-    angle = w * dt
-    half = angle / 2
-    shrink = math.sin(half) / half if abs(half) > 1e-12 else 1.0
-    a, b = shrink * math.cos(half), shrink * math.sin(half)
-    dx, dy = dt * (a * vx - b * vy), dt * (b * vx + a * vy)
+    dx, dy, angle = way_of(vx, vy, w, dt)
     cw, sw = math.cos(angle), math.sin(angle)
     return x + c * dx - s * dy, y + s * dx + c * dy, c * cw - s * sw, s * cw + c * sw
 

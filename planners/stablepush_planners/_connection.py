@@ -8,6 +8,7 @@ from typing import NamedTuple
 from stablepush._arrays import FloatArray
 from stablepush._compiled import compiled, inner
 from stablepush._sweep import push_is_free
+from stablepush._twist import way_of
 from stablepush_planners.dubins import CURVATURES, dubins_lengths
 
 
@@ -30,12 +31,7 @@ def turn_twist(frame, curvature):  # type: ignore[no-untyped-def]
 @compiled
 def moved(x, y, theta, vx, vy, omega, duration):  # type: ignore[no-untyped-def]
     """Pose after a body twist is followed for a time."""
-    angle = omega * duration
-    half = angle / 2
-    # sin(angle)/angle and (1 - cos(angle))/angle without cancellation
-    shrink = math.sin(half) / half if abs(half) > 1e-12 else 1.0
-    a, b = shrink * math.cos(half), shrink * math.sin(half)
-    dx, dy = duration * (a * vx - b * vy), duration * (b * vx + a * vy)
+    dx, dy, angle = way_of(vx, vy, omega, duration)
     c, s = math.cos(theta), math.sin(theta)
     return x + c * dx - s * dy, y + s * dx + c * dy, theta + angle
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import f as f_distribution
@@ -17,6 +17,8 @@ from stablepush.diagnosis.forward import PARAMETERS
 _TAIL = 5.0
 #: Shares of a Gauss-Newton step that are tried until it helps.
 _SHARES = (1.0, 0.5, 0.25, 0.1, 0.02)
+#: Median of the squares of unit Gaussian noise.
+_MEDIAN = 0.455
 #: Least logarithm of a chance, where its formula underflows.
 _LEAST_LOG = -500.0
 #: Effects that are fitted, and numbers of their parameters.
@@ -294,7 +296,12 @@ class Equations(ABC):
 
 def _scale(residual: FloatArray) -> float:
     """Robust mean square of residuals."""
-    return max(1e-12, float(np.median(residual**2)) / 0.455) if len(residual) else 1.0
+    return max(1e-12, float(usual(residual**2))) if len(residual) else 1.0
+
+
+def usual(squares: FloatArray, axis: int | None = None) -> Any:
+    """Return the mean square of Gaussian noise whose squares have this median: a few that are far off do not count."""
+    return np.median(squares, axis=axis) / _MEDIAN
 
 
 def _loss(residual: FloatArray, scale: float, away: FloatArray, precision: FloatArray) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from stablepush._arrays import FloatArray
 from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out, slip_friction
-from stablepush.diagnosis.equations import SIZES
+from stablepush.diagnosis.equations import SIZES, usual
 from stablepush.diagnosis.motions import motions_of
 from stablepush.diagnosis.observations import heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
@@ -137,7 +137,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     if system.has_wrench:
         left = system.observations.wrench - held.wrenches["after"]
         white = system.white(left).reshape(-1, 3)
-        size = float(np.sqrt(np.median(white**2) / 0.455))
+        size = float(np.sqrt(usual(white**2)))
         share, p_share = flexible_share(system, white)
         common, p_common = repeats_share(system, found.final.residual[: white.size].reshape(-1, 3))
     closed = shrink(held)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from stablepush._arrays import FloatArray
-from stablepush.diagnosis.equations import SIZES, Demands, Fitted, Values
+from stablepush.diagnosis.equations import SIZES, Demands, Fitted, Values, usual
 from stablepush.diagnosis.observations import Observations
 from stablepush.diagnosis.replay import MOVING, Replay, misses
 from stablepush.diagnosis.system import System
@@ -146,9 +146,9 @@ def motions_of(observations: Observations, rig: Rig, pushes: list[Replay]) -> Mo
     left = system.fit([], True).residual[: 3 * len(system.pushes)] * system.spread
     reach, noise = system.reach, system.end_noise.ravel()
     stuck = reach <= np.median(reach)
-    still = noise * max(1.0, float(np.sqrt(np.median((left[stuck] / noise[stuck]) ** 2) / 0.455)))
+    still = noise * max(1.0, float(np.sqrt(usual((left[stuck] / noise[stuck]) ** 2))))
     moved = np.maximum(left[~stuck] ** 2 - still[~stuck] ** 2, 0.0) / np.maximum(reach[~stuck], 1e-12) ** 2
-    share = np.sqrt(np.median(moved) / 0.455) if len(moved) else 0.0
+    share = np.sqrt(usual(moved)) if len(moved) else 0.0
     system.spread = np.hypot(still, float(share) * reach)
     if rig.noise is None:
         system.end_noise = system.spread.reshape(-1, 3)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from stablepush._arrays import FloatArray
-from stablepush.diagnosis.equations import SIZES, Equations, Fitted, Values
+from stablepush.diagnosis.equations import SIZES, Equations, Fitted, Values, usual
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.observations import Observations, contact_velocity
 from stablepush.diagnosis.replay import Replay, carried
@@ -152,7 +152,7 @@ class System(Equations):
         count = sum(len(rows) for _, rows in self.gap_rows)
         behind = len(fitted.residual) - self.rest.size
         left = fitted.residual[behind - count : behind]
-        return float(np.median(left**2)) / 0.455 if count else 0.0
+        return float(usual(left**2)) if count else 0.0
 
     def gap_change(self, id: str, value: FloatArray) -> FloatArray:
         """What an effect does to the gaps (g,), in m."""
@@ -271,7 +271,7 @@ def system_of(observations: Observations, rig: Rig) -> System:
     system = System(observations, rig)
     if rig.noise is None and system.has_wrench:
         left = system.fit([], True).residual[: 3 * len(system.observations.time)]
-        size = float(np.sqrt(np.median(left**2) / 0.455))
+        size = float(np.sqrt(usual(left**2)))
         if size > 1:
             return System(observations, rig, size)
     return system

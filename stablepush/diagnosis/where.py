@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from stablepush._arrays import FloatArray
+from stablepush.diagnosis.equations import usual
 from stablepush.diagnosis.observations import heading
 from stablepush.diagnosis.system import System
 from stablepush.se2 import rotate_vectors
@@ -128,7 +129,7 @@ def _findings(rows: np.ndarray, features: Mapping[str, FloatArray], residuals: R
 
     targets = np.concatenate([means(trial, values[:, None]) for trial, values in residuals.values()], axis=1)
     # the usual size: a few pushes that go their own way do not make a finding strong
-    sizes = np.median((targets - np.median(targets, axis=0)) ** 2, axis=0) / 0.455
+    sizes = usual((targets - np.median(targets, axis=0)) ** 2, axis=0)
     targets = targets - targets.mean(axis=0)
     found: list[Finding] = []
     for covariate, columns in features.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -225,17 +225,7 @@ def fit_limit_surface(
 
     chosen, error = estimator.default, None
     if tests:
-        errors = np.empty((len(estimator.candidates), len(pairs)))
-        for rows in tests:
-            part = estimator.prepare(pairs.take(np.setdiff1d(train, rows)))
-            gradient = gradient_rows(pairs.loads[rows], degree)
-            for c, candidate in enumerate(estimator.candidates):
-                try:
-                    errors[c, rows] = angle_between(gradient @ solve(part, candidate).coefficients, pairs.directions[rows])
-                except SolverError:
-                    # weights at which no solver finds a solution are the last to choose
-                    errors[c, rows] = np.pi
-        errors = errors[:, np.concatenate(tests)]
+        errors = _held_out_errors(estimator, pairs, train, tests, degree, solve)
         chosen = _choose(errors, estimator.with_prior)
         error = float(errors[chosen].mean())
     weights = estimator.candidates[chosen]
@@ -248,15 +238,7 @@ def fit_limit_surface(
         factor = _level(best.coefficients, pairs.take(train), whole.pair_weights, degree)
         ensemble = [factor * a for a in ensemble]
         best = replace(best, coefficients=factor * best.coefficients, gram=None if best.gram is None else factor * best.gram)
-    if sampler is not None and weights.prior == 0:
-        remarks.append(
-            "the pokes contradict every pressure under the outline with the centre of mass at the origin: "
-            "the fit follows the pokes (is the outline, the centre of mass or the sign of a moment wrong?)"
-        )
-    if weights.prior and whole.pressures is not None and whole.pressures.acceptance < LEAST_ACCEPTANCE:
-        remarks.append(
-            f"only {whole.pressures.acceptance:.1%} of the moves of the likely pressures were taken: their spread may be off"
-        )
+    remarks += _remarks_on_prior(sampler, weights, whole)
     if taken_over:
         remarks.append(f"{taken_over} of {done} solves were taken over by the second solver")
     if loss == "norm" and np.median(monomials(pairs.loads, degree) @ best.coefficients) < COLLAPSED:
@@ -294,6 +276,43 @@ def fit_limit_surface(
         pressures=None if whole.pressures is None or not weights.prior else whole.pressures.scaled(pairs.force_scale),
         remarks=tuple(remarks),
     )
+
+
+def _held_out_errors(
+    estimator: Estimator,
+    pairs: Pairs,
+    train: np.ndarray,
+    tests: Sequence[np.ndarray],
+    degree: int,
+    solve: Callable[[Part, Any], Estimate],
+) -> FloatArray:
+    """Angles (rad) of pairs that were left out, (candidates, pairs), by fits with every candidate for the weights."""
+    errors = np.empty((len(estimator.candidates), len(pairs)))
+    for rows in tests:
+        part = estimator.prepare(pairs.take(np.setdiff1d(train, rows)))
+        gradient = gradient_rows(pairs.loads[rows], degree)
+        for c, candidate in enumerate(estimator.candidates):
+            try:
+                errors[c, rows] = angle_between(gradient @ solve(part, candidate).coefficients, pairs.directions[rows])
+            except SolverError:
+                # weights at which no solver finds a solution are the last to choose
+                errors[c, rows] = np.pi
+    return errors[:, np.concatenate(tests)]
+
+
+def _remarks_on_prior(sampler: PressureSampler | None, weights: Any, whole: Part) -> list[str]:
+    """What became of the slider's prior."""
+    remarks = []
+    if sampler is not None and weights.prior == 0:
+        remarks.append(
+            "the pokes contradict every pressure under the outline with the centre of mass at the origin: "
+            "the fit follows the pokes (is the outline, the centre of mass or the sign of a moment wrong?)"
+        )
+    if weights.prior and whole.pressures is not None and whole.pressures.acceptance < LEAST_ACCEPTANCE:
+        remarks.append(
+            f"only {whole.pressures.acceptance:.1%} of the moves of the likely pressures were taken: their spread may be off"
+        )
+    return remarks
 
 
 def _level(coefficients: FloatArray, pairs: Pairs, weights: FloatArray, degree: int) -> float:

@@ -1,0 +1,325 @@
+"""All benchmarks in one run: each task beside what one would otherwise use, as it grows, with the memory that it takes.
+
+    python benchmarks/table.py [-o docs/benchmarks] [--only fit region ...]
+
+One thread, compiled code warmed up first. Writes ``table.md`` and ``growth.svg`` into the folder, and prints the table. Times are
+medians (single runs of what takes longer than two seconds); memory is the peak of what Python and numpy allocate in a second run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+import tracemalloc
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import fit as fit_benchmark
+import h_inv
+import numpy as np
+import planning_growth
+import region as region_benchmark
+import shapely
+from scipy.optimize import least_squares
+
+import stablepush as sp
+from stablepush.demo import demo_pokes
+from stablepush.planar import twist_from_cor, unit
+from stablepush.probability import probability_map
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "simulation"))
+
+EXTENT = 0.4
+Task = Callable[[], object]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A task at a size: seconds and bytes of ours and of the other."""
+
+    task: str
+    size: str
+    count: float
+    ours: float
+    memory: int
+    other: str
+    theirs: float
+    other_memory: int
+
+
+def seconds(task: Task) -> float:
+    """The median wall time; of one run if that takes long."""
+    times: list[float] = []
+    while len(times) < 5 and sum(times) < 2.0:
+        began = time.perf_counter()
+        task()
+        times.append(time.perf_counter() - began)
+    return float(np.median(times))
+
+
+def peak(task: Task) -> int:
+    tracemalloc.start()
+    task()
+    found = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return found
+
+
+def beside(task: str, size: str, count: float, ours: Task, other: str, theirs: Task, share: float = 1.0) -> Row:
+    """Time a task and the other, of which only a ``share`` is done."""
+    ours()
+    theirs()
+    return Row(task, size, count, seconds(ours), peak(ours), other, seconds(theirs) / share, peak(theirs))
+
+
+def rig() -> tuple[sp.Slider, sp.PushContact, sp.PolynomialLimitSurface]:
+    log = demo_pokes()
+    surface = sp.fit_limit_surface(*log.pairs()[:2], slider=log.rig.slider).surface
+    assert isinstance(surface, sp.PolynomialLimitSurface)
+    return log.rig.slider, sp.PushContact.on_edge(log.rig.slider, 0, 0.16 / 3, 0.05, 0.9), surface
+
+
+def inversion() -> Iterator[Row]:
+    _, _, surface = rig()
+    for count in (1000, 30_000, 1_000_000):
+        directions = unit(np.random.default_rng(0).normal(size=(count, 3)))
+        part = directions[:30_000]
+        twists = directions / (1, 1, surface.characteristic_length)
+        yield beside(
+            "H_inv", f"{count} motions", count, lambda t=twists: surface.wrench(t),
+            "Newton on numpy batches", lambda p=part: h_inv.numpy_newton(surface, p), len(part) / count,
+        )  # fmt: skip
+
+
+def fitting() -> Iterator[Row]:
+    for count in (10, 40, 160, 640):
+        pairs = fit_benchmark.pairs_of(count)
+        estimator = fit_benchmark.SquaredLoss(4, True, None, False, "zero")
+
+        def ours(pairs: object = pairs, estimator: object = estimator) -> None:
+            reduced = estimator.prepare(pairs)  # type: ignore[attr-defined]
+            for weights in fit_benchmark.SETTINGS:
+                estimator.solve(reduced, weights)  # type: ignore[attr-defined]
+
+        few = fit_benchmark.SETTINGS[::6]
+        yield beside(
+            "fit, 24 settings of the weights", f"{count} pairs", count, ours,
+            "cvxpy afresh", lambda p=pairs, w=few: [fit_benchmark.afresh(p, weights) for weights in w],
+            len(few) / len(fit_benchmark.SETTINGS),
+        )  # fmt: skip
+
+
+def on_a_grid(surface: sp.PolynomialLimitSurface, contact: sp.PushContact, cells: int) -> np.ndarray:
+    """Whether each COR of a grid is stable, by loads of numpy's Newton and the cone's facets."""
+    line = EXTENT * ((2 * np.arange(cells) + 1) / cells - 1)
+    cors = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    rho = surface.characteristic_length
+    normals = contact.cone(rho).normals
+    found = []
+    for sense in (1, -1):
+        directions = unit(twist_from_cor(cors, sense) * (1, 1, rho))
+        found.append((h_inv.numpy_newton(surface, directions) @ normals.T >= 0).all(axis=1))
+    return np.array(found)
+
+
+def regions() -> Iterator[Row]:
+    _, contact, surface = rig()
+    for cells in (50, 100, 200):
+        yield beside(
+            "stable region on a grid, both senses", f"{cells} x {cells} CORs", cells**2,
+            lambda n=cells: [sp.stable_region(surface, contact).raster(s, EXTENT, n) for s in (1, -1)],
+            "H_inv on the grid, numpy", lambda n=cells: on_a_grid(surface, contact, n),
+        )  # fmt: skip
+
+
+def maps() -> Iterator[Row]:
+    _, contact, surface = rig()
+    members = surface.members()
+    for cells in (50, 100, 200):
+        yield beside(
+            f"probability map of {len(members)} surfaces", f"{cells} x {cells} CORs", cells**2,
+            lambda n=cells: probability_map(surface, contact, EXTENT, n),
+            "H_inv on the grid, numpy", lambda n=cells: [on_a_grid(m, contact, n) for m in members[:2]], 2 / len(members),
+        )  # fmt: skip
+
+
+def worst_pressures() -> Iterator[Row]:
+    slider, contact, _ = rig()
+    rho = slider.radius
+    region = sp.all_pressure_region(slider, contact)
+    rng = np.random.default_rng(0)
+    normals = contact.cone(rho).normals
+    for count in (10, 100, 1000):
+        twists = unit(rng.normal(size=(count, 3))) / (1, 1, rho)
+        low, high = slider.vertices.min(axis=0), slider.vertices.max(axis=0)
+        grid = np.stack(np.meshgrid(*(np.arange(a, b + 1e-9, 0.005) for a, b in zip(low, high, strict=True))), axis=-1)
+        points = grid.reshape(-1, 2)
+        points = points[shapely.covers(slider.polygon, shapely.points(points))]
+        few = twists[:10]
+        yield beside(
+            "stable for every pressure", f"{count} motions", count, lambda t=twists: region.contains_twists(t),
+            f"linear programs over {len(points)} points",
+            lambda t=few, p=points: [region_benchmark.linear_program(p, normals, rho, twist) for twist in t], len(few) / count,
+        )  # fmt: skip
+
+
+def planners() -> Iterator[Row]:
+    for count in (10, 100, 1000):
+        problem = planning_growth.scene(count, 6.0, 0)
+        yield beside(
+            "first plan, 6 m wide", f"{count} obstacles", count, lambda p=problem: sp.plan(p, time_limit=60, improve=0),
+            "OMPL's RRT-Connect", lambda p=problem: sp.plan(p, "ompl-rrtconnect", time_limit=60, improve=0, seed=0),
+        )  # fmt: skip
+
+
+def pushes() -> Iterator[Row]:
+    try:
+        import against_mujoco
+        import mujoco  # noqa: F401
+    except ImportError:
+        print("MuJoCo is not installed (extra sim): pushes are left out", file=sys.stderr)
+        return
+    for count in (2, 8, 32):
+        made = [against_mujoco.random_push(seed) for seed in range(count)]
+        few = made[:2]
+        yield beside(
+            "pushes of 40 mm", f"{count} pushes", count, lambda m=made: [against_mujoco.by_library(push) for push in m],
+            "MuJoCo", lambda m=few: [against_mujoco.by_mujoco(push, 1e-4) for push in m], len(few) / count,
+        )  # fmt: skip
+
+
+def diagnoses() -> Iterator[Row]:
+    from stablepush.diagnosis.equations import SIZES
+    from stablepush.diagnosis.forward import PARAMETERS
+    from stablepush.diagnosis.observations import observe
+    from stablepush.diagnosis.system import system_of
+
+    slider = sp.Slider([(-0.05, -0.05), (0.10, -0.05), (-0.05, 0.10)], 1.2)
+    support = sp.SupportDistribution.from_polygon(0.9 * slider.vertices, 0.03)
+    slider = sp.Slider(slider.vertices, 1.2, support)
+    effect = sp.parse_effect("tilt:slope=0.02/0.01")
+    pusher = sp.Pusher.finger(0.005)
+    real = sp.VirtualRig(slider, sp.IdealLimitSurface(support, 3.5), 0.5, pusher, [effect], sp.Noise(0.03, 1e-4, 2e-3))
+    for count in (20, 60, 180):
+        log = real.execute(sp.random_pushes(slider, pusher, count, seed=1), seed=1).log
+        system = system_of(observe(log), log.rig)
+
+        def one_by_one(system: object = system) -> None:
+            """Every effect fitted with the loads of the points by scipy, with differences: no folds, no chance, no others."""
+            n = len(system.nominal)  # type: ignore[attr-defined]
+            for id in PARAMETERS:
+
+                def left(x: np.ndarray, id: str = id) -> np.ndarray:
+                    return system.residual(x[:n], {id: x[n:]})  # type: ignore[attr-defined]
+
+                start = np.concatenate((system.nominal, np.zeros(SIZES[id])))  # type: ignore[attr-defined]
+                least_squares(left, start, x_scale=np.concatenate((np.full(n, 0.1), np.full(SIZES[id], 0.01))), max_nfev=20)
+
+        yield beside(
+            "diagnosis, all of it", f"{count} pushes", count, lambda log=log: sp.diagnose(log),
+            "a scipy fit of each effect", one_by_one,
+        )  # fmt: skip
+
+
+def starts() -> Iterator[Row]:
+    """From the shell, in processes of their own; the second run of each, when compiled code is on disk."""
+    with TemporaryDirectory() as place:
+        folder = Path(place)
+        _, contact, surface = rig()
+        from stablepush.files import write_json
+        from stablepush.formats import contact_to_json
+
+        sp.save_model(surface, folder / "model.json")
+        write_json(folder / "contact.json", contact_to_json(contact))
+        rows = "".join(f"{x:.3f},0.1,{s}\n" for x in np.linspace(-1, 1, 10) for s in (1, -1))
+        (folder / "cors.csv").write_text("cor_x,cor_y,sense\n" + rows, encoding="utf-8")
+
+        def shell(*arguments: str) -> Task:
+            return lambda: subprocess.run([sys.executable, *arguments], check=True, capture_output=True, cwd=folder)
+
+        program = ("-m", "stablepush")
+        classify = (*program, "classify", "model.json", "--contact", "contact.json", "--cors", "cors.csv", "-o", "out.csv")
+        for name, ours, other, theirs in (
+            ("stablepush --help", shell(*program, "--help"), "python -c pass", shell("-c", "pass")),
+            ("classify, 20 CORs", shell(*classify), "python -c 'import scipy.optimize'", shell("-c", "import scipy.optimize")),
+            ("import stablepush", shell("-c", "import stablepush"), "python -c 'import numpy'", shell("-c", "import numpy")),
+        ):
+            ours()
+            yield Row(name, "", 1, seconds(ours), 0, other, seconds(theirs), 0)
+
+
+SECTIONS = {
+    "H_inv": inversion, "fit": fitting, "region": regions, "map": maps, "all-pressure": worst_pressures, "planner": planners,
+    "pushing": pushes, "diagnosis": diagnoses, "start-up": starts,
+}  # fmt: skip
+
+
+def amount(value: float) -> str:
+    for size, unit_name in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
+        if value >= size or unit_name == "µs":
+            return f"{value / size:.3g} {unit_name}"
+    raise AssertionError
+
+
+def markdown(rows: list[Row]) -> str:
+    lines = ["| task | size | here | memory | instead | takes | memory | times |", "|---|---|---|---|---|---|---|---|"]
+    for r in rows:
+        held, other = (f"{m / 2**20:.3g} MB" if m else "" for m in (r.memory, r.other_memory))
+        cells = (r.task, r.size, amount(r.ours), held, r.other, amount(r.theirs), other, f"{r.theirs / r.ours:.3g}")
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def draw(rows: list[Row], path: Path) -> None:
+    """Times against sizes, ours solid, the others dashed."""
+    from matplotlib import rcParams
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    rcParams["svg.hashsalt"] = "stablepush"
+    tasks = [t for t in dict.fromkeys(r.task for r in rows) if sum(r.task == t for r in rows) > 1]
+    figure = Figure(figsize=(11, 2.6 * ((len(tasks) + 3) // 4)), layout="constrained")
+    FigureCanvasSVG(figure)
+    for k, task in enumerate(tasks):
+        axes = figure.add_subplot((len(tasks) + 3) // 4, 4, k + 1)
+        mine = [r for r in rows if r.task == task]
+        axes.loglog([r.count for r in mine], [r.ours for r in mine], "o-", color="#0072B2", label="stablepush")
+        axes.loglog([r.count for r in mine], [r.theirs for r in mine], "s--", color="#D55E00", label=mine[0].other)
+        axes.set_title(task, fontsize=8)
+        axes.set_xlabel(mine[0].size.split(maxsplit=1)[1].split("x")[-1].strip(" 0123456789"), fontsize=8)
+        axes.set_ylabel("s", fontsize=8)
+        axes.tick_params(labelsize=7)
+        axes.grid(visible=True, color="0.9", linewidth=0.5)
+        axes.legend(fontsize=6, frameon=False)
+    figure.savefig(path, metadata={"Date": None})
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path, help="folder for table.md and growth.svg")
+    parser.add_argument("--only", nargs="*", choices=list(SECTIONS), help="sections")
+    options = parser.parse_args()
+    rows: list[Row] = []
+    for name in options.only or SECTIONS:
+        for row in SECTIONS[name]():
+            rows.append(row)
+            print(
+                f"{row.task:<40s}{row.size:>18s}{amount(row.ours):>12s}   {row.other:<34s}{amount(row.theirs):>12s}"
+                f"{row.theirs / row.ours:>10.3g} times",
+                flush=True,
+            )
+    if options.output:
+        options.output.mkdir(parents=True, exist_ok=True)
+        (options.output / "table.md").write_text(markdown(rows), encoding="utf-8")
+        draw(rows, options.output / "growth.svg")
+
+
+if __name__ == "__main__":
+    main()
