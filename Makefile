@@ -6,7 +6,11 @@ BIN := $(VENV)/bin
 FIND_PYTHON := for p in python3 python3.13 python3.12 python3.11 python; do \
 	if $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then echo $$p; break; fi; done
 
-.PHONY: demo test lint docs clean
+# what test-wheel and test-lowest build and install
+TRY := .try
+PYTHON := $(shell $(FIND_PYTHON))
+
+.PHONY: demo test lint docs test-wheel test-lowest clean
 
 demo: $(VENV)/.installed
 	$(BIN)/stablepush demo
@@ -23,6 +27,29 @@ lint: $(VENV)/.installed-test
 # warnings are errors; the pages are in docs/_build
 docs: $(VENV)/.installed-docs
 	$(BIN)/sphinx-build --quiet --fail-on-warning --builder html docs docs/_build
+
+# the tests from an installed wheel, built from the sdist, in a folder without the package: make test-wheel PYTHON=python3.12
+test-wheel:
+	rm -rf $(TRY) && $(PYTHON) -m venv $(TRY)/venv
+	$(TRY)/venv/bin/python -m pip install --quiet --disable-pip-version-check build
+	$(TRY)/venv/bin/python -m build --outdir $(TRY)/dist .
+	$(TRY)/venv/bin/python -m pip install --quiet --disable-pip-version-check "$$(ls $(TRY)/dist/*.whl)[test]"
+	$(call tests_of_wheel)
+
+# the same with the lowest versions of all dependencies that pyproject.toml allows
+test-lowest:
+	rm -rf $(TRY) && $(PYTHON) -m venv $(TRY)/venv
+	$(TRY)/venv/bin/python -m pip install --quiet --disable-pip-version-check build uv
+	$(TRY)/venv/bin/python -m build --wheel --outdir $(TRY)/dist .
+	$(TRY)/venv/bin/uv pip compile --quiet --resolution lowest-direct --extra test --output-file $(TRY)/lowest.txt pyproject.toml
+	$(TRY)/venv/bin/python -m pip install --quiet --disable-pip-version-check -r $(TRY)/lowest.txt
+	$(TRY)/venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps $(TRY)/dist/*.whl
+	$(call tests_of_wheel)
+
+define tests_of_wheel
+mkdir $(TRY)/run && cp -r tests examples docs benchmarks README.md CHANGELOG.md CONTRIBUTING.md pyproject.toml $(TRY)/run
+cd $(TRY)/run && ../venv/bin/python -m pytest -n 2 --dist loadfile
+endef
 
 $(VENV)/.python:
 	@python=$$($(FIND_PYTHON)); \
@@ -43,4 +70,4 @@ $(VENV)/.installed-docs: $(VENV)/.python pyproject.toml
 	@touch $@
 
 clean:
-	rm -rf $(VENV) stablepush-demo docs/_build docs/gallery docs/sg_execution_times.rst examples/gallery/*.png
+	rm -rf $(VENV) $(TRY) stablepush-demo docs/_build docs/gallery docs/sg_execution_times.rst examples/gallery/*.png

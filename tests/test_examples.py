@@ -84,7 +84,7 @@ def test_the_picture_of_the_architecture_is_true():
     for kind, text in re.findall(r'class="(group|name)">([\w, /]+)<', picture):
         row += kind == "group"
         place[text] = row
-    package = ROOT / "stablepush"
+    package = Path(sp.__file__).parent
     modules = {p.stem: p for p in package.iterdir() if p.suffix == ".py" or (p / "__init__.py").is_file()}
     public = {name for name in modules if not name.startswith("_")}
     assert public <= set(place)
