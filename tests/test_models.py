@@ -33,7 +33,7 @@ def test_twists_are_unit_and_loads_do_not_depend_on_speed(name):
     twists = random_twists(100, rho)
     loads = surface.wrench(twists)
     np.testing.assert_allclose(np.linalg.norm(normalize_twist(surface.twist(loads), rho), axis=1), 1)
-    for factor in (1e-12, 1e9):
+    for factor in (1e-290, 1e-12, 1e9, 1e290):
         np.testing.assert_allclose(surface.wrench(twists * factor), loads, rtol=1e-6, atol=1e-9 * scale(surface))
     np.testing.assert_allclose(surface.wrench(-twists), -loads, rtol=1e-6, atol=1e-9 * scale(surface))
 

@@ -15,6 +15,7 @@ from unittest.mock import patch
 import campaign
 import numpy as np
 from scipy.stats import chi2
+from tqdm import tqdm
 
 import stablepush as sp
 from stablepush.diagnosis import attribution, gap_report, shrink, system
@@ -78,11 +79,9 @@ def main() -> None:
     kinds = [("none", k) for k in range(options.clean)]
     kinds += [(id, k) for k in range(options.per_effect) for id in campaign.LARGEST if id != "model-capacity"]
     jobs = [(v, id, options.first_seed + seed, options.pushes) for v in VARIANTS for id, seed in kinds]
-    rows: list[dict[str, object]] = []
-    for row in run_parallel(one, jobs, options.jobs, scheduler=options.scheduler):
-        rows.append(row)
-        print(f"\r{len(rows)} of {len(jobs)}", end="", flush=True)
-    print(f"\n{'':<32s}{'clean logs with a name':>32s}{'effects named':>32s}{'with a wrong name':>32s}")
+    found = run_parallel(one, jobs, options.jobs, scheduler=options.scheduler)
+    rows = list(tqdm(found, total=len(jobs), disable=None, leave=False))
+    print(f"{'':<32s}{'clean logs with a name':>32s}{'effects named':>32s}{'with a wrong name':>32s}")
     for variant in VARIANTS:
         mine = [row for row in rows if row["variant"] == variant]
         clean = [row for row in mine if row["effect"] == "none"]

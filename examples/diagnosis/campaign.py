@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 from scipy.stats import beta
+from tqdm import tqdm
 
 import stablepush as sp
 from stablepush.effects import CATALOGUE
@@ -251,12 +252,11 @@ def main() -> None:
         writer = csv.DictWriter(file, FIELDS)
         if not rows:
             writer.writeheader()
-        for k, row in enumerate(run_parallel(one, jobs, options.jobs, scheduler=options.scheduler), start=1):
+        found = run_parallel(one, jobs, options.jobs, scheduler=options.scheduler)
+        for row in tqdm(found, total=len(jobs), disable=None, leave=False):
             writer.writerow(row)
             file.flush()
             rows.append({name: str(value) for name, value in row.items()})
-            print(f"\r{k} of {len(jobs)}", end="", flush=True)
-    print()
     summary(rows)
 
 
