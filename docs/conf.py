@@ -35,4 +35,4 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "image_scrapers": ("figures.collect",),
 }
-exclude_patterns = ["_build", "sg_execution_times.rst"]
+exclude_patterns = ["_build", "sg_execution_times.rst", "benchmarks/table.md"]

@@ -61,7 +61,8 @@ if TYPE_CHECKING:
     from stablepush.region import StableRegion, stable_region
     from stablepush.rosbag import load_rosbag, save_rosbag
     from stablepush.slider import Slider
-    from stablepush.sliding import EigenDirections, Slide, eigen_directions, simulate_free_sliding, sliding_basins
+    from stablepush.sliding import Slide, simulate_free_sliding
+    from stablepush.sliding_directions import EigenDirections, eigen_directions, sliding_basins
     from stablepush.support import SupportDistribution
     from stablepush.trajectory import Trajectory, load_trajectory, sample_plan, save_trajectory
     from stablepush.virtual_rig import Execution, VirtualRig, execute_batch
@@ -113,7 +114,8 @@ _HOMES = {
     "parallel": ("run_parallel",),
     "rosbag": ("load_rosbag", "save_rosbag"),
     "slider": ("Slider",),
-    "sliding": ("EigenDirections", "Slide", "eigen_directions", "simulate_free_sliding", "sliding_basins"),
+    "sliding_directions": ("EigenDirections", "eigen_directions", "sliding_basins"),
+    "sliding": ("Slide", "simulate_free_sliding"),
     "support": ("SupportDistribution",),
     "virtual_rig": ("Execution", "VirtualRig", "execute_batch"),
     "trajectory": ("Trajectory", "load_trajectory", "sample_plan", "save_trajectory"),
