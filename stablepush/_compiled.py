@@ -46,6 +46,11 @@ class _Cache(FunctionCache):  # type: ignore[misc]
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         return (*super()._index_key(sig, codegen), _stamps(self._py_func))
 
+    def save_overload(self, sig: Any, data: Any) -> None:
+        # a disk that is full: the code is built again next time
+        with suppress(OSError):
+            super().save_overload(sig, data)
+
 
 def _stamps(function: Any) -> tuple[tuple[str, int, int], ...]:
     """Name, time of change (ns) and size of the other files that a function's compiled helpers come from."""

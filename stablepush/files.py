@@ -8,7 +8,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn, TextIO, TypeVar
@@ -177,17 +177,20 @@ def open_text(path: str | Path, newline: str | None = None) -> Iterator[TextIO]:
         try:
             yield stream
         except UnicodeDecodeError:
-            raise InputError(f"{path}: byte {_first_bad_byte(path)}: expected UTF-8 text") from None
+            raise InputError(f"{path}: {_first_bad_byte(path)}expected UTF-8 text") from None
         except OSError as error:
             raise InputError(f"{path}: cannot read: {error.strerror or error}") from None
 
 
-def _first_bad_byte(path: str | Path) -> int:
-    try:
-        Path(path).read_bytes().decode()
-    except UnicodeDecodeError as error:
-        return error.start
-    return 0
+def _first_bad_byte(path: str | Path) -> str:
+    """Where a file stops being UTF-8, as words of a message; what is no file cannot be read twice."""
+    with suppress(OSError):
+        if os.path.isfile(path):
+            try:
+                Path(path).read_bytes().decode()
+            except UnicodeDecodeError as error:
+                return f"byte {error.start}: "
+    return ""
 
 
 def _reject_infinite(node: Node) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from stablepush._arrays import FloatArray
 from stablepush.diagnosis import GapReport
+from stablepush.diagnosis.shrink import percent
 from stablepush.plot import figure_png, plot_effects, plot_ends, plot_residuals, plot_residuals_against
 from stablepush.report import Section, render, script
 from stablepush.se2 import rotate_vectors
@@ -20,11 +21,6 @@ _MOST_ROWS = 2000
 _ARROW = 0.12
 #: Covariates that every row has.
 _PLACE = (("x", "m"), ("y", "m"), ("turned by", "deg"))
-
-
-def percent(share: float) -> str:
-    """A share in percent; where there is hardly a gap its interval says nothing."""
-    return "below -100" if share < -1 else f"{100 * share:.0f}"
 
 
 def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
@@ -102,31 +98,42 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """What can be looked at row by row: poses of the slider, arrows and components before and after mending, covariates."""
+    """What can be looked at row by row: poses of the slider, arrows and components before and after mending, covariates.
+
+    ``scale``: m of the table for a unit of an arrow; ``behind``: whether arrows end where the slider is, else they begin there.
+    """
 
     about: str
     rows: list[dict[str, Any]]
     components: list[tuple[str, str]]
     covariates: list[tuple[str, str]]
+    scale: float
+    behind: bool
 
     def data(self, slider: Slider) -> str:
         """The JSON that the page's script reads."""
         poses = np.array([row["at"] for row in self.rows])
-        # the slider may stick out a little: what matters are the arrows
-        low, high = poses[:, :2].min(axis=0) - 0.5 * slider.radius, poses[:, :2].max(axis=0) + 0.5 * slider.radius
-        extent = float((high - low).max())
-        large = float(np.quantile(np.linalg.norm([row["arrow"]["before"] for row in self.rows], axis=1), 0.95))
-        room = 0.5 * _ARROW * extent
+        low, high = poses[:, :2].min(axis=0) - slider.radius, poses[:, :2].max(axis=0) + slider.radius
         return script(
             {
                 "rows": self.rows,
                 "components": [{"name": name, "unit": unit} for name, unit in self.components],
                 "covariates": [{"name": name, "unit": unit} for name, unit in self.covariates],
-                "frame": [*(low - room).tolist(), *(high + room).tolist()],
-                "scale": _ARROW * extent / max(large, 1e-12),
+                "frame": [*low.tolist(), *high.tolist()],
+                "scale": self.scale,
+                "behind": int(self.behind),
                 "slider": slider.vertices.tolist(),
             }
         )
+
+
+def _scale(rows: list[dict[str, Any]], slider: Slider) -> float:
+    """Factor by which large arrows get a good length on the table."""
+    if not rows:
+        return 1.0
+    extent = float(np.ptp([row["at"][:2] for row in rows], axis=0).max()) + slider.radius
+    large = float(np.quantile(np.linalg.norm([row["arrow"]["before"] for row in rows], axis=1), 0.95))
+    return _ARROW * extent / max(large, 1e-12)
 
 
 def _rows_of_loads(report: GapReport) -> _Seen:
@@ -140,30 +147,31 @@ def _rows_of_loads(report: GapReport) -> _Seen:
     covariates = np.column_stack(
         (np.degrees(report.headings), report.orders, 1000 * report.speeds, report.poses[:, :2], np.degrees(report.poses[:, 2]))
     )
+    rows = _rows(report.row_names, report.poses, arrows, parts, covariates)
     return _Seen(
-        "Arrows: the force that a simulation lacks, where the slider lay.",
-        _rows(report.row_names, report.poses, arrows, parts, covariates),
+        "Arrows: the force that a simulation lacks, from where the slider lay.",
+        rows,
         [("along the load", "N"), ("across the load", "N"), ("moment", "N mm")],
-        [
-            ("heading of the motion", "deg"),
-            ("place in the log", ""),
-            ("speed", "mm/s"),
-            ("x", "m"),
-            ("y", "m"),
-            ("turned by", "deg"),
-        ],
+        [("heading of the motion", "deg"), ("place in the log", ""), ("speed", "mm/s"), *_PLACE],
+        _scale(rows, report.rig.slider),
+        behind=False,
     )
 
 
 def _rows_of_ends(report: GapReport) -> _Seen:
-    parts = {key: ends * (1000, 1000, 1000) for key, ends in report.ends.items()}
-    arrows = {key: rotate_vectors(report.places[:, 2], ends[:, :2]) for key, ends in report.ends.items()}
+    ends = {key: report.ends[key] for key in ("before", "after") if key in report.ends}
+    parts = {key: 1000 * miss for key, miss in ends.items()}
+    arrows = {key: report.misses(key) for key in ends}
     covariates = np.column_stack((report.places[:, :2], np.degrees(report.places[:, 2]), np.arange(len(report.places))))
+    rows = _rows(report.end_names, report.places, arrows, parts, covariates)
+    scale = max(1.0, _scale(rows, report.rig.slider))
     return _Seen(
-        "Arrows: from where a push ends in simulation to where the slider was measured to end, larger than they are.",
-        _rows(report.end_names, report.places, arrows, parts, covariates),
+        f"Arrows: from where a push ends in simulation to where the slider was measured to end, {scale:.3g} times as long.",
+        rows,
         [("along x of the slider", "mm"), ("along y of the slider", "mm"), ("turn times the radius of gyration", "mm")],
         [*_PLACE, ("number", "")],
+        scale,
+        behind=True,
     )
 
 

@@ -136,7 +136,7 @@ def broken_json(data: bytes, rng: np.random.Generator) -> bytes:
         old = parent[key]
         if kind == 0:
             del parent[key]
-        elif kind == 1 and isinstance(old, int | float) and not isinstance(old, bool):
+        elif kind == 1 and isinstance(old, int | float) and not isinstance(old, bool) and abs(old) < 1e300:
             parent[key] = old * float(rng.choice((-1, 0, 1e-3, 1e3, 1 + 1e-12)))
         elif kind == 2 and isinstance(parent, list):
             parent.insert(int(rng.integers(len(parent) + 1)), copy.deepcopy(old))
@@ -168,7 +168,7 @@ def broken_table(data: bytes, rng: np.random.Generator) -> bytes:
         elif kind == 6 and rows[i]:
             rows[i].append(rows[i][j])
         elif len(rows) > 1:
-            rng.shuffle(rows[1:])
+            rows[1:] = [rows[1 + int(k)] for k in rng.permutation(len(rows) - 1)]
         if not rows:
             rows = [[""]]
     end = str(rng.choice(("\n", "\n", "\r\n", "\r")))
@@ -281,13 +281,15 @@ def judged(tally: Tally, files: list[Path], run: Callable[[], bool]) -> None:
             tally.crashes.append(f"no file in: {error}")
     except HangError:
         tally.hangs += 1
+    except KeyboardInterrupt:
+        raise
     except BaseException:
         tally.crashes.append(traceback.format_exc(limit=-2))
     tally.slowest = max(tally.slowest, time.perf_counter() - began)
 
 
 def by_command(arguments: list[object], out: Path) -> bool:
-    """Run a command; whether it took its input. Raises on what no command may do."""
+    """Run a command; whether it took its input. Raises on what no command may do; ``out`` is what it writes."""
     from stablepush.cli import main
 
     said, complained = io.StringIO(), io.StringIO()
@@ -297,7 +299,9 @@ def by_command(arguments: list[object], out: Path) -> bool:
     lines = complained.getvalue().splitlines()
     if code == 2:
         assert len(lines) == 1 and lines[0].startswith("stablepush: error: "), complained.getvalue()
-        assert not out.exists(), "a file was left behind"
+        left = [path.name for path in out.parent.glob("*out*")]
+        assert not left, f"left behind: {left}"
+        assert str(out.parent / "bad") in lines[0], f"no file in: {lines[0]}"
     assert "Traceback" not in complained.getvalue()
     return code != 2
 

@@ -399,7 +399,7 @@ def test_a_local_dask_cluster_gives_the_same(tmp_path: Path) -> None:
     distributed = pytest.importorskip("dask.distributed")
     from stablepush.blind.check import BlindCheck
 
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
         there = BlindCheck(tmp_path / "there", "mujoco", 2, seed=11, pushes=5, scheduler=cluster.scheduler_address)
         there.seal(said)
         there.diagnose(said)

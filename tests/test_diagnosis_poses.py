@@ -108,7 +108,7 @@ def test_a_chance_push_is_left_out_of_the_poses():
 
 
 def test_pushes_that_separate_causes_are_proposed_without_forces():
-    """Carried out with either cause, the pushes that are proposed end apart, by more than the noise and by what is said."""
+    """Carried out with the effect and without, the pushes that are proposed end apart, by far more than poses are noisy."""
     report = sp.diagnose(edited(make_log("tilt:slope=0.03/0.01", count=30), FORCES))
     assert report.named == ["tilt"]
     after = report.next_experiment

@@ -24,14 +24,13 @@ def leave_a_file(folder, name, seconds):
 
 def factor(matrix):
     """An answer that hangs on the order in which linear algebra adds."""
-    matrix += 0.5  # and a worker may write into what it gets
     return np.linalg.svd(matrix @ matrix.T)[1]
 
 
 @pytest.fixture(scope="module")
 def cluster():
     distributed = pytest.importorskip("dask.distributed")
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as found:
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as found:
         yield found.scheduler_address
 
 
@@ -52,10 +51,31 @@ def test_results_out_of_order_are_all_there():
 def test_numbers_do_not_depend_on_the_place(cluster):
     rng = np.random.default_rng(0)
     jobs = [(rng.normal(size=(120, 120)),) for _ in range(4)]
-    copies = [[(m.copy(),) for (m,) in jobs] for _ in range(2)]
     here = np.array(list(sp.run_parallel(factor, jobs, 2)))
-    assert np.array_equal(here, list(sp.run_parallel(factor, copies[0], scheduler=cluster)))
-    np.testing.assert_allclose(list(sp.run_parallel(factor, copies[1], 1)), here, rtol=1e-12)
+    assert np.array_equal(here, list(sp.run_parallel(factor, jobs, scheduler=cluster)))
+    np.testing.assert_allclose(list(sp.run_parallel(factor, jobs, 1)), here, rtol=1e-12)
+
+
+@pytest.mark.parametrize("in_order", (True, False))
+def test_a_cluster_does_the_work(cluster, in_order):
+    found = list(sp.run_parallel(power, [(base, 2) for base in range(6)], scheduler=cluster, in_order=in_order))
+    assert sorted(value for value, _ in found) == [base**2 for base in range(6)]
+    assert not in_order or [value for value, _ in found] == [base**2 for base in range(6)]
+    assert os.getpid() not in {process for _, process in found}
+    with pytest.raises(ValueError, match="no -1"):
+        list(sp.run_parallel(power, [(2, -1)], scheduler=cluster))
+
+
+def test_work_within_work_goes_its_own_way(cluster):
+    """Two at a time, one on a cluster and one here, and others of joblib: none changes where another runs."""
+    import joblib
+
+    there = sp.run_parallel(power, [(base, 1) for base in range(4)], scheduler=cluster)
+    here = sp.run_parallel(power, [(base, 1) for base in range(4)], 2)
+    assert next(there)[0] == next(here)[0] == 0
+    there.close()
+    assert [value for value, _ in here] == [1, 2, 3]
+    assert joblib.Parallel(n_jobs=2)(joblib.delayed(abs)(-k) for k in range(3)) == [0, 1, 2]
 
 
 def test_an_error_is_passed_on():
@@ -79,9 +99,9 @@ def test_nothing_to_do():
 
 
 @pytest.mark.parametrize(("options", "words"), [({"processes": 0}, "processes"), ({"scheduler": "tcp://127.0.0.1:1"}, "no Dask")])
-def test_bad_options_are_refused(options, words):
+def test_bad_options_are_refused_at_once(options, words):
     with pytest.raises(sp.InputError, match=words):
-        list(sp.run_parallel(power, [(1, 1)], **options))
+        sp.run_parallel(power, [(1, 1)], **options)
 
 
 def pokes(count, seed=0):
@@ -125,6 +145,8 @@ def test_cross_validation_tells_the_better_model_and_is_the_same_everywhere(clus
         ({"models": []}, "models"),
         ({"folds": 1}, "folds"),
         ({"folds": 9}, "folds"),
+        ({"folds": 2.5}, "folds"),
+        ({"repeats": "3"}, "repeats"),
         ({"repeats": 0}, "repeats"),
         ({"seed": -1}, "seed"),
     ],

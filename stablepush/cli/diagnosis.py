@@ -24,8 +24,8 @@ def diagnose(
 ) -> None:
     """Tell where simulation and reality differ, which effect causes it, and how far the gap shrinks."""
     from stablepush.diagnosis import diagnose as run
+    from stablepush.diagnosis.shrink import percent
     from stablepush.files import write_atomically, write_json
-    from stablepush.gap_page import gap_html, percent
     from stablepush.logs import read_pushlog
 
     require_files(answer, html, pushes)
@@ -42,6 +42,8 @@ def diagnose(
     if answer is not None:
         write_json(answer, report.to_json())
     if html is not None:
+        from stablepush.gap_page import gap_html
+
         write_atomically(html, gap_html(report))
     if pushes is not None:
         _write_pushes(report, pushes)

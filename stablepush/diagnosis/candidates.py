@@ -35,7 +35,8 @@ _BACK = 8e-3
 class Candidates:
     """Pushes as entries of a list, and what they would read.
 
-    ``readings(id, fitted, step)`` (n, r): readings over their noise, with an effect a step away from where it was fitted;
+    ``readings(id, fitted, step)`` (n, r): readings over their noise, with an effect a step away from where it was fitted, NaN for
+    pushes that cannot be simulated so;
     ``small(id)``: a step that counts as small; ``expected``: in words and units, a difference of the readings of one push.
     """
 
@@ -70,6 +71,8 @@ def ends_of(system: Motions) -> Candidates:
     """Where the slider ends if a pusher like the log's pushes it, off the middle of an edge and askew as well."""
     drawn = _drawn(system) if system.pushes else []
     kept, _ = system.predictable([push for _, push in drawn])
+    if not kept:
+        return Candidates([], lambda *_: np.zeros((0, 3)), lambda _: 0.0, lambda _: {})
     rig, weight = system.rig, system.moving_weight
     table = friction_of(system.surface(system.nominal), {}, weight).compiled()
     # misses from about where a push ends are small
@@ -78,9 +81,7 @@ def ends_of(system: Motions) -> Candidates:
 
     def readings(id: str, fitted: Fitted, step: FloatArray) -> FloatArray:
         effects = {**fitted.values, id: fitted.values[id] + step}
-        ends = misses(kept, system.surface(fitted.loads), rig.slider, system.mu, weight, effects)
-        # what cannot be simulated with an effect tells nothing of it
-        return np.nan_to_num(ends) / noise
+        return misses(kept, system.surface(fitted.loads), rig.slider, system.mu, weight, effects) / noise
 
     def expected(difference: FloatArray) -> dict[str, float]:
         return {"expected_difference_of_ends_m": float(np.linalg.norm(difference * noise))}
@@ -95,12 +96,15 @@ def _drawn(system: Motions) -> list[tuple[dict[str, Any], Replay]]:
     half = float(np.abs(pusher.fingers[:, 1]).max()) + pusher.radius
     edges = [(e, float(np.linalg.norm(b - a))) for e, (a, b) in enumerate(map(slider.edge, range(len(slider.vertices))))]
     headings = 2 * np.pi * np.arange(_HEADINGS) / _HEADINGS
-    wanted = list(
-        product([e for e in edges if e[1] > 2 * half], _ALONG, _DIRECTIONS, headings.tolist(), _SPEEDS, _PLACES, _PLACES)
-    )
+    choices = ([e for e in edges if e[1] > 2 * half], _ALONG, _DIRECTIONS, headings.tolist(), _SPEEDS, _PLACES, _PLACES)
+    sizes = [len(choice) for choice in choices]
+    rng = np.random.default_rng(0)
+    count = int(np.prod(sizes))
     found: list[tuple[dict[str, Any], Replay]] = []
-    for i in np.random.default_rng(0).permutation(len(wanted))[:_DRAWN]:
-        (edge, length), share, direction, heading, speed, x, y = wanted[int(i)]
+    for number in rng.choice(count, min(_DRAWN, count), replace=False):
+        (edge, length), share, direction, heading, speed, x, y = (
+            choice[i] for choice, i in zip(choices, np.unravel_index(int(number), sizes), strict=True)
+        )
         along = half + share * (length - 2 * half)
         put = {"x": x, "y": y, "theta": heading}
         entry = {"edge": edge, "along": along, "direction": direction, "way": _WAY, "speed": speed, **put}

@@ -11,7 +11,7 @@ import numpy as np
 from stablepush._arrays import FloatArray
 from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out, slip_friction
 from stablepush.diagnosis.equations import SIZES, usual
-from stablepush.diagnosis.motions import motions_of
+from stablepush.diagnosis.motions import Motions, motions_of
 from stablepush.diagnosis.observations import heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import replays
@@ -22,6 +22,7 @@ from stablepush.effects import CATALOGUE
 from stablepush.errors import InputError
 from stablepush.logs import PushLog, Rig
 from stablepush.models import IdealLimitSurface
+from stablepush.se2 import rotate_vectors
 
 VERDICTS = ("none", "absorbed", "named", "ambiguous", "unknown")
 #: What is left counts as unknown if so much of it follows place, heading, order or speed, and it is so much larger than the
@@ -70,6 +71,14 @@ class GapReport:
     speeds: FloatArray = field(repr=False)
     row_names: list[str] = field(repr=False)
     end_names: list[str] = field(repr=False)
+
+    def misses(self, key: str) -> FloatArray:
+        """Return, over the table (n, 2) in m, from where pushes end in simulation to where they were measured to end.
+
+        ``key``: "before" or "after" mending. :attr:`ends` has these as seen from the simulated ends, ``(x, y, rho θ)``.
+        """
+        turned = self.places[:, 2] - self.ends[key][:, 2] / self.rig.slider.characteristic_length
+        return rotate_vectors(turned, self.ends[key][:, :2])
 
     def to_json(self) -> dict[str, Any]:
         """Return the ``diagnosis/1`` of the report."""
@@ -256,7 +265,8 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
     pair = list(dict.fromkeys(id for id in likely if id in SIZES and id not in unseen))[:2]
     if found.rivals:
         pair = [found.rivalled, found.rivals[0]]
-    if len(pair) < 2 or unseen & set(pair):
+    # a log of neither loads nor ends shows nothing that pushes could be chosen by
+    if len(pair) < 2 or unseen & set(pair) or not (system.has_wrench or isinstance(system, Motions)):
         why = "more pushes in headings, places, speeds and faces that vary, in random order"
         return {"separates": pair, "pushes": [], "why": why}
     from stablepush.diagnosis.separation import separating_pushes

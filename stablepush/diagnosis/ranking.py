@@ -18,6 +18,9 @@ from stablepush.effects import CATALOGUE
 #: by e: for effects that are not named, and for those that are. Found on simulated logs apart from those that are reported.
 _EVEN, _ODDS = 18.0, 3.0
 _EVEN_CHOSEN, _ODDS_CHOSEN = 21.0, 4.0
+#: Probability that the nominal surface cannot take the measured shape where a refit is needed, and where it is not: of simulated
+#: logs where it is not one in five hundred has facets.
+_FACETS = (0.3, 0.01)
 #: What the jackknife is short of, and the share of an estimate that it may be off beside its scatter, since rows are means over
 #: parts of pushes; found likewise.
 _SHORT = 1.15
@@ -86,7 +89,8 @@ def rank(system: System, found: Attribution, effects: list[str]) -> list[dict[st
         elif id == "model-capacity":
             # a refitted surface takes it: nothing speaks for it but that another surface fits better
             seen = system.has_surface and "free" in found.scores
-            entry = (0.3 if seen and found.absorbed and not found.chosen else 0.01 if seen else 0.02, {}, seen)
+            absorbed = found.absorbed and not found.chosen
+            entry = ((_FACETS[0] if absorbed else _FACETS[1]) if seen else 0.02, {}, seen)
         else:
             entry = _of_fit(id, system, found, effects)
         probability, parameters, seen = entry

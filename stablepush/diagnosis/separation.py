@@ -40,6 +40,10 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict
         at = sum(SIZES[k] for k in list(fitted.values)[: list(fitted.values).index(id)])
         spread = fitted.covariance[at : at + size, at : at + size]
         known.append(np.linalg.pinv(spread, hermitian=True))
+    # what cannot be simulated with either effect, or with a little more of it, tells nothing
+    numbers = [part.reshape(len(part), -1) for part in (*predicted, *slopes)]
+    usable = np.flatnonzero(np.isfinite(np.column_stack(numbers)).all(axis=1))
+    predicted, slopes = [part[usable] for part in predicted], [part[usable] for part in slopes]
     difference = predicted[0] - predicted[1]
     squares = (difference**2).sum(axis=1)
     pulls = [np.einsum("nrd,nr->nd", slope, difference) for slope in slopes]
@@ -61,4 +65,5 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict
         informed = [a + _TIMES * gram[best] for a, gram in zip(informed, grams, strict=True)]
     if told < _TOLD:
         return []
-    return [{**candidates.entries[i], **candidates.expected(difference[i])} for i in chosen for _ in range(_TIMES)]
+    entries = [{**candidates.entries[usable[i]], **candidates.expected(difference[i])} for i in chosen]
+    return [entry for entry in entries for _ in range(_TIMES)]

@@ -266,6 +266,11 @@ def _labels(system: System, log: PushLog) -> dict[int, tuple[PushContact, FloatA
     return found
 
 
+def percent(share: float) -> str:
+    """A share in percent; where there is hardly a gap its interval says nothing."""
+    return "below -100" if share < -1 else f"{100 * share:.0f}"
+
+
 _UNITS = {"wrench": "N", "twist": "rad", "pose": "m", "stability": "1"}
 
 

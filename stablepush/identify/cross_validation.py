@@ -84,6 +84,10 @@ def cross_validate(
         Called with the number of fits done and planned.
     """
     seed = check_seed(0 if seed is None else seed)
+    models = tuple(models)
+    for name, number in (("folds", folds), ("repeats", repeats)):
+        if isinstance(number, bool) or not isinstance(number, int | np.integer):
+            raise InputError(f"{name}: expected a whole number, got {number!r}")
     for model in models:
         if model not in MODELS:
             raise InputError(f"models: expected some of {', '.join(MODELS)}, got {model!r}")
@@ -105,12 +109,15 @@ def cross_validate(
         errors[row, tests[part]] += found / repeats
         if progress is not None:
             progress(done, len(jobs))
-    return CrossValidation(tuple(models), read_only(errors))
+    return CrossValidation(models, read_only(errors))
 
 
 def _held_out(
     wrenches: FloatArray, twists: FloatArray, rows: np.ndarray, model: str, slider: Slider | None, rho: float, seed: int
 ) -> FloatArray:
     train = np.setdiff1d(np.arange(len(wrenches)), rows)
-    fit = fit_limit_surface(wrenches[train], twists[train], model, slider, rho, seed)
+    try:
+        fit = fit_limit_surface(wrenches[train], twists[train], model, slider, rho, seed)
+    except InputError as error:
+        raise InputError(f"{model}, without the pairs {', '.join(map(str, rows))}: {error}") from None
     return np.asarray(angle_between(normalize_twist(fit.surface.twist(wrenches[rows]), rho), normalize_twist(twists[rows], rho)))

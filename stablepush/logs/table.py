@@ -74,7 +74,7 @@ def read_table(
         except csv.Error as error:
             raise InputError(f"{name}: line {reader.line_num}: expected CSV, {error}") from None
     table = {
-        column: np.array(values, dtype=object) if is_word else np.array(values, dtype=np.float64)
+        column: np.array(values, dtype=object) if is_word else np.frombuffer(values) if len(values) else np.zeros(0)
         for column, values, is_word in zip(header, columns, kinds, strict=True)
     }
     return table, lines

@@ -17,8 +17,8 @@ from stablepush.planar import normalize_wrench, unit
 
 #: What ``force_unit`` may be: forces in newton, or in units of the maximal friction force mu*N.
 FORCE_UNITS = ("N", "mu*N")
-#: Directions in which an ensemble is looked at, and how far its second derivatives may be below zero by rounding.
-_DIRECTIONS, _ROUNDING = 200, 1e-6
+#: Directions in which an ensemble is looked at, how far its second derivatives may be below zero by rounding, and rows at once.
+_DIRECTIONS, _ROUNDING, _AT_ONCE = 200, 1e-6, 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,11 +191,16 @@ def _bent(coefficients: FloatArray, degree: int) -> NDArray[np.bool_]:
     up, around = 1 - 2 * k / _DIRECTIONS, np.pi * (1 + 5**0.5) * k
     flat = np.sqrt(1 - up**2)
     points = np.stack((flat * np.cos(around), flat * np.sin(around), up), axis=-1)
-    second = np.einsum("pn,enm,sm->spe", monomials(points, degree - 2), hessian_operator(degree), coefficients, optimize=True)
-    xx, xy, xz, yy, yz, zz = np.moveaxis(second, -1, 0)
-    least = np.linalg.eigvalsh(np.stack((xx, xy, xz, xy, yy, yz, xz, yz, zz), axis=-1).reshape(*xx.shape, 3, 3))
-    low, high = least[..., 0].min(axis=1), least[..., 2].max(axis=1)
-    return np.asarray((low < -_ROUNDING * np.abs(high)) | ((coefficients @ monomials(points, degree).T).min(axis=1) <= 0))
+    values = monomials(points, degree)
+    second = np.einsum("pn,enm->pem", monomials(points, degree - 2), hessian_operator(degree), optimize=True)
+    found = np.zeros(len(coefficients), dtype=bool)
+    # a part at a time: memory stays small whatever a file brings
+    for rows in np.array_split(np.arange(len(coefficients)), 1 + len(coefficients) // _AT_ONCE):
+        xx, xy, xz, yy, yz, zz = np.moveaxis(np.einsum("pem,sm->spe", second, coefficients[rows], optimize=True), -1, 0)
+        bends = np.linalg.eigvalsh(np.stack((xx, xy, xz, xy, yy, yz, xz, yz, zz), axis=-1).reshape(*xx.shape, 3, 3))
+        low, high = bends[..., 0].min(axis=1), bends[..., 2].max(axis=1)
+        found[rows] = (low < -_ROUNDING * np.abs(high)) | ((coefficients[rows] @ values.T).min(axis=1) <= 0)
+    return found
 
 
 def _rebuilt(

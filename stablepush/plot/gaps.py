@@ -77,9 +77,17 @@ def plot_ends(report: GapReport) -> Figure:
     extent = float(np.ptp(places[:, :2], axis=0).max()) if good.any() else 1.0
     times = max(1.0, 0.08 * max(extent, 0.05) / max(size, 1e-9))
     for key, word, color in (("before", "nominal", PUSHER), ("after", "mended", COUNTER_CLOCKWISE)):
-        miss = rotate_vectors(places[:, 2], report.ends[key][good][:, :2])
+        miss = report.misses(key)[good]
+        # to the measured end
         axes.quiver(
-            *places[:, :2].T, *miss.T, color=color, angles="xy", scale_units="xy", scale=1 / times, width=0.0025, label=word
+            *(places[:, :2] - times * miss).T,
+            *miss.T,
+            color=color,
+            angles="xy",
+            scale_units="xy",
+            scale=1 / times,
+            width=0.0025,
+            label=word,
         )
     axes.plot(*places[:, :2].T, linestyle="none", marker=".", markersize=3, color=OBSTACLE)
     axes.margins(0.12)
