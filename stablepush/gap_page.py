@@ -159,7 +159,7 @@ def _rows_of_loads(report: GapReport) -> _Seen:
 
 
 def _rows_of_ends(report: GapReport) -> _Seen:
-    ends = {key: report.ends[key] for key in ("before", "after") if key in report.ends}
+    ends: dict[str, FloatArray] = {key: report.ends[key] for key in ("before", "after") if key in report.ends}
     parts = {key: 1000 * miss for key, miss in ends.items()}
     arrows = {key: report.misses(key) for key in ends}
     covariates = np.column_stack((report.places[:, :2], np.degrees(report.places[:, 2]), np.arange(len(report.places))))

@@ -30,10 +30,8 @@ def test_a_crash_is_found(monkeypatch):
     monkeypatch.setattr(sp, "load_slider", careless)
     tally = fuzz(inputs=200, seed=0, only=["slider"])["slider"]
     assert len(tally.crashes) > 10
-    assert {kind for kind in ("KeyError", "TypeError") if any(kind in text for text in tally.crashes)} == {
-        "KeyError",
-        "TypeError",
-    }
+    for kind in ("KeyError", "TypeError"):
+        assert any(kind in text for text in tally.crashes)
 
 
 def test_a_hang_is_found(monkeypatch):

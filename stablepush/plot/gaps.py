@@ -79,16 +79,8 @@ def plot_ends(report: GapReport) -> Figure:
     for key, word, color in (("before", "nominal", PUSHER), ("after", "mended", COUNTER_CLOCKWISE)):
         miss = report.misses(key)[good]
         # to the measured end
-        axes.quiver(
-            *(places[:, :2] - times * miss).T,
-            *miss.T,
-            color=color,
-            angles="xy",
-            scale_units="xy",
-            scale=1 / times,
-            width=0.0025,
-            label=word,
-        )
+        tails = places[:, :2] - times * miss
+        axes.quiver(*tails.T, *miss.T, color=color, angles="xy", scale_units="xy", scale=1 / times, width=0.0025, label=word)
     axes.plot(*places[:, :2].T, linestyle="none", marker=".", markersize=3, color=OBSTACLE)
     axes.margins(0.12)
     axes.set_xlabel("x [m]")
