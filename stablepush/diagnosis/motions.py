@@ -7,11 +7,12 @@ With these go the gaps of the fingers.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
+from stablepush._arrays import BoolArray, FloatArray
 from stablepush.diagnosis.equations import SIZES, Demands, Fitted, Values, usual
 from stablepush.diagnosis.observations import Observations
 from stablepush.diagnosis.replay import MOVING, Replay, misses
@@ -98,6 +99,18 @@ class Motions(System):
         gaps = np.zeros((len(self.trial) - len(slopes), count))
         precision = np.diag(1 / np.array(_PRIOR)[:count] ** 2)
         return np.eye(len(self.nominal))[:, :count], np.concatenate((slopes, gaps)), precision
+
+    def fit(self, effects: Sequence[str], free: bool, chosen: BoolArray | None = None, start: Fitted | None = None) -> Fitted:
+        """As :meth:`Equations.fit`; with effects on a free surface also from where they are on a fixed one: what fits better.
+
+        Ends follow both far from linearly: from the nominal simulation a step may lead away from where the smaller model fits.
+        """
+        found = super().fit(effects, free, chosen, start)
+        if not (free and effects) or start is not None:
+            return found
+        other = super().fit(effects, True, chosen, super().fit(effects, False, chosen))
+        used = slice(None) if chosen is None else chosen
+        return max(found, other, key=lambda fitted: float(fitted.density[used].sum()))
 
     def _slope(self, id: str, small: tuple[float, ...]) -> FloatArray:
         """Derivatives (3n, d) of the ends, by differences about the nominal simulation or the last fit that was
