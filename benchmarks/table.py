@@ -271,11 +271,16 @@ def amount(value: float) -> str:
     raise AssertionError
 
 
+def times(row: Row) -> str:
+    ratio = row.theirs / row.ours
+    return f"{ratio:.0f}" if ratio >= 100 else f"{ratio:.3g}"
+
+
 def markdown(rows: list[Row]) -> str:
     lines = ["| task | size | here | memory | instead | takes | memory | times |", "|---|---|---|---|---|---|---|---|"]
     for r in rows:
         held, other = (f"{m / 2**20:.3g} MB" if m else "" for m in (r.memory, r.other_memory))
-        cells = (r.task, r.size, amount(r.ours), held, r.other, amount(r.theirs), other, f"{r.theirs / r.ours:.3g}")
+        cells = (r.task, r.size, amount(r.ours), held, r.other, amount(r.theirs), other, times(r))
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
@@ -299,6 +304,7 @@ def draw(rows: list[Row], path: Path) -> None:
         axes.set_xlabel(mine[0].size.split(maxsplit=1)[1].split("x")[-1].strip(" 0123456789"), fontsize=8)
         axes.set_ylabel("s", fontsize=8)
         axes.tick_params(labelsize=7)
+        axes.minorticks_off()
         axes.grid(visible=True, color="0.9", linewidth=0.5)
         axes.legend(fontsize=6, frameon=False)
     figure.savefig(path, metadata={"Date": None})
@@ -315,7 +321,7 @@ def main() -> None:
             rows.append(row)
             print(
                 f"{row.task:<40s}{row.size:>18s}{amount(row.ours):>12s}   {row.other:<34s}{amount(row.theirs):>12s}"
-                f"{row.theirs / row.ours:>10.3g} times",
+                f"{times(row):>10s} times",
                 flush=True,
             )
     if options.output:
