@@ -22,6 +22,7 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -210,8 +211,43 @@ def seeds(folder: Path) -> dict[str, Path]:
     (folder / "small.map").write_text("type octile\nheight 4\nwidth 6\nmap\n......\n.@@T..\n.@@..W\nS..G@@\n", encoding="utf-8")
     (folder / "raw").mkdir()
     (folder / "raw" / "raw.txt").write_text(raw_log(3), encoding="utf-8")
-    found = {p.stem: p for p in folder.iterdir() if p.is_file()}
-    return found | {"log": folder / "log", "raw": folder / "raw" / "raw.txt"}
+    found = {p.stem: p for p in folder.iterdir() if p.is_file()} | {"log": folder / "log", "raw": folder / "raw" / "raw.txt"}
+    if find_spec("mujoco") and find_spec("cryptography"):
+        found["check"] = blind_check(folder / "check")
+    if find_spec("pyarrow"):
+        found["parquet"] = in_parquet(folder / "log", folder / "parquet")
+    if find_spec("rosbags"):
+        found["bag"] = folder / "bag"
+        sp.save_rosbag(sp.load_trajectory(found["trajectory"]), found["bag"])
+    return found
+
+
+def in_parquet(log: Path, folder: Path) -> Path:
+    """A log whose samples are Parquet."""
+    import pyarrow
+    import pyarrow.parquet
+
+    shutil.copytree(log, folder)
+    (folder / "samples.csv").unlink()
+    columns = sp.read_pushlog(log).samples
+    table = {name: pyarrow.array(values, from_pandas=True) for name, values in columns.items()}
+    pyarrow.parquet.write_table(pyarrow.table(table), folder / "samples.parquet")
+    return folder
+
+
+def blind_check(folder: Path) -> Path:
+    """A blind check of one short log."""
+    from stablepush.blind.check import BlindCheck
+
+    check = BlindCheck(folder, sets=1, pushes=4, seed=3)
+    check.seal(lambda *_: None)
+    check.diagnose(lambda *_: None)
+    check.score(lambda *_: None)
+    return folder
+
+
+def files_in(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.rglob("*") if path.is_file())
 
 
 def raw_log(pushes: int) -> str:
@@ -228,15 +264,14 @@ def readers(at: dict[str, Path]) -> dict[str, tuple[list[Path], Callable[[], obj
     """Files that are broken, and what reads them."""
     from stablepush.logs.mlab import find_sources, import_source
 
-    log = sorted(at["log"].iterdir())
-    return {
+    found: dict[str, tuple[list[Path], Callable[[], object]]] = {
         "model, polynomial": ([at["polynomial"]], lambda: sp.load_model(at["polynomial"])),
         "model, support": ([at["support"]], lambda: sp.load_model(at["support"])),
         "slider": ([at["slider"]], lambda: sp.load_slider(at["slider"])),
         "contact": ([at["contact"]], lambda: sp.load_contact(at["contact"])),
         "scene": ([at["scene"]], lambda: sp.load_scene(at["scene"])),
         "plan": ([at["plan"]], lambda: sp.load_plan(at["plan"])),
-        "pushlog": (log, lambda: sp.read_pushlog(at["log"]).pairs()),
+        "pushlog": (files_in(at["log"]), lambda: sp.read_pushlog(at["log"]).pairs()),
         "trajectory": ([at["trajectory"]], lambda: sp.load_trajectory(at["trajectory"])),
         "list of pushes": (
             [at["pushes"]], lambda: sp.read_commands(at["pushes"], sp.load_scene(at["scene"]), 0.005),
@@ -244,25 +279,41 @@ def readers(at: dict[str, Path]) -> dict[str, tuple[list[Path], Callable[[], obj
         "raw log of the lab": ([at["raw"]], lambda: [import_source(source) for source in find_sources(at["raw"].parent)]),
         "grid map": ([at["small"]], lambda: sp.load_movingai_map(at["small"], 0.1)),
     }  # fmt: skip
+    if "parquet" in at:
+        found["pushlog, parquet"] = [at["parquet"] / "samples.parquet"], lambda: sp.read_pushlog(at["parquet"]).pairs()
+    if "bag" in at:
+        found["ROS bag"] = files_in(at["bag"]), lambda: sp.load_rosbag(at["bag"])
+    return found
 
 
 def commands(at: dict[str, Path], out: Path) -> dict[str, tuple[list[Path], list[object]]]:
     """Files that are broken, and arguments of the command that reads them."""
     drawn = out.with_suffix(".png")
     model, contact, slider, scene, plan = (at[k] for k in ("polynomial", "contact", "slider", "scene", "plan"))
-    return {
+    log, quick = files_in(at["log"]), ["--time-limit", "0.5", "--improve", "0"]
+    found: dict[str, tuple[list[Path], list[object]]] = {
+        "import": ([at["raw"], slider], ["import", at["raw"], "--slider", slider, "-o", out.with_suffix(".log")]),
         "classify": ([model, contact, at["cors"]], ["classify", model, "--contact", contact, "--cors", at["cors"], "-o", out]),
         "check": ([scene, plan], ["check", scene, plan]),
-        "plan": ([scene], ["plan", scene, "--time-limit", "0.5", "--improve", "0", "-o", out]),
+        "plan": ([scene], ["plan", scene, *quick, "-o", out]),
         "slide": ([model, slider], ["slide", model, "--slider", slider, "--twist", "0.3", "-0.1", "2", "-o", out]),
         "map": (
             [model, contact, slider],
             ["map", model, "--contact", contact, "--slider", slider, "-o", drawn],
         ),
-        "fit": (sorted(at["log"].iterdir()), ["fit", at["log"], "--model", "quadratic", "-o", out]),
-        "diagnose": (sorted(at["log"].iterdir()), ["diagnose", at["log"], "--json", out]),
+        "contacts": (
+            [model, slider],
+            ["contacts", model, "--slider", slider, "--mu", "0.5", "--width", "0.05", "--places", "3", "-o", out],
+        ),
+        "compare": ([scene], ["compare", scene, *quick, "--csv", out]),
+        "trajectory": ([scene, plan], ["trajectory", scene, plan, "-o", out]),
+        "fit": (log, ["fit", at["log"], "--model", "quadratic", "-o", out]),
+        "diagnose": (log, ["diagnose", at["log"], "--json", out]),
         "simulate": ([scene, plan], ["simulate", scene, plan, "-o", out.with_suffix(".log")]),
     }
+    if "check" in at:
+        found["blind"] = [p for p in files_in(at["check"]) if p.name != "lock"], ["blind", "-o", at["check"]]
+    return found
 
 
 def judged(tally: Tally, files: list[Path], run: Callable[[], bool]) -> None:

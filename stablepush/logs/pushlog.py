@@ -13,6 +13,7 @@ from stablepush._arrays import FloatArray, read_only
 from stablepush.errors import InputError
 from stablepush.files import Node, read_json, whole_folder, write_atomically, write_json
 from stablepush.formats import slider_from_node, slider_to_json
+from stablepush.logs.parquet import read_parquet
 from stablepush.logs.table import IS_FLAG, IS_POSITIVE, IS_SENSE, Column, read_table, table_text
 from stablepush.se2 import compose, inverse, log, wrap_angle
 from stablepush.slider import Slider
@@ -216,41 +217,12 @@ def rig_to_json(rig: Rig) -> dict[str, Any]:
 def _read_samples(folder: Path) -> tuple[dict[str, Column], Callable[[int], str], str]:
     """Columns, what says the place of a row in the file, and the file."""
     table, parquet = folder / "samples.csv", folder / "samples.parquet"
-    required = ("trial", "t", "x", "y", "theta")
+    required, filled = ("trial", "t", "x", "y", "theta"), ("trial", "t")
     if parquet.exists() and not table.exists():
-        columns = _read_parquet(parquet, required)
+        columns = read_parquet(parquet, required=required, numbers=SAMPLE_NUMBERS, filled=filled)
         return columns, lambda row: f"row {row + 1}", str(parquet)
-    columns, lines = read_table(table, required=required, numbers=SAMPLE_NUMBERS, filled=("trial", "t"))
+    columns, lines = read_table(table, required=required, numbers=SAMPLE_NUMBERS, filled=filled)
     return columns, lambda row: f"line {lines[row]}", str(table)
-
-
-def _read_parquet(path: Path, required: tuple[str, ...]) -> dict[str, Column]:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
-        raise InputError(f"{path}: reading parquet needs pyarrow: pip install 'stablepush[parquet]'") from None
-    try:
-        table = pyarrow.parquet.read_table(path)
-    except (OSError, pyarrow.ArrowException) as error:
-        raise InputError(f"{path}: cannot read: {str(error).splitlines()[0]}") from None
-    columns: dict[str, Column] = {}
-    for name in table.column_names:
-        values = table.column(name).to_pylist()
-        if name in SAMPLE_NUMBERS:
-            try:
-                columns[name] = np.array([np.nan if v is None else float(v) for v in values])
-            except (TypeError, ValueError):
-                raise InputError(f"{path}: column {name}: expected numbers") from None
-            bad = np.flatnonzero(np.isinf(columns[name]) | (np.abs(columns[name]) > 1e6))
-            if len(bad):
-                raise InputError(f"{path}: row {bad[0] + 1}: column {name}: expected a finite number of at most 1e6")
-        else:
-            columns[name] = np.array(["" if v is None else str(v) for v in values], dtype=object)
-    for name in required:
-        if name not in columns:
-            raise InputError(f"{path}: column {name}: missing column")
-    return columns
 
 
 def _check_trials(trials: Mapping[str, Column], lines: Sequence[int], source: str) -> None:
