@@ -7,7 +7,7 @@ import pytest
 from conftest import FORCES, LOAD, MASS, QUIET, check_schema, edited, make_log, pressure, triangle
 
 import stablepush as sp
-from stablepush.diagnosis.observations import half_spacing, observe
+from stablepush.diagnosis.observations import finger_places, observe
 
 
 def one_finger_a_push():
@@ -96,7 +96,7 @@ def test_fingers_that_never_touch_together_are_found():
     log = one_finger_a_push()
     assert len(log) > 8
     seen = observe(log)
-    assert half_spacing(log) == pytest.approx(0.025, abs=5e-4)
+    assert finger_places(log) == pytest.approx(np.array(((0.0, 0.025), (0.0, -0.025))), abs=5e-4)
     touching = np.isfinite(seen.gap)
     assert touching.any(axis=1).mean() > 0.8 and not touching.all(axis=1).any()
     assert np.nanmedian(np.abs(seen.gap)) < 3e-4

@@ -8,6 +8,8 @@ from conftest import FORCES, LOAD, MASS, check_schema, edited, make_log, make_ri
 
 import stablepush as sp
 from stablepush.commands import contact_push, poke
+from stablepush.diagnosis.gap_report import shrink_with
+from stablepush.diagnosis.motions import motions_of
 from stablepush.diagnosis.observations import observe
 from stablepush.diagnosis.replay import misses, replays
 from stablepush.diagnosis.system import System
@@ -129,3 +131,47 @@ def test_pushes_that_separate_causes_are_proposed_without_forces():
     said = [push["expected_difference_of_ends_m"] for push in after["pushes"][::2]]
     # the other cause may move one of them as well
     assert np.median(np.abs(np.divide(said, away) - 1)) < 0.05
+
+
+def motions(log):
+    observations = observe(log)
+    return motions_of(observations, log.rig, replays(log, observations))
+
+
+@pytest.mark.parametrize("mu", [0.5, None])
+@pytest.mark.parametrize("effect", [None, "anisotropy-world:ratio=1.4,direction=0.5"])
+def test_more_effects_never_fit_worse_wherever_fits_begin(mu, effect):
+    """Fits to ends have many minima: with an effect they are to be no worse than without, wherever they begin."""
+    log = edited(make_log(*([effect] if effect else []), count=24, seed=2), FORCES, contact_friction=mu)
+    system = motions(log)
+    alone = system.fit([], True)
+    scores = {id: system.fit([id], True).score for id in ("tilt", "anisotropy-world", "speed-dependence")}
+    assert min(scores.values()) > alone.score - 2
+    # it moves no end: all that it gains is another start
+    assert scores["speed-dependence"] < alone.score + 2
+    system.settle(system.fit(["anisotropy-world"], True))
+    assert system.fit([], True).score > alone.score - 1
+    assert system.fit(["tilt"], True).score > scores["tilt"] - 1
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+def test_fingers_of_unknown_friction_are_no_cause(seed):
+    log = edited(make_log(count=24, seed=seed), FORCES, contact_friction=None)
+    report = sp.diagnose(log)
+    assert report.verdict in ("none", "absorbed") and not report.named
+
+
+def test_a_known_cause_closes_the_gap_without_forces():
+    log = edited(make_log("tilt:slope=0.02/-0.01", count=24), FORCES)
+    closed = {entry["channel"]: entry["closed"] for entry in shrink_with(log, ["tilt"])}
+    assert closed["pose"] > 0.8
+    assert {entry["channel"]: entry["closed"] for entry in sp.diagnose(log).shrink}["pose"] > 0.8
+
+
+def test_a_log_whose_last_push_shows_nothing_is_fitted_without_it():
+    log = edited(make_log("tilt:slope=0.02/-0.01", count=16), FORCES)
+    log.samples["x"].flags.writeable = True
+    log.samples["x"][log.rows(log.trials["trial"][-1])] = np.nan
+    system = motions(log)
+    chosen = np.arange(16) % 3 > 0
+    assert np.isfinite(system.fit(["tilt"], True, chosen).score)

@@ -2,7 +2,7 @@
 
 Rigs, campaigns and amplitudes come from seeds. Rows go to a CSV as they are found, and a later run goes on where it stopped.
 
-    python examples/diagnosis/campaign.py -o campaign.csv [--per-effect 10] [--poses 10] [--clean 60] [--pushes 60] [--jobs 2]
+    python examples/diagnosis/campaign.py -o campaign.csv [--per-effect 10] [--poses 10] [--bare 0] [--clean 60] [--pushes 60]
 """
 
 from __future__ import annotations
@@ -38,6 +38,9 @@ MOVING = (
     "none", "anisotropy-world", "anisotropy-object", "spatial-variation", "pressure-shift", "tilt", "contact-friction",
     "contact-geometry", "frame-offset", "latency",
 )  # fmt: skip
+#: The same on rigs that say nothing of the fingers' friction and radius and of noise, and effects that these can show.
+BARE = "bare:"
+OF_BARE = tuple(id for id in MOVING if not id.startswith("contact"))
 #: Effects that pairs are made of: they do not only reshape the surface.
 PAIRED = tuple(id for id in LARGEST if not id.startswith(("pressure", "model", "anisotropy-object", "inertia")))
 #: Side of the squares in m, and how far (relatively) their friction is from the mean.
@@ -138,12 +141,13 @@ def world(id: str, seed: int, pushes: int, **campaign: object) -> tuple[sp.Virtu
 
 def one(name: str, seed: int, pushes: int) -> dict[str, object]:
     """Simulate a log and diagnose it; the diagnosis sees the log alone."""
-    id = name.removeprefix(POSES)
+    id = name.removeprefix(POSES).removeprefix(BARE)
     rig, commands, draw = world(id, seed, pushes)
     effects = list(rig.effects)
     log = in_squares(rig, commands, draw) if id == "checkerboard" else rig.execute(commands, seed=draw).log
-    if name.startswith(POSES):
-        log = sp.PushLog(log.rig, log.trials, {c: v for c, v in log.samples.items() if c not in FORCES})
+    if name != id:
+        nominal = replace(log.rig, contact_friction=None, finger_radius=None, noise=None) if name.startswith(BARE) else log.rig
+        log = sp.PushLog(nominal, log.trials, {c: v for c, v in log.samples.items() if c not in FORCES})
     begin = time.perf_counter()
     report = sp.diagnose(log)
     seconds = time.perf_counter() - begin
@@ -189,8 +193,8 @@ def summary(rows: list[dict[str, str]]) -> None:
             names = ", ".join(sorted({r["named"] for r in mine if r["named"]}))
             print(f"{word}: {alarms} of {len(mine)} alarms ({interval(alarms, len(mine))}); {verdicts}; {names or 'no names'}")
     print(f"{'effect, named at':<26s}" + "".join(f"{100 * s:>9.0f} %" for s in SHARES) + "   of; other names and verdicts")
-    for name in (*LARGEST, *(POSES + id for id in MOVING)):
-        id = name.removeprefix(POSES)
+    for name in (*LARGEST, *(POSES + id for id in MOVING), *(BARE + id for id in OF_BARE)):
+        id = name.removeprefix(POSES).removeprefix(BARE)
         mine = [r for r in rows if r["effect"] == name]
         if not mine:
             continue
@@ -231,6 +235,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--per-effect", type=int, default=10)
     parser.add_argument("--poses", type=int, help="logs without forces of each effect, as many as with forces if not given")
+    parser.add_argument("--bare", type=int, default=0, help="the same on rigs that say nothing of the fingers and of noise")
     parser.add_argument("--clean", type=int, default=60)
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--pushes", type=int, default=60)
@@ -245,6 +250,7 @@ def main() -> None:
     jobs = [("none", options.first_seed + seed, options.pushes) for seed in range(options.clean)]
     counts = dict.fromkeys((*LARGEST, *OTHERS[1:]), options.per_effect)
     counts |= dict.fromkeys((POSES + id for id in MOVING), options.per_effect if options.poses is None else options.poses)
+    counts |= dict.fromkeys((BARE + id for id in OF_BARE), options.bare)
     most = max(counts.values())
     jobs += [(id, options.first_seed + seed, options.pushes) for seed in range(most) for id, n in counts.items() if seed < n]
     jobs = [job for job in jobs if job[:2] not in done]

@@ -12,9 +12,9 @@ from stablepush._arrays import FloatArray
 from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out, slip_friction
 from stablepush.diagnosis.equations import SIZES, usual
 from stablepush.diagnosis.motions import Motions, motions_of
-from stablepush.diagnosis.observations import heading, observe
+from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
-from stablepush.diagnosis.replay import replays
+from stablepush.diagnosis.replay import Replay, replays
 from stablepush.diagnosis.shrink import closes_touch, ends_are_off, explains_most, gap, hold_out, shrink
 from stablepush.diagnosis.system import System, system_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share, residuals
@@ -129,15 +129,8 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     observations = observe(log)
     if len(np.unique(observations.trial)) < 2:
         return _too_little(log, name)
-    replayed = replays(log, observations)
     forces = bool(observations.has_wrench.any())
-    system: System
-    if replayed and not forces:
-        system = motions = motions_of(observations, log.rig, replayed)
-        pushes = motions.pushes
-    else:
-        system = system_of(observations, log.rig)
-        pushes, system.end_noise = system.predictable(replayed)
+    system, pushes, left_out = _equations(log, observations)
     found = attribute(system, said)
     said("how far the gap shrinks")
     named = found.named
@@ -180,7 +173,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     # a rig has fingers of one radius
     simulated = [id for id in named if id != "contact-geometry" or all(observations.off)]
     report_effects = {entry["effect"]: _plain(entry) for entry in ranking if entry["effect"] in simulated}
-    notes = _notes(log, system, found, effects, share, p_share, len(replayed) - len(pushes))
+    notes = _notes(log, system, found, effects, share, p_share, left_out)
     return GapReport(
         log=name,
         trials=len(log),
@@ -216,14 +209,23 @@ def shrink_with(log: PushLog, effects: list[str]) -> list[dict[str, Any]]:
     observations = observe(log)
     if len(np.unique(observations.trial)) < 2:
         return []
-    replayed = replays(log, observations)
-    system = system_of(observations, log.rig)
+    system, pushes, _ = _equations(log, observations)
     chosen = [id for id in effects if id in SIZES and (id != "contact-friction" or not system.has_wrench)]
     final = system.fit(chosen, True)
     contact = slip_friction(system, final) if "contact-friction" in effects else None
     found = Attribution(chosen, [], "", False, True, final, {}, {}, contact)
-    pushes, system.end_noise = system.predictable(replayed)
     return shrink(hold_out(system, found, log, pushes))
+
+
+def _equations(log: PushLog, observations: Observations) -> tuple[System, list[Replay], int]:
+    """The equations of a log, the pushes whose ends are measurements, and how many others the log has."""
+    replayed = replays(log, observations)
+    if replayed and not observations.has_wrench.any():
+        motions = motions_of(observations, log.rig, replayed)
+        return motions, motions.pushes, len(replayed) - len(motions.pushes)
+    system = system_of(observations, log.rig)
+    pushes, system.end_noise = system.predictable(replayed)
+    return system, pushes, len(replayed) - len(pushes)
 
 
 def _too_little(log: PushLog, name: str) -> GapReport:

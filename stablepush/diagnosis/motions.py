@@ -7,7 +7,7 @@ With these go the gaps of the fingers.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,8 @@ _SMALL = (0.02, 0.02, 0.05, 0.05, 0.05)
 _CELLS = 5
 #: Share of what the prior lets the surface do to an end that counts as noise, before what a free pressure leaves is known.
 _SHARE = 0.1
+#: Friction of the fingers, where it is not known, that is tried to begin with.
+_GRIPS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15)
 
 
 class Motions(System):
@@ -55,10 +57,14 @@ class Motions(System):
         support = slider.support or SupportDistribution(self.points, np.ones(len(self.points)))
         total = (rig.support_friction or 0.0) * self.weight
         self._surface = IdealLimitSurface(_coarse(support), total or 1.0, self.rho)
+        self.nominal = np.zeros(len(_SMALL))
         if rig.contact_friction is None:
             self.nuisance = (*self.nuisance, "contact-friction")
-        self.nominal = np.zeros(len(_SMALL))
+            self.mu = self._likely_grip(pushes)
         self._slopes: dict[str, FloatArray] = {}
+        self._fits: dict[Any, Fitted] = {}
+        #: What fits begin at, slopes about it, and fits that were made: before one was settled on.
+        self._first = self.about, self._slopes, self._fits
         self._found: dict[Any, FloatArray] = {}
         self.pushes, self.end_noise = self.predictable(pushes)
         #: How far (m, for a component of an end each) the surface moves it within its prior: pushes that friction decides
@@ -66,6 +72,12 @@ class Motions(System):
         self.reach = np.linalg.norm(self._slope("", _SMALL) * _PRIOR, axis=1)
         self.spread = np.hypot(self.end_noise.ravel(), _SHARE * self.reach)
         self.trial = np.concatenate((np.repeat([p.trial for p in self.pushes], 3), self.trial)).astype(int)
+
+    def _likely_grip(self, pushes: list[Replay]) -> float:
+        """Friction of the fingers with which the nominal simulation is nearest to the ends: where fits of it begin."""
+        surface, slider = self.surface(self.nominal), self.rig.slider
+        missed = [np.linalg.norm(misses(pushes, surface, slider, mu, self.moving_weight, {}), axis=1) for mu in _GRIPS]
+        return _GRIPS[int(np.argmin([np.nan_to_num(m, nan=10 * self.rho).sum() for m in missed]))]
 
     def surface(self, loads: FloatArray) -> IdealLimitSurface:
         """Return the nominal pressure moved and stretched."""
@@ -101,16 +113,38 @@ class Motions(System):
         return np.eye(len(self.nominal))[:, :count], np.concatenate((slopes, gaps)), precision
 
     def fit(self, effects: Sequence[str], free: bool, chosen: BoolArray | None = None, start: Fitted | None = None) -> Fitted:
-        """As :meth:`Equations.fit`; with effects on a free surface also from where they are on a fixed one: what fits better.
+        """As :meth:`Equations.fit`, from several starts, of which the one counts that fits best.
 
-        Ends follow both far from linearly: from the nominal simulation a step may lead away from where the smaller model fits.
+        Ends follow effects and surface far from linearly: a step may lead away from where a smaller model fits.
         """
-        found = super().fit(effects, free, chosen, start)
-        if not (free and effects) or start is not None:
-            return found
-        other = super().fit(effects, True, chosen, super().fit(effects, False, chosen))
-        used = slice(None) if chosen is None else chosen
-        return max(found, other, key=lambda fitted: float(fitted.density[used].sum()))
+        if start is not None:
+            return super().fit(effects, free, chosen, start)
+        key = tuple(effects), free, None if chosen is None else chosen.tobytes()
+        if key not in self._fits:
+            tried = list(self._tried(effects, free, chosen))
+            self._fits[key] = max(tried, key=lambda fitted: _density_of(fitted, chosen))
+        return self._fits[key]
+
+    def _tried(self, effects: Sequence[str], free: bool, chosen: BoolArray | None) -> Iterator[Fitted]:
+        """Fits from where they begin; of effects on a free surface from the fit without the last of them, and from where they are
+        on a fixed one; and of what lacks effects of the fit that was settled on from where fits began before."""
+        first = self._slopes is self._first[1]
+        if first and free and effects:
+            yield super().fit(effects, True, chosen, self.fit(effects[:-1], True, chosen))
+        else:
+            yield super().fit(effects, free, chosen)
+        if first and free and (effects or self.nuisance):
+            yield super().fit(effects, True, chosen, super().fit(effects, False, chosen))
+        if self.about is not None and not set(self.about.values) <= {*effects, *self.nuisance}:
+            now = self.about, self._slopes, self._fits
+            self.about, self._slopes, self._fits = self._first
+            yield self.fit(effects, free, chosen)
+            self.about, self._slopes, self._fits = now
+
+    def begin(self, fitted: Fitted) -> None:
+        """Let fits begin at this one, now and when others have been settled on."""
+        self.settle(fitted)
+        self._first = self.about, self._slopes, self._fits
 
     def _slope(self, id: str, small: tuple[float, ...]) -> FloatArray:
         """Derivatives (3n, d) of the ends, by differences about the nominal simulation or the last fit that was
@@ -134,7 +168,18 @@ class Motions(System):
 
     def settle(self, fitted: Fitted) -> None:
         super().settle(fitted)
-        self._slopes.clear()
+        self._slopes, self._fits = {}, {}
+
+    def trust(self, spread: FloatArray) -> None:
+        """Set the noise of the components of the ends; fits that were made with another are forgotten."""
+        self.spread = spread
+        self._fits.clear()
+
+
+def _density_of(fitted: Fitted, chosen: BoolArray | None) -> float:
+    """Log density of the trials that a fit was made to."""
+    density = fitted.density
+    return float((density if chosen is None else density[chosen[: len(density)]]).sum())
 
 
 def _coarse(support: SupportDistribution) -> SupportDistribution:
@@ -152,17 +197,24 @@ def _coarse(support: SupportDistribution) -> SupportDistribution:
 
 def motions_of(observations: Observations, rig: Rig, pushes: list[Replay]) -> Motions:
     """Return the equations of a log without forces; the noise of ends is at least what the noise of poses makes of it, and what a
-    free pressure leaves of them: of those that the surface hardly moves, and of the others."""
+    free pressure leaves of them: of those that the surface hardly moves, and of the others.
+
+    Where friction of the fingers is not known fits begin at what it is like, with the slopes there.
+    """
     system = Motions(observations, rig, pushes)
     if not system.pushes:
         return system
-    left = system.fit([], True).residual[: 3 * len(system.pushes)] * system.spread
+    plain = system.fit([], True)
+    left = plain.residual[: 3 * len(system.pushes)] * system.spread
     reach, noise = system.reach, system.end_noise.ravel()
     stuck = reach <= np.median(reach)
     still = noise * max(1.0, float(np.sqrt(usual((left[stuck] / noise[stuck]) ** 2))))
     moved = np.maximum(left[~stuck] ** 2 - still[~stuck] ** 2, 0.0) / np.maximum(reach[~stuck], 1e-12) ** 2
     share = np.sqrt(usual(moved)) if len(moved) else 0.0
-    system.spread = np.hypot(still, float(share) * reach)
+    system.trust(np.hypot(still, float(share) * reach))
+    if "contact-friction" in system.nuisance:
+        system.begin(plain)
+        system.begin(system.fit([], True))
     if rig.noise is None:
         system.end_noise = system.spread.reshape(-1, 3)
     return system

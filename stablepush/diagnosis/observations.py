@@ -106,7 +106,7 @@ class Observations:
 def observe(log: PushLog) -> Observations:
     """Return the push rows of a log that have a pose and move."""
     s = log.samples
-    poses = np.stack([np.asarray(s[c], dtype=np.float64) for c in ("x", "y", "theta")], axis=-1)
+    poses = log.columns("x", "y", "theta")
     twists = log.twists()
     usable = np.isfinite(poses).all(axis=1) & np.isfinite(twists).all(axis=1)
     if "phase" in s:
@@ -154,21 +154,16 @@ def observe(log: PushLog) -> Observations:
                 result[i] = values[part][known].mean(axis=0)
         return result
 
-    def columns(*wanted: str) -> FloatArray:
-        if not set(wanted) <= set(s):
-            return np.full((len(blocks), len(wanted)), np.nan)
-        return means(np.stack([np.asarray(s[c], dtype=np.float64) for c in wanted], axis=-1))
-
-    time, pose, twist = columns("t")[:, 0], means(poses), means(twists)
+    time, pose, twist = means(log.columns("t"))[:, 0], means(poses), means(twists)
     for i, (middle, motion) in ends.items():
         pose[i], twist[i] = middle, motion
-    pusher, wrench = columns("px", "py", "ptheta"), columns("fx", "fy", "tau")
+    pusher, wrench = means(log.columns("px", "py", "ptheta")), means(log.columns("fx", "fy", "tau"))
     # nor does the mean of a whole push tell where the pusher was
     pusher[list(ends)] = np.nan
     # a sensor that reads nothing at all tells nothing of the load
     wrench[~np.abs(wrench).any(axis=1)] = np.nan
     # each contact point for itself: a finger may touch alone
-    points = np.stack((columns("c1x", "c1y"), columns("c2x", "c2y")), axis=1)
+    points = np.stack((means(log.columns("c1x", "c1y")), means(log.columns("c2x", "c2y"))), axis=1)
     radius, normal, place, gap, slip = _fingers(log, trial, time, pose, twist, pusher, points)
     begun = np.asarray(log.trials["start_time"], dtype=np.float64)
     rank = np.argsort(np.argsort(begun, kind="stable"), kind="stable") / max(1, len(names) - 1)
@@ -187,10 +182,9 @@ def observe(log: PushLog) -> Observations:
 def _at_rest(log: PushLog, names: list[str], pushes: dict[str, np.ndarray], poses: FloatArray) -> tuple[np.ndarray, FloatArray]:
     """Trials (m,) and forces (m, 2) in W of readings at rest, before the push, with the pusher away from the outline."""
     s = log.samples
-    if not {"fx", "fy", "px", "py", "phase"} <= set(s) or log.rig.contact_kind == "held":
+    if "phase" not in s or log.rig.contact_kind == "held":
         return np.zeros(0, dtype=int), np.zeros((0, 2))
-    times, force = np.asarray(s["t"], dtype=np.float64), np.stack((s["fx"], s["fy"]), axis=-1).astype(np.float64)
-    pusher = np.stack((s["px"], s["py"]), axis=-1).astype(np.float64)
+    times, force, pusher = log.columns("t")[:, 0], log.columns("fx", "fy"), log.columns("px", "py")
     good = np.isfinite(np.column_stack((poses, force, pusher, times))).all(axis=1) & (np.asarray(s["phase"]) == "rest")
     trials, rows = [], []
     for k, name in enumerate(names):
@@ -257,14 +251,13 @@ def _fingers(
     if log.rig.contact_kind == "held":
         return radius, normal, place, gap, slip
     outline = log.rig.slider.vertices
-    half = half_spacing(log)
-    half = half if np.isfinite(half) else 0.0
-    # how the pusher is turned does not matter to what sits in its origin: one finger, or the middle of two that are flush
-    if half == 0.0:
+    places = finger_places(log)
+    if not places.any() or np.isnan(places).any():
+        # how the pusher is turned does not matter to what sits in its origin: one finger, or the middle of two that are flush
+        places = np.zeros((1, 2))
         pusher = np.where(np.isfinite(pusher) | (np.arange(3) < 2), pusher, 0.0)
     known = np.isfinite(pusher).all(axis=1)
     if known.any():
-        places = np.array(((0.0, half), (0.0, -half))) if half else np.zeros((1, 2))
         relative = compose(inverse(pose[known]), pusher[known])
         centers = transform_points(relative, places)
         for k in range(len(places)):
@@ -339,14 +332,18 @@ def _fingers_off(log: PushLog, trial: np.ndarray, gap: FloatArray) -> tuple[floa
     return 1.0, 1.0
 
 
-def half_spacing(log: PushLog) -> float:
-    """Half the distance (m) between two fingers, from the contact points that are logged; 0 for one finger, NaN if not known."""
-    s, wanted = log.samples, ("x", "y", "theta", "px", "py", "ptheta", "c1x", "c1y", "c2x", "c2y")
+def finger_places(log: PushLog) -> FloatArray:
+    """Return where the fingers are in the pusher's frame, left and right of its axis, in m: (2, 2), or (1, 2) for one; NaN if the
+    log does not tell."""
     if log.rig.contact_kind != "two-point":
-        return 0.0
-    blank = np.full(len(s["t"]), np.nan)
-    sheet = np.stack([np.asarray(s[c], dtype=np.float64) if c in s else blank for c in wanted], axis=-1)
-    points = sheet[:, 6:].reshape(-1, 2, 2)
+        return np.zeros((1, 2))
+    return np.outer((1.0, -1.0), (0.0, _half_spacing(log)))
+
+
+def _half_spacing(log: PushLog) -> float:
+    """Half the distance (m) between two fingers, from the contact points that are logged; NaN if they do not tell."""
+    poses, pushers = log.columns("x", "y", "theta"), log.columns("px", "py", "ptheta")
+    points = log.columns("c1x", "c1y", "c2x", "c2y").reshape(-1, 2, 2)
     both = np.isfinite(points).all(axis=(1, 2))
     if both.any():
         return float(np.median(np.linalg.norm(points[both, 0] - points[both, 1], axis=1))) / 2
@@ -354,11 +351,11 @@ def half_spacing(log: PushLog) -> float:
     # same side
     beside: list[FloatArray] = []
     for k in range(2):
-        known = np.isfinite(sheet[:, :6]).all(axis=1) & np.isfinite(points[:, k]).all(axis=1)
+        known = np.isfinite(np.column_stack((poses, pushers, points[:, k]))).all(axis=1)
         if known.any():
             near, inward, _ = nearest(log.rig.slider.vertices, points[known, k])
             centers = (near - (log.rig.finger_radius or 0.0) * inward)[:, None]
-            seen = transform_points(compose(inverse(sheet[known, 3:6]), sheet[known, :3]), centers)[:, 0, 1]
+            seen = transform_points(compose(inverse(pushers[known]), poses[known]), centers)[:, 0, 1]
             beside.append(seen * np.sign(np.median(seen)))
     return float(np.median(np.concatenate(beside))) if beside else np.nan
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from stablepush._arrays import BoolArray, FloatArray
 from stablepush.contact import PushContact
-from stablepush.diagnosis.observations import Observations, half_spacing, nearest
+from stablepush.diagnosis.observations import Observations, finger_places, nearest
 from stablepush.effects import principal
 from stablepush.errors import ConvergenceError, InputError
 from stablepush.logs import Noise, PushLog
@@ -92,22 +92,20 @@ class _Sheet:
 
     def __init__(self, log: PushLog, observations: Observations) -> None:
         s, rig = log.samples, log.rig
-
-        def columns(*names: str) -> FloatArray:
-            blank = np.full(len(s["t"]), np.nan)
-            return np.stack([np.asarray(s[c], dtype=np.float64) if c in s else blank for c in names], axis=-1)
-
         self.log, self.outline = log, rig.slider.vertices
         self.step = step_of(rig.slider)
-        self.poses, self.pushers, self.times = columns("x", "y", "theta"), columns("px", "py", "ptheta"), columns("t")[:, 0]
-        self.points = columns("c1x", "c1y", "c2x", "c2y").reshape(-1, 2, 2)
+        self.poses, self.pushers, self.times = (
+            log.columns("x", "y", "theta"),
+            log.columns("px", "py", "ptheta"),
+            log.columns("t")[:, 0],
+        )
+        self.points = log.columns("c1x", "c1y", "c2x", "c2y").reshape(-1, 2, 2)
         self.phases = np.asarray(s["phase"]) if "phase" in s else None
         self.two = rig.contact_kind == "two-point"
         if not self.two:
             # how a single round finger is turned does not matter
             self.pushers[:, 2] = np.where(np.isfinite(self.pushers[:, 2]), self.pushers[:, 2], 0.0)
-        half = half_spacing(log)
-        self.places = np.array(((0.0, half), (0.0, -half))) if self.two else np.zeros((1, 2))
+        self.places = finger_places(log)
         self.off = observations.off if self.two else (1.0,)
         self.radius = observations.finger_radius if observations.finger_radius is not None else _RADIUS
         self.mu = rig.contact_friction if rig.contact_friction is not None else 1.0

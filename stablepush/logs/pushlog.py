@@ -75,6 +75,11 @@ class PushLog:
         """Return the rows (n,) of ``samples`` that belong to a trial, in the order of the file."""
         return np.flatnonzero(self.samples["trial"] == trial)
 
+    def columns(self, *names: str) -> FloatArray:
+        """Return columns (n, k) of numbers of ``samples`` side by side; NaN where the log has no such column."""
+        blank = np.full(len(self.samples["t"]), np.nan)
+        return np.stack([np.asarray(self.samples.get(name, blank), dtype=np.float64) for name in names], axis=-1)
+
     def pairs(self) -> tuple[FloatArray, FloatArray, list[str]]:
         """Return one load (n, 3), one slip twist (n, 3) and the trial for each trial that has them.
 
@@ -82,9 +87,7 @@ class PushLog:
         of the poses. A log without a ``phase`` column counts every row. Trials whose mean load or twist is missing or
         zero are left out.
         """
-        if not {"fx", "fy", "tau"} <= self.samples.keys():
-            return np.empty((0, 3)), np.empty((0, 3)), []
-        loads = self._stack("fx", "fy", "tau")
+        loads = self.columns("fx", "fy", "tau")
         twists = self.twists()
         phase = self.samples.get("phase")
         pushed = np.ones(len(loads), dtype=bool) if phase is None else phase == "push"
@@ -108,11 +111,9 @@ class PushLog:
         The twist between two rows is ``log(pose_i⁻¹ pose_{i+1})/dt``, exact for a constant body twist; a row takes the mean of
         its two neighbouring intervals weighted by their length, the ends their only one. NaN where a pose is missing.
         """
-        poses = self._stack("x", "y", "theta")
-        twists = np.full(poses.shape, np.nan)
-        if {"vx", "vy", "omega"} <= self.samples.keys():
-            twists[:] = self._stack("vx", "vy", "omega")
-        lacking = ~np.isfinite(twists).all(axis=1)
+        poses = self.columns("x", "y", "theta")
+        twists = self.columns("vx", "vy", "omega")
+        lacking = np.asarray(~np.isfinite(twists).all(axis=1))
         if not lacking.any():
             return twists
         times = self.samples["t"]
@@ -132,9 +133,6 @@ class PushLog:
             own = lacking[known]
             twists[known[own]] = (total / span[:, None])[own]
         return twists
-
-    def _stack(self, *columns: str) -> FloatArray:
-        return np.stack([np.asarray(self.samples[c], dtype=np.float64) for c in columns], axis=-1)
 
     def _rows_by_trial(self) -> dict[str, np.ndarray[Any, np.dtype[np.intp]]]:
         names = self.samples["trial"]
