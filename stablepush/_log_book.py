@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from stablepush._arrays import FloatArray
-from stablepush.logs.pushlog import Noise, PushLog, Rig, freeze
+from stablepush.logs.pushlog import Noise, PushLog, Rig
 from stablepush.planar import wrench_from_force
 from stablepush.pushing import Pusher, PushTrace
 from stablepush.se2 import compose, inverse, rotate_vectors, transform_points, wrap_angle
@@ -153,7 +153,7 @@ class LogBook:
             if name not in ("c1x", "c1y", "c2x", "c2y") or np.isfinite(values).any()
         }
         trials = {name: [entry[name] for entry in self._trials] for name in self._trials[0]}
-        return PushLog(self._nominal, freeze(trials), freeze(samples))
+        return PushLog(self._nominal, trials, samples)
 
 
 def _mean_loads(trace: PushTrace, edges: FloatArray) -> FloatArray:

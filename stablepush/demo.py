@@ -6,7 +6,6 @@ import numpy as np
 
 from stablepush.contact import PushContact
 from stablepush.logs import Noise, PushLog, Rig
-from stablepush.logs.pushlog import freeze
 from stablepush.models import IdealLimitSurface, LimitSurface
 from stablepush.planar import transport_twist, wrench_from_force
 from stablepush.problem import PlanningProblem
@@ -86,7 +85,7 @@ def demo_pokes(count: int = 40, seed: int = 0) -> PushLog:
         finger_radius=0.0,
         noise=_NOISE,
     )
-    return PushLog(rig, freeze(trials), freeze(samples))
+    return PushLog(rig, trials, samples)
 
 
 def demo_scene(surface: LimitSurface) -> PlanningProblem:

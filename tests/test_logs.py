@@ -126,6 +126,12 @@ def test_headings_kept_within_a_turn_make_no_jump():
     np.testing.assert_allclose(tiny_log(poses, times).twists(), np.tile(twist, (6, 1)), atol=1e-12)
 
 
+def test_twists_that_are_logged_in_part_come_from_the_poses():
+    poses = np.array(((0.0, 0, 0), (np.nan, np.nan, np.nan), (0.2, 0, 0)))
+    log = tiny_log(poses, np.arange(3.0), vx=np.full(3, 5.0), vy=np.zeros(3))
+    np.testing.assert_allclose(log.twists(), [(0.1, 0, 0), (np.nan,) * 3, (0.1, 0, 0)])
+
+
 def test_logged_twists_and_missing_rows():
     poses = np.array(((0.0, 0, 0), (0.1, 0, 0), (np.nan, np.nan, np.nan), (0.3, 0, 0)))
     nan = np.nan
@@ -292,3 +298,58 @@ def test_broken_raw_logs_are_refused(tmp_path, text, message):
     with pytest.raises(sp.InputError, match=message) as caught:
         import_source(source)
     assert str(path) in str(caught.value)
+
+
+def test_a_log_of_plain_lists_comes_back_as_it_was_given(tmp_path):
+    trials = {"trial": [1, 2], "start_time": [0, 1.5], "group": ["a", np.nan], "operator": ["Zoë", '"B", C']}
+    samples = {
+        "trial": ["1", "1", "2"],
+        "t": [0, 1, 0],
+        "x": [0.0, None, 2.0],
+        "y": [0] * 3,
+        "theta": (0, 1, 2),
+        "shift": [1, 2, 3],
+    }
+    log = sp.PushLog(sp.Rig(triangle_slider("patch")), trials, samples)
+    sp.write_pushlog(log, tmp_path / "log")
+    again = sp.read_pushlog(tmp_path / "log")
+    for table in (log, again):
+        assert table.trials["trial"].tolist() == ["1", "2"] and table.trials["group"].tolist() == ["a", ""]
+        assert table.trials["operator"].tolist() == ["Zoë", '"B", C']
+        assert table.samples["trial"].tolist() == ["1", "1", "2"]
+        np.testing.assert_array_equal(table.samples["x"], (0.0, np.nan, 2.0))
+        with pytest.raises(ValueError, match="read-only"):
+            table.samples["x"][0] = 1.0
+    # numbers that the format does not know are text once they have been in a file
+    np.testing.assert_array_equal(log.samples["shift"], (1.0, 2.0, 3.0))
+    assert again.samples["shift"].tolist() == ["1", "2", "3"]
+    # what is kept is not what was given
+    given = np.zeros(3)
+    log = sp.PushLog(log.rig, log.trials, {**log.samples, "fx": given})
+    given[:] = 7
+    assert not log.samples["fx"].any()
+
+
+@pytest.mark.parametrize(
+    ("table", "name", "values", "complaint"),
+    [
+        ("samples", "theta", None, "samples: column theta: missing column"),
+        ("trials", "start_time", None, "trials: column start_time: missing column"),
+        ("samples", "x", [0.0, 1.0], "samples: column x: expected 3 values, as many as trial has, got 2"),
+        ("samples", "x", ["a", "b", "c"], "samples: column x: expected numbers"),
+        ("samples", "x", np.zeros((3, 2)), "samples: column x: expected a list of values"),
+        ("samples", "x", [[0, 1], 2, 3], "samples: column x: expected (numbers|a list)"),
+        ("samples", "x", 1.0, "samples: column x: expected a list of values"),
+        ("samples", "trial", ["1", "1", "3"], "samples: column trial: expected trials of trials, got '3'"),
+    ],
+)
+def test_logs_that_are_none_are_refused_when_they_are_made(table, name, values, complaint):
+    trials = {"trial": ["1", "2"], "start_time": [0, 1]}
+    samples = {"trial": ["1", "1", "2"], "t": [0, 1, 0], "x": [0, 1, 2], "y": [0, 1, 2], "theta": [0, 1, 2]}
+    changed = {"trials": trials, "samples": samples}[table]
+    if values is None:
+        del changed[name]
+    else:
+        changed[name] = values
+    with pytest.raises(sp.InputError, match=complaint):
+        sp.PushLog(sp.Rig(triangle_slider("patch")), trials, samples)

@@ -135,7 +135,7 @@ class Motions(System):
             yield super().fit(effects, free, chosen)
         if first and free and (effects or self.nuisance):
             yield super().fit(effects, True, chosen, super().fit(effects, False, chosen))
-        if self.about is not None and not set(self.about.values) <= {*effects, *self.nuisance}:
+        if not first and self.about is not None and not set(self.about.values) <= {*effects, *self.nuisance}:
             now = self.about, self._slopes, self._fits
             self.about, self._slopes, self._fits = self._first
             yield self.fit(effects, free, chosen)

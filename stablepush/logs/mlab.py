@@ -20,7 +20,7 @@ import numpy as np
 from stablepush._arrays import LARGEST_MAGNITUDE, FloatArray
 from stablepush.errors import InputError
 from stablepush.files import read_text
-from stablepush.logs.pushlog import PushLog, Rig, freeze
+from stablepush.logs.pushlog import PushLog, Rig
 from stablepush.planar import wrench_from_force
 from stablepush.se2 import compose, exp, inverse, rotate_vectors, transform_points, wrap_angle
 from stablepush.slider import Slider
@@ -130,7 +130,7 @@ def import_source(source: Source, slider: Slider | None = None) -> tuple[PushLog
     notes += more
     if not trials["trial"]:
         raise InputError(f"{source.file}: expected at least one usable push")
-    return PushLog(rig, freeze(trials), freeze(samples)), [f"{source.file}: {note}" for note in notes]
+    return PushLog(rig, trials, samples), [f"{source.file}: {note}" for note in notes]
 
 
 def triangle_slider(arrangement: str) -> Slider:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -69,14 +70,22 @@ def _numbers(column: Any, name: str, file: str, filled: bool) -> Column:
 
 
 def _words(column: Any, name: str, file: str, filled: bool) -> Column:
-    words: dict[Any, str] = {None: ""}
+    import pyarrow
+
+    with suppress(pyarrow.ArrowException):
+        # as Arrow writes it: times of day, say, that Python's types do not hold
+        column = column.cast(pyarrow.string())
+    words: dict[str, str] = {}
     values = np.empty(len(column), dtype=object)
     for start in range(0, len(column), _AT_ONCE):
-        for row, value in enumerate(column.slice(start, _AT_ONCE).to_pylist(), start):
-            if isinstance(value, list | dict | bytes):
-                raise InputError(f"{file}: row {row + 1}: column {name}: expected words, got {column.type}")
+        try:
+            part = column.slice(start, _AT_ONCE).to_pylist()
+        except (ValueError, OverflowError, pyarrow.ArrowException):
+            raise InputError(f"{file}: column {name}: expected words, got {column.type}") from None
+        for row, value in enumerate(part, start):
+            word = "" if value is None else str(value).strip()
             # a word that stands in many rows is kept once
-            values[row] = word = words.setdefault(value, str(value).strip())
+            values[row] = words.setdefault(word, word)
             if filled and not word:
                 raise InputError(f"{file}: row {row + 1}: column {name}: expected a value, got a blank")
     return values

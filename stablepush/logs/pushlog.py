@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,10 @@ SAMPLE_NUMBERS = (
     *("t", "x", "y", "theta", "fx", "fy", "tau", "vx", "vy", "omega"),
     *("c1x", "c1y", "c2x", "c2y", "px", "py", "ptheta"),
 )
+#: Columns that tables must have.
+OF_TRIALS, OF_SAMPLES = ("trial", "start_time"), ("trial", "t", "x", "y", "theta")
+#: Columns of text; others that the format does not know are text if they hold any.
+_TEXT = ("trial", "group", "phase")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,14 +64,27 @@ class Rig:
 class PushLog:
     """A log of pushes: a rig, and two tables as mappings from column to array.
 
-    ``trials`` has a row for each push, ``samples`` the rows of all pushes; text columns (``trial``, ``group``, ``phase``)
-    are object arrays with ``""`` for a blank, the others float arrays with NaN for a missing value. Units and frames are
-    those of ``pushlog/1``: SI, poses in W, wrenches, twists and contact points in B.
+    ``trials`` has a row for each push, ``samples`` the rows of all pushes; columns may be given as anything that numpy takes, and
+    are kept read-only: text (``trial``, ``group``, ``phase``) as object arrays with ``""`` for a blank, numbers as float arrays
+    with NaN for a missing value. Units and frames are those of ``pushlog/1``: SI, poses in W, wrenches, twists and contact points
+    in B.
+
+    Raises
+    ------
+    InputError
+        If a column lacks that the format asks for, columns differ in length, numbers are none, or a row is of no trial.
     """
 
     rig: Rig
-    trials: Mapping[str, Column]
-    samples: Mapping[str, Column]
+    trials: Mapping[str, Any]
+    samples: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "trials", _frozen(self.trials, "trials", OF_TRIALS, TRIAL_NUMBERS))
+        object.__setattr__(self, "samples", _frozen(self.samples, "samples", OF_SAMPLES, SAMPLE_NUMBERS))
+        strangers = set(self.samples["trial"]) - set(self.trials["trial"])
+        if strangers:
+            raise InputError(f"samples: column trial: expected trials of trials, got {min(strangers)[:40]!r}")
 
     def __len__(self) -> int:
         return len(self.trials["trial"])
@@ -114,6 +132,7 @@ class PushLog:
         poses = self.columns("x", "y", "theta")
         twists = self.columns("vx", "vy", "omega")
         lacking = np.asarray(~np.isfinite(twists).all(axis=1))
+        twists[lacking] = np.nan
         if not lacking.any():
             return twists
         times = self.samples["t"]
@@ -153,7 +172,7 @@ def read_pushlog(path: str | Path) -> PushLog:
     rig = _rig_from_node(read_json(folder / "rig.json", "pushlog/1"))
     trials, trial_lines = read_table(
         folder / "trials.csv",
-        required=("trial", "start_time"),
+        required=OF_TRIALS,
         numbers=TRIAL_NUMBERS,
         filled=("trial", "start_time"),
         rules={"sense": IS_SENSE, "stable": IS_FLAG, "speed": IS_POSITIVE},
@@ -163,6 +182,7 @@ def read_pushlog(path: str | Path) -> PushLog:
     _check_samples(samples, trials, places, source)
     for table in (trials, samples):
         for column in table.values():
+            # not to be copied
             column.flags.writeable = False
     return PushLog(rig, trials, samples)
 
@@ -215,7 +235,7 @@ def rig_to_json(rig: Rig) -> dict[str, Any]:
 def _read_samples(folder: Path) -> tuple[dict[str, Column], Callable[[int], str], str]:
     """Columns, what says the place of a row in the file, and the file."""
     table, parquet = folder / "samples.csv", folder / "samples.parquet"
-    required, filled = ("trial", "t", "x", "y", "theta"), ("trial", "t")
+    required, filled = OF_SAMPLES, ("trial", "t")
     if parquet.exists() and not table.exists():
         columns = read_parquet(parquet, required=required, numbers=SAMPLE_NUMBERS, filled=filled)
         return columns, lambda row: f"row {row + 1}", str(parquet)
@@ -248,16 +268,35 @@ def _check_samples(samples: Mapping[str, Column], trials: Mapping[str, Column], 
                 )
 
 
-def freeze(table: Mapping[str, Any]) -> dict[str, Column]:
-    """Return a table with read-only columns: text stays an object array, numbers become float64."""
-    result: dict[str, Column] = {}
-    for name, values in table.items():
-        array = np.asarray(values)
-        if array.dtype.kind in "OUS":
-            words: dict[str, str] = {}
-            text = np.array([words.setdefault(str(v), str(v)) for v in values], dtype=object)
-            text.flags.writeable = False
-            result[name] = text
-        else:
-            result[name] = read_only(array)
+def _frozen(table: Mapping[str, Any], word: str, required: Sequence[str], numbers: Sequence[str]) -> dict[str, Column]:
+    """Return a table with read-only columns of equal length: text as object arrays, numbers as float64."""
+    for name in required:
+        if name not in table:
+            raise InputError(f"{word}: column {name}: missing column")
+    result = {name: _column(values, name in numbers, name in _TEXT, f"{word}: column {name}") for name, values in table.items()}
+    rows = len(result[required[0]])
+    for name, column in result.items():
+        if len(column) != rows:
+            raise InputError(f"{word}: column {name}: expected {rows} values, as many as trial has, got {len(column)}")
+    return result
+
+
+def _column(values: Any, is_number: bool, is_text: bool, place: str) -> Column:
+    column = values if isinstance(values, np.ndarray) else np.asarray(values, dtype=object)
+    if column.ndim != 1:
+        raise InputError(f"{place}: expected a list of values, got an array of shape {column.shape}")
+    is_text = is_text or (not is_number and any(isinstance(v, str) for v in column))
+    if not column.flags.writeable and column.dtype == (object if is_text else np.float64):
+        # as a log has it that was read
+        return column
+    if not is_text:
+        try:
+            return read_only(column)
+        except (TypeError, ValueError, OverflowError):
+            raise InputError(f"{place}: expected numbers") from None
+    words: dict[str, str] = {}
+    missing = [v is None or (isinstance(v, float) and math.isnan(v)) for v in column]
+    text = ["" if blank else words.setdefault(str(v), str(v)) for v, blank in zip(column.tolist(), missing, strict=True)]
+    result = np.array(text, dtype=object)
+    result.flags.writeable = False
     return result
