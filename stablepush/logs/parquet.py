@@ -80,7 +80,7 @@ def _words(column: Any, name: str, file: str, filled: bool) -> Column:
     for start in range(0, len(column), _AT_ONCE):
         try:
             part = column.slice(start, _AT_ONCE).to_pylist()
-        except (ValueError, OverflowError, pyarrow.ArrowException):
+        except (ValueError, LookupError, OverflowError, pyarrow.ArrowException):  # LookupError: time zones that are none
             raise InputError(f"{file}: column {name}: expected words, got {column.type}") from None
         for row, value in enumerate(part, start):
             word = "" if value is None else str(value).strip()
