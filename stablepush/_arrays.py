@@ -14,6 +14,8 @@ BoolArray = NDArray[np.bool_]
 
 #: Largest magnitude (SI units) that any quantity may have: beyond it lies a slip of units, not an object on a table.
 LARGEST_MAGNITUDE = 1e6
+#: Least characteristic length (m): loads and motions are divided by it.
+LEAST_LENGTH = 1e-9
 
 
 def check_array(value: ArrayLike, name: str, shape: tuple[int | None, ...]) -> FloatArray:

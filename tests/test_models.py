@@ -251,3 +251,13 @@ def test_an_ensemble_of_surfaces_that_are_not_convex_is_refused():
         rows[3] = change(rows[3])
         with pytest.raises(sp.InputError, match="row 3 is not"):
             sp.PolynomialLimitSurface(fitted.coefficients, 4, fitted.characteristic_length, ensemble=rows)
+
+
+@pytest.mark.parametrize("rho", [1e-320, 1e-10, 0.0, -0.1, 1e7, np.nan])
+def test_lengths_that_are_none_are_refused(rho):
+    """Loads are divided by them: what overflows has no direction."""
+    support = sp.SupportDistribution([[0.0, 0.03], [-0.03, -0.02], [0.03, -0.02]], [1, 2, 3])
+    with pytest.raises(sp.InputError, match="characteristic_length: expected"):
+        sp.IdealLimitSurface(support, 3.0, rho)
+    with pytest.raises(sp.InputError, match="characteristic_length: expected"):
+        sp.PolynomialLimitSurface(np.ones(15), 4, rho)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stablepush._arrays import FloatArray, check_number, check_vectors, read_only
+from stablepush._arrays import LEAST_LENGTH, FloatArray, check_number, check_vectors, read_only
 from stablepush.errors import ConvergenceError, InputError
 from stablepush.models.monomials import gradient_operator, hessian_operator, monomial_exponents, monomials
 from stablepush.planar import normalize_wrench, unit
@@ -94,7 +94,7 @@ class PolynomialLimitSurface:
             if len(bent):
                 raise InputError(f"ensemble: expected convex surfaces, row {bent[0]} is not")
             ensemble = read_only(ensemble)
-        rho = check_number(characteristic_length, "characteristic_length", above=0.0)
+        rho = check_number(characteristic_length, "characteristic_length", at_least=LEAST_LENGTH)
         object.__setattr__(self, "coefficients", read_only(a))
         object.__setattr__(self, "degree", int(degree))
         object.__setattr__(self, "characteristic_length", rho)
