@@ -148,6 +148,8 @@ def simulate_free_sliding(
     # in units of the first speed and of the time that the largest deceleration takes to stop it
     strongest = float(np.linalg.norm(body.pull(np.concatenate((np.eye(3), scaled[None] / speed))), axis=1).max())
     unit_time = speed / strongest if strongest > 0 else limit
+    if not 0 < unit_time < np.inf:
+        raise InputError(f"slider: expected a mass and a friction that stop it in a time that numbers hold, got {unit_time:g} s")
     turns = abs(float(first[2])) * min(unit_time, limit) / (2 * np.pi)
     if turns > _MOST_TURNS:
         raise InputError(
