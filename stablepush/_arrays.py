@@ -14,8 +14,8 @@ BoolArray = NDArray[np.bool_]
 
 #: Largest magnitude (SI units) that any quantity may have: beyond it lies a slip of units, not an object on a table.
 LARGEST_MAGNITUDE = 1e6
-#: Least characteristic length (m): loads and motions are divided by it.
-LEAST_LENGTH = 1e-9
+#: Least magnitude (SI units) that what has to be positive may have: lengths, masses and loads divide, and less overflows.
+LEAST_POSITIVE = 1e-9
 
 
 def check_array(value: ArrayLike, name: str, shape: tuple[int | None, ...]) -> FloatArray:
@@ -61,6 +61,16 @@ def check_number(
         raise InputError(f"{name}: expected a number >= {at_least:g}, got {number:g}")
     if above is not None and number <= above:
         raise InputError(f"{name}: expected a number > {above:g}, got {number:g}")
+    if above == 0 and number < LEAST_POSITIVE:
+        raise InputError(f"{name}: expected a number of at least {LEAST_POSITIVE:g} (SI units), got {number:g}")
+    return number
+
+
+def check_zero_or_positive(value: Any, name: str) -> float:
+    """Return ``value`` as a float that is zero, for none of it, or large enough to divide by."""
+    number = check_number(value, name, at_least=0.0)
+    if 0 < number < LEAST_POSITIVE:
+        raise InputError(f"{name}: expected 0 or at least {LEAST_POSITIVE:g} (SI units), got {number:g}")
     return number
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn, TextIO, TypeVar
 
-from stablepush._arrays import FloatArray, check_array, check_number
+from stablepush._arrays import FloatArray, check_array, check_number, check_zero_or_positive
 from stablepush.errors import InputError
 
 _T = TypeVar("_T")
@@ -74,6 +74,11 @@ class Node:
         if isinstance(self.value, bool) or not isinstance(self.value, (int, float)):
             self.fail(f"expected a number, got {describe(self.value)}")
         return self.checked(lambda: check_number(self.value, "", at_least=at_least, above=above))
+
+    def zero_or_positive(self) -> float:
+        """A number that is zero, for none of it, or large enough to divide by."""
+        self.number(at_least=0.0)
+        return self.checked(lambda: check_zero_or_positive(self.value, ""))
 
     def integer(self, *, at_least: int = 0) -> int:
         if isinstance(self.value, bool) or not isinstance(self.value, int):

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import LEAST_LENGTH
 from stablepush.contact import PushContact
 from stablepush.errors import InputError
 from stablepush.files import Node, describe, read_json, write_json
@@ -29,7 +28,7 @@ def slider_from_node(node: Node) -> Slider:
     """Read the value of a ``slider/1``."""
     node["format"].text(("slider/1",))
     vertices = node["vertices"].array(None, 2)
-    mass = None if node["mass"].value is None else node["mass"].number(at_least=0.0)
+    mass = None if node["mass"].value is None else node["mass"].zero_or_positive()
     support_node = node["support"]
     support = None
     if support_node.value is not None:
@@ -84,14 +83,14 @@ def model_from_node(node: Node) -> LimitSurface:
         if (loads < 0).any():
             node["loads"].fail(f"expected loads >= 0, got {loads.min():g}")
         rho_node = node.get("characteristic_length")
-        given = None if rho_node is None else rho_node.number(at_least=LEAST_LENGTH)
+        given = None if rho_node is None else rho_node.number(above=0.0)
         return node.checked(lambda: IdealLimitSurface(SupportDistribution(points, loads), float(loads.sum()), given))
     if kind == "gp":
         return _gaussian_process(node)
     degree = node["degree"].integer(at_least=2)
     if degree not in (2, 4, 6, 8, 10):
         node["degree"].fail(f"expected an even number from 2 to 10, got {describe(degree)}")
-    rho = node["characteristic_length"].number(at_least=LEAST_LENGTH)
+    rho = node["characteristic_length"].number(above=0.0)
     coefficients = _coefficients(node, degree)
     certificate, covariance_node, provenance = node["certificate"], node["covariance"], node["provenance"]
     size = len(coefficients)
@@ -125,7 +124,7 @@ def _gaussian_process(node: Node) -> GaussianProcessSurface:
         inputs, coefficients = entry["inputs"].array(None, 3), entry["coefficients"].array(None, width)
         length = entry["length"].number(above=0.0)
         sums[name] = entry.checked(partial(KernelSum, inputs, coefficients, length))
-    size, rho = node["mean_size"].number(above=0.0), node["characteristic_length"].number(at_least=LEAST_LENGTH)
+    size, rho = node["mean_size"].number(above=0.0), node["characteristic_length"].number(above=0.0)
     provenance = node["provenance"]
     said = None if provenance.value is None else provenance.object()
     return node.checked(lambda: GaussianProcessSurface(sums["slip"], sums["log_size"], sums["load"], size, rho, provenance=said))

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_array, check_number, read_only
+from stablepush._arrays import LEAST_POSITIVE, FloatArray, check_array, check_zero_or_positive, read_only
 from stablepush.errors import InputError
 from stablepush.support import SupportDistribution
 
@@ -33,7 +33,7 @@ class Slider:
 
     def __init__(self, vertices: ArrayLike, mass: float | None = None, support: SupportDistribution | None = None) -> None:
         object.__setattr__(self, "vertices", read_only(check_outline(vertices, "slider.vertices")))
-        object.__setattr__(self, "mass", None if mass is None else check_number(mass, "slider.mass", at_least=0.0))
+        object.__setattr__(self, "mass", None if mass is None else check_zero_or_positive(mass, "slider.mass"))
         object.__setattr__(self, "support", support)
 
     @property
@@ -102,8 +102,8 @@ def check_simple_polygon(vertices: ArrayLike, name: str) -> FloatArray:
         raise InputError(f"{name}: expected distinct neighbouring vertices, edge {edge} has zero length")
     if not shapely.LinearRing(outline).is_simple:
         raise InputError(f"{name}: expected edges that do not cross or touch")
-    if signed_area(outline) == 0:
-        raise InputError(f"{name}: expected a positive area")
+    if abs(signed_area(outline)) < LEAST_POSITIVE**2:
+        raise InputError(f"{name}: expected an area of at least {LEAST_POSITIVE**2:g} m^2")
     return outline
 
 

@@ -29,10 +29,11 @@ from stablepush.models import LimitSurface
 from stablepush.planar import cor_from_twist, unit
 from stablepush.slider import Slider
 
-#: Turns of the body that are followed: each takes some 25 ms.
-_MOST_TURNS = 1000
-#: Evaluations of the rates that are made, some 20 s: friction off the centre of mass makes a fast body swing all the way.
-_MOST_RATES = 1_500_000
+#: Turns of the body that are followed: each takes some 25 ms on support points, twice that on a polynomial.
+_MOST_TURNS = 300
+#: Evaluations of the rates that are made, some 10 to 30 s: friction off the centre of mass makes a fast body swing all the way,
+#: and so does a surface that is not convex.
+_MOST_RATES = 450_000
 #: Speed at which a slide counts as over, of the first speed; what it still travels is the square of that.
 _OVER = 1e-8
 #: A last motion that turns less than this, per unit of ``(vx, vy, rho*omega)``, is a translation.

@@ -34,10 +34,12 @@ import stablepush as sp
 PATIENCE = 60.0
 #: What JSON values are replaced by.
 VALUES: tuple[Any, ...] = (
-    None, True, False, 0, -1, 1, 2**63, -(2**70), 10**400, 0.5, -0.0, 1e-320, 1e-9, 1e6, 1e7, 1e300, float("nan"), float("inf"),
-    -float("inf"), "", "nan", "1", "../../etc/passwd", "\u0000", "\ud800", "é" * 300, [], [[]], [None], [[1, 2], [3]],
-    [1e-12, 1e-12], {}, {"format": "model/1"}, [[[[[[]]]]]], [0, 0], [[0, 0], [0, 0], [0, 0]],
+    None, True, False, 0, -1, 1, 2**63, -(2**70), 10**400, 0.5, -0.0, 1e-320, 1e-160, 1e-30, 1e-9, 1e6, 1e7, 1e300, float("nan"),
+    float("inf"), -float("inf"), "", "nan", "1", "../../etc/passwd", "\u0000", "\ud800", "é" * 300, [], [[]], [None],
+    [[1, 2], [3]], [1e-12, 1e-12], {}, {"format": "model/1"}, [[[[[[]]]]]], [0, 0], [[0, 0], [0, 0], [0, 0]],
 )  # fmt: skip
+#: What numbers, and all numbers of a list or an object, are multiplied by.
+FACTORS = (-1, 0, 1e-12, 1e-9, 1e-6, 1e-3, 1e3, 1e6, 1 + 1e-12)
 #: What cells of tables are replaced by.
 CELLS = (
     "", " ", "nan", "inf", "-inf", "1e400", "1e7", "-1e7", "1e-320", "0", "-1", "1", "true", "0x10", "1_0",
@@ -116,8 +118,18 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
         yield from places(child, (*path, key))
 
 
+def scaled(value: Any, factor: float) -> Any:
+    """A JSON value with all numbers in it times a factor."""
+    if isinstance(value, dict):
+        return {key: scaled(child, factor) for key, child in value.items()}
+    if isinstance(value, list):
+        return [scaled(child, factor) for child in value]
+    is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e290
+    return value * factor if is_number else value
+
+
 def broken_json(data: bytes, rng: np.random.Generator) -> bytes:
-    """Some values replaced, scaled, removed, repeated or swapped with others."""
+    """Some values replaced, scaled with all in them, removed, repeated or swapped with others."""
     try:
         value = json.loads(data)
     except ValueError:
@@ -133,12 +145,12 @@ def broken_json(data: bytes, rng: np.random.Generator) -> bytes:
         parent = value
         for key in path[:-1]:
             parent = parent[key]
-        key, kind = path[-1], rng.integers(6)
+        key, kind = path[-1], rng.integers(7)
         old = parent[key]
         if kind == 0:
             del parent[key]
-        elif kind == 1 and isinstance(old, int | float) and not isinstance(old, bool) and abs(old) < 1e300:
-            parent[key] = old * float(rng.choice((-1, 0, 1e-3, 1e3, 1 + 1e-12)))
+        elif kind in (1, 6):
+            parent[key] = scaled(old, float(rng.choice(FACTORS)))
         elif kind == 2 and isinstance(parent, list):
             parent.insert(int(rng.integers(len(parent) + 1)), copy.deepcopy(old))
         elif kind == 3 and isinstance(parent, list):

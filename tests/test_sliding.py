@@ -172,6 +172,10 @@ def test_finer_tolerance_changes_nothing_that_counts(monkeypatch):
     (
         ({"slider": sp.Slider(SQUARE)}, "slider.mass: expected a mass > 0"),
         ({"surface": sp.PolynomialLimitSurface([1, 0, 0, 1, 0, 1], 2, 0.05, force_unit="mu*N")}, "mu: expected the friction"),
+        (
+            {"surface": sp.PolynomialLimitSurface([1, 0, 0, 1, 0, 1], 2, 0.05, force_unit="mu*N"), "mu": 1e-320},
+            "in a time that numbers hold, got inf s",
+        ),
         ({"twist": (1, math.nan, 0)}, "twist"),
         ({"duration": -1.0}, "duration"),
         ({"variant": "moon"}, "variant: expected body or paper"),

@@ -23,11 +23,21 @@ SQUARE = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
         (((0, 0, 0), (1, 0, 0), (0, 1, 0)), "shape"),
         (((0, 0), (2e6, 0), (0, 1)), "magnitude"),
         (((0, 0), (1, 0), (2, 0)), "cross or touch|area"),
+        (((0, 0), (1e-9, 0), (0, 1e-9)), "area of at least"),
     ],
 )
 def test_bad_outlines_are_refused(vertices, message):
     with pytest.raises(sp.InputError, match=message):
         sp.Slider(vertices)
+
+
+@pytest.mark.parametrize("mass", [1e-320, 9e-10, -1.0, 1e7, np.nan, "1"])
+def test_masses_that_are_none_are_refused(mass):
+    """Forces are divided by them. A mass of zero says that there is no inertia."""
+    with pytest.raises(sp.InputError, match="mass: expected"):
+        sp.Slider(SQUARE, mass)
+    assert sp.Slider(SQUARE, 0).mass == 0
+    assert sp.Slider(SQUARE, 1e-9).mass == 1e-9
 
 
 def test_slider_moments():

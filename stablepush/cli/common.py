@@ -53,16 +53,15 @@ Contact = Annotated[Path, typer.Option("--contact", help="Contact of the pusher 
 
 
 @contextmanager
-def about(path: Path) -> Iterator[None]:
-    """Put the file that a complaint of the library is about before it."""
+def about(path: Path, contact: Path | None = None) -> Iterator[None]:
+    """Put the file that a complaint of the library is about before it: ``contact`` if it is about the contacts, else ``path``."""
     try:
         yield
-    except UnsupportedContactError:
-        raise
     except StablepushError as error:
-        if str(error).startswith(str(path)):
+        file = contact if contact is not None and isinstance(error, UnsupportedContactError) else path
+        if str(error).startswith(str(file)):
             raise
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{file}: {error}") from None
 
 
 def require_outside(path: Path, folder: Path) -> None:

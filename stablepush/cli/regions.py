@@ -89,20 +89,17 @@ def draw_map(
     if least_mu is not None and least_mu > fingers.mu:
         raise InputError(f"--least-mu: expected at most the mu of {contact}, {fingers.mu:g}, got {least_mu:g}")
     shading, rho = None, surface.characteristic_length
-    try:
-        with about(model):
-            regions = [stable_region(surface, fingers)]
-            if probability is not None:
-                if not (isinstance(surface, PolynomialLimitSurface) and surface.members()):
-                    raise InputError("--probability: expected a model with an ensemble, as fit leaves it")
-                regions.append(chance_region(surface, fingers, probability))
-            if isinstance(surface, PolynomialLimitSurface) and surface.members() and regions[0].curve is None:
-                size = 5 * max(fingers.radius, 0.0 if body is None else body.radius) if extent is None else extent
-                shading = probability_map(surface, fingers, size)
-    except UnsupportedContactError as error:
-        raise InputError(f"{contact}: {error}") from None
+    with about(model, contact):
+        regions = [stable_region(surface, fingers)]
+        if probability is not None:
+            if not (isinstance(surface, PolynomialLimitSurface) and surface.members()):
+                raise InputError("--probability: expected a model with an ensemble, as fit leaves it")
+            regions.append(chance_region(surface, fingers, probability))
+        if isinstance(surface, PolynomialLimitSurface) and surface.members() and regions[0].curve is None:
+            size = 5 * max(fingers.radius, 0.0 if body is None else body.radius) if extent is None else extent
+            shading = probability_map(surface, fingers, size)
     if body is not None and slider is not None:
-        with about(slider):
+        with about(slider, contact):
             limits = None if least_mu is None else (least_mu, fingers.mu)
             if len(body.support_vertices) < 3:
                 print("no all-pressure region: the slider's support points lie on a line")
@@ -115,17 +112,17 @@ def draw_map(
         except UnsupportedContactError as error:
             print(f"no conservative region: {error}")
     # all is made before any of it is written
-    pictures: list[tuple[Path, str | bytes]] = [
-        (output, figure_png(plot_regions(regions, fingers, body, extent, probability=shading)))
-    ]
-    if margins is not None:
-        pictures.append((margins, figure_png(plot_margins(surface, fingers, regions))))
-    if sphere is not None:
-        pictures.append((sphere, figure_png(plot_twist_sphere(regions))))
-    if view is not None:
-        from stablepush.report import region_html
+    with about(model):
+        pictures: list[tuple[Path, str | bytes]] = [
+            (output, figure_png(plot_regions(regions, fingers, body, extent, probability=shading)))
+        ]
+        if margins is not None:
+            pictures.append((margins, figure_png(plot_margins(surface, fingers, regions))))
+        if sphere is not None:
+            pictures.append((sphere, figure_png(plot_twist_sphere(regions))))
+        if view is not None:
+            from stablepush.report import region_html
 
-        with about(model):
             pictures.append((view, region_html(surface, fingers, regions, body, extent)))
     if regions_file is not None:
         write_json(regions_file, regions_to_json(regions, extent))
@@ -185,10 +182,10 @@ def contacts(
         raise InputError(f"{model}: expected a limit surface; a Gaussian process has no stable region")
     for index in edge or ():
         if not 0 <= index < len(body.vertices):
-            raise InputError(f"--edge: expected 0 to {len(body.vertices) - 1}, got {index}")
+            raise InputError(f"--edge: expected 0 to {len(body.vertices) - 1}, an edge of {slider}, got {index}")
     longest = max(float(np.linalg.norm(np.subtract(*body.edge(i)))) for i in edge or range(len(body.vertices)))
     if width and min(width) > longest:
-        raise InputError(f"--width: expected fingers that fit on an edge, up to {longest:.6g} m, got {min(width):g}")
+        raise InputError(f"--width: expected fingers that fit on an edge of {slider}, up to {longest:.6g} m, got {min(width):g}")
     with Progress("contacts") as step, about(model):
         ranked = rank_contacts(
             body, surface, mu, measure=measure, widths=width or None, places=places, edges=edge or None, progress=step.to

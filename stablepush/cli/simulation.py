@@ -102,11 +102,11 @@ def simulate(
     if problem.surface.force_unit == "mu*N" and mu is None:
         raise InputError(f"--mu: expected the friction of the support, since the model's forces in {scene} are in units of mu*N")
     contact = problem.contacts[0]
+    spread = Noise(*deviations) if any(deviations) else None
     with about(scene):
         require_contacts(problem)
-    spread = Noise(*deviations) if any(deviations) else None
-    pusher = Pusher.of_contact(contact, finger_radius)
-    rig = VirtualRig(problem.slider, problem.surface, contact.mu, pusher, effects, spread, outliers, scatter, mu)
+        pusher = Pusher.of_contact(contact, finger_radius)
+        rig = VirtualRig(problem.slider, problem.surface, contact.mu, pusher, effects, spread, outliers, scatter, mu)
     if listed:
         commands = read_commands(plan_file, problem, finger_radius)
         with about(plan_file), Progress("simulate") as step:

@@ -208,7 +208,7 @@ def _rig_from_node(node: Node) -> Rig:
     return Rig(
         slider=slider_from_node(node["slider"]),
         contact_kind=node["contact_kind"].text(CONTACT_KINDS),
-        support_friction=or_null(friction["support"]),
+        support_friction=None if friction["support"].value is None else friction["support"].zero_or_positive(),
         contact_friction=or_null(friction["contact"]),
         gravity=node["gravity"].number(above=0.0),
         finger_radius=None if radius is None else or_null(radius),

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import LEAST_LENGTH, FloatArray, check_array, check_number, check_vectors, read_only
+from stablepush._arrays import FloatArray, check_array, check_number, check_vectors, read_only
 from stablepush.errors import ConvergenceError, InputError
 from stablepush.planar import normalize_twist, normalize_wrench, unit
 
@@ -74,9 +74,7 @@ class GaussianProcessSurface:
         object.__setattr__(self, "log_size", log_size)
         object.__setattr__(self, "load", load)
         object.__setattr__(self, "mean_size", check_number(mean_size, "mean_size", above=0.0))
-        object.__setattr__(
-            self, "characteristic_length", check_number(characteristic_length, "characteristic_length", at_least=LEAST_LENGTH)
-        )
+        object.__setattr__(self, "characteristic_length", check_number(characteristic_length, "characteristic_length", above=0.0))
         object.__setattr__(self, "provenance", MappingProxyType(dict(provenance or {})))
 
     @property

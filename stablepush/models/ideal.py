@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import LEAST_LENGTH, FloatArray, check_number, check_vectors
+from stablepush._arrays import FloatArray, check_number, check_vectors
 from stablepush.errors import ConvergenceError, InputError
 from stablepush.planar import normalize_twist, normalize_wrench, unit
 from stablepush.support import SupportDistribution
@@ -45,7 +45,7 @@ class IdealLimitSurface:
         object.__setattr__(self, "support", support)
         object.__setattr__(self, "friction_load", check_number(friction_load, "friction_load", above=0.0))
         rho = support.characteristic_length if characteristic_length is None else characteristic_length
-        object.__setattr__(self, "characteristic_length", check_number(rho, "characteristic_length", at_least=LEAST_LENGTH))
+        object.__setattr__(self, "characteristic_length", check_number(rho, "characteristic_length", above=0.0))
 
     @property
     def loads(self) -> FloatArray:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stablepush._arrays import LEAST_LENGTH, FloatArray, check_number, check_vectors, read_only
+from stablepush._arrays import LARGEST_MAGNITUDE, LEAST_POSITIVE, FloatArray, check_number, check_vectors, read_only
 from stablepush.errors import ConvergenceError, InputError
 from stablepush.models.monomials import gradient_operator, hessian_operator, monomial_exponents, monomials
 from stablepush.planar import normalize_wrench, unit
@@ -79,6 +79,10 @@ class PolynomialLimitSurface:
             raise InputError(f"coefficients: expected shape ({len(exponents)},), got {a.shape}")
         if not a.any():
             raise InputError("coefficients: expected at least one that is not zero")
+        # those of surfaces whose loads are numbers that can be told from zero and from a slip of units
+        low, high = LARGEST_MAGNITUDE**-degree, LEAST_POSITIVE**-degree
+        if not low <= np.abs(a).max() <= high:
+            raise InputError(f"coefficients: expected the largest to be from {low:g} to {high:g}, got {np.abs(a).max():g}")
         if force_unit not in FORCE_UNITS:
             raise InputError(f"force_unit: expected one of {', '.join(FORCE_UNITS)}, got {force_unit!r}")
         if covariance is not None:
@@ -94,7 +98,7 @@ class PolynomialLimitSurface:
             if len(bent):
                 raise InputError(f"ensemble: expected convex surfaces, row {bent[0]} is not")
             ensemble = read_only(ensemble)
-        rho = check_number(characteristic_length, "characteristic_length", at_least=LEAST_LENGTH)
+        rho = check_number(characteristic_length, "characteristic_length", above=0.0)
         object.__setattr__(self, "coefficients", read_only(a))
         object.__setattr__(self, "degree", int(degree))
         object.__setattr__(self, "characteristic_length", rho)
@@ -169,6 +173,8 @@ class PolynomialLimitSurface:
             raise ConvergenceError("H_inv: the surface is not bounded along every axis, so twists have no load on it")
         half_axes = pure ** (-1.0 / self.degree)
         size = float(half_axes.max())
+        if size > LARGEST_MAGNITUDE:
+            raise ConvergenceError(f"H_inv: the surface is all but unbounded along an axis, up to a load of {size:g}")
         hessian = np.ascontiguousarray(self._hessian * size**self.degree)
         loads = np.empty_like(flat)
         invert = polynomial_inverter(self.degree)
