@@ -44,7 +44,7 @@ def check_number(
     above: float | None = None,
     largest: float = LARGEST_MAGNITUDE,
 ) -> float:
-    """Return ``value`` as a finite float within the given limits."""
+    """Return ``value`` as a finite float within the given limits; above 0 means at least :data:`LEAST_POSITIVE`."""
     if isinstance(value, (bool, str, bytes)):
         raise InputError(f"{name}: expected a number, got {value!r}")
     try:
@@ -62,7 +62,7 @@ def check_number(
     if above is not None and number <= above:
         raise InputError(f"{name}: expected a number > {above:g}, got {number:g}")
     if above == 0 and number < LEAST_POSITIVE:
-        raise InputError(f"{name}: expected a number of at least {LEAST_POSITIVE:g} (SI units), got {number:g}")
+        raise InputError(f"{name}: expected a number of at least {LEAST_POSITIVE:g}, got {number:g}")
     return number
 
 
@@ -70,7 +70,7 @@ def check_zero_or_positive(value: Any, name: str) -> float:
     """Return ``value`` as a float that is zero, for none of it, or large enough to divide by."""
     number = check_number(value, name, at_least=0.0)
     if 0 < number < LEAST_POSITIVE:
-        raise InputError(f"{name}: expected 0 or at least {LEAST_POSITIVE:g} (SI units), got {number:g}")
+        raise InputError(f"{name}: expected 0 or at least {LEAST_POSITIVE:g}, got {number:g}")
     return number
 
 

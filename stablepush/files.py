@@ -77,8 +77,8 @@ class Node:
 
     def zero_or_positive(self) -> float:
         """A number that is zero, for none of it, or large enough to divide by."""
-        self.number(at_least=0.0)
-        return self.checked(lambda: check_zero_or_positive(self.value, ""))
+        number = self.number()
+        return self.checked(lambda: check_zero_or_positive(number, ""))
 
     def integer(self, *, at_least: int = 0) -> int:
         if isinstance(self.value, bool) or not isinstance(self.value, int):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from stablepush._arrays import LEAST_POSITIVE
 from stablepush.contact import PushContact
 from stablepush.errors import InputError
 from stablepush.files import Node, describe, read_json, write_json
@@ -82,6 +83,8 @@ def model_from_node(node: Node) -> LimitSurface:
         loads = node["loads"].array(None)
         if (loads < 0).any():
             node["loads"].fail(f"expected loads >= 0, got {loads.min():g}")
+        if loads.sum() < LEAST_POSITIVE:
+            node["loads"].fail(f"expected a sum of at least {LEAST_POSITIVE:g}, got {loads.sum():g}")
         rho_node = node.get("characteristic_length")
         given = None if rho_node is None else rho_node.number(above=0.0)
         return node.checked(lambda: IdealLimitSurface(SupportDistribution(points, loads), float(loads.sum()), given))

@@ -73,8 +73,8 @@ def chance_region(surface: LimitSurface, contact: PushContact, probability: floa
     UnsupportedContactError
         As :func:`stablepush.stable_region` does.
     """
-    level = check_number(probability, "probability", above=0.0)
-    if level > 1:
+    level = check_number(probability, "probability")
+    if not 0 < level <= 1:
         raise InputError(f"probability: expected a number above 0 and up to 1, got {probability!r}")
     regions = _member_regions(surface, contact)
     needed = int(np.ceil(level * len(regions) - _SLACK))

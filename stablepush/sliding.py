@@ -30,10 +30,10 @@ from stablepush.planar import cor_from_twist, unit
 from stablepush.slider import Slider
 
 #: Turns of the body that are followed: each takes some 25 ms on support points, twice that on a polynomial.
-_MOST_TURNS = 300
-#: Evaluations of the rates that are made, some 10 to 30 s: friction off the centre of mass makes a fast body swing all the way,
-#: and so does a surface that is not convex.
-_MOST_RATES = 450_000
+_MOST_TURNS = 200
+#: Evaluations of the rates that are made, some 10 to 20 s: friction off the centre of mass makes a fast body swing all the way,
+#: and so does a surface that is not convex. Each evaluation of a friction of many parts counts as several.
+_MOST_RATES = 300_000
 #: Speed at which a slide counts as over, of the first speed; what it still travels is the square of that.
 _OVER = 1e-8
 #: A last motion that turns less than this, per unit of ``(vx, vy, rho*omega)``, is a translation.
@@ -162,7 +162,7 @@ def simulate_free_sliding(
 
     def rate(_: float, state: FloatArray) -> FloatArray:
         nonlocal rates
-        rates += 1
+        rates += body.cost
         if rates > _MOST_RATES:
             raise InputError(
                 "duration: the body swings too often to be followed to its end: expected a time in s to cut the slide at, of at "

@@ -61,6 +61,8 @@ JSON_FAULTS = [
     ("model", lambda v: v["exponents"].__setitem__(0, [4, 1, 0]), "exponents[0]"),
     ("model", lambda v: v["exponents"].__setitem__(1, [4, 0, 0]), "exponents[1]"),
     ("model", lambda v: v.update(degree=3), "degree"),
+    ("model", lambda v: v.update(coefficients=[1e-300 * c for c in v["coefficients"]]), "coefficients"),
+    ("model", lambda v: v["ensemble"].__setitem__(2, [1e-90 * c for c in v["ensemble"][2]]), "ensemble: row 2"),
     ("model", lambda v: v.update(kind="magic"), "kind"),
     ("model", lambda v: v.update(covariance=[[1]]), "covariance"),
     ("contact", lambda v: v.update(mu=-0.5), "mu"),
@@ -71,6 +73,8 @@ JSON_FAULTS = [
     ("slider", lambda v: v["vertices"].reverse(), "clockwise"),
     ("slider", lambda v: v.update(vertices=[[0, 0], [1, 1], [1, 0], [0, 1]]), "cross"),
     ("slider", lambda v: v.update(mass=-1), "mass"),
+    ("slider", lambda v: v.update(mass=1e-160), "mass"),
+    ("slider", lambda v: v.update(vertices=[[0, 0], [1e-90, 0], [0, 1e-90]]), "area"),
     ("slider", lambda v: v["vertices"][0].append(0), "vertices[0]"),
     ("scene", lambda v: v.update(contacts=[]), "contacts"),
     ("scene", lambda v: v.update(speed=0), "speed"),
@@ -190,6 +194,24 @@ def test_faults_in_cors_are_named(rig, tmp_path, capsys, text, words):
         (
             ["slide", "{model}", "--slider", "{slider}", "--twist", "1", "0", "1", "-o", "{out}", "--duration", "0"],
             ("--duration",),
+        ),
+        # too little to compute with, and nothing that the files are to blame for
+        (
+            ["slide", "{model}", "--slider", "{slider}", "--twist", "1", "0", "1", "-o", "{out}", "--gravity", "1e-99"],
+            ("error: --gravity",),
+        ),
+        (
+            ["slide", "{model}", "--slider", "{slider}", "--twist", "1", "0", "1", "-o", "{out}", "--mu", "1e-320"],
+            ("error: --mu",),
+        ),
+        (["map", "{model}", "--contact", "{contact}", "-o", "{out}", "--extent", "1e-99"], ("error: --extent",)),
+        (["trajectory", "{scene}", "{plan}", "-o", "{out}", "--rate", "1e-99"], ("error: --rate",)),
+        (["plan", "{scene}", "-o", "{out}", "--cor-rate", "1e-99"], ("error: --cor-rate",)),
+        (["contacts", "{model}", "--slider", "{slider}", "--mu", "1", "--width", "1e-99", "-o", "{out}"], ("error: --width",)),
+        (["simulate", "{scene}", "{plan}", "-o", "{out}", "--mu", "1e-99"], ("error: --mu",)),
+        (
+            ["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "drift:rate=0.1", "--effect", "drift:rate=0.2"],
+            ("error: effects", "drift"),
         ),
         (["juggle"], ("juggle",)),
         (["--loud"], ("--loud",)),

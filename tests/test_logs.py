@@ -126,6 +126,14 @@ def test_headings_kept_within_a_turn_make_no_jump():
     np.testing.assert_allclose(tiny_log(poses, times).twists(), np.tile(twist, (6, 1)), atol=1e-12)
 
 
+@pytest.mark.parametrize("unit", [1e-8, 1e-12, 1e-160, 1e-320])
+def test_rows_at_one_time_have_no_twist(unit):
+    poses = compose((0.0, 0.0, 0.0), exp(np.array((0.01, 0.0, 0.3)) * np.arange(6.0)[:, None]))
+    twists = tiny_log(poses, unit * np.arange(6)).twists()
+    assert np.isfinite(twists).all() == (unit >= 1e-9)
+    assert np.isnan(twists).all() == (unit < 1e-9)
+
+
 def test_twists_that_are_logged_in_part_come_from_the_poses():
     poses = np.array(((0.0, 0, 0), (np.nan, np.nan, np.nan), (0.2, 0, 0)))
     log = tiny_log(poses, np.arange(3.0), vx=np.full(3, 5.0), vy=np.zeros(3))

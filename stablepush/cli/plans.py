@@ -58,6 +58,7 @@ def plan(
     picture: Annotated[Path | None, typer.Option(help="Picture of the plan as PNG, if one is found.")] = None,
 ) -> None:
     """Plan a path of stable pushes."""
+    from stablepush._arrays import check_number
     from stablepush.cli import STARTED
     from stablepush.files import write_atomically
     from stablepush.options import REGIONS
@@ -72,8 +73,8 @@ def plan(
         raise InputError(f"--probability: expected a number from 0 to 1, got {probability:g}")
     if not (math.isfinite(margin_weight) and 0 <= margin_weight <= 1e6):
         raise InputError(f"--margin-weight: expected a number >= 0, got {margin_weight:g}")
-    if not 0 < cor_rate:
-        raise InputError(f"--cor-rate: expected a number > 0, or inf, got {cor_rate:g}")
+    if cor_rate != math.inf:
+        check_number(cor_rate, "--cor-rate", above=0.0)
     require_files(output, view, picture, read=(scene,))
     problem = load_scene(scene)
     left = max(0.0, time_limit - (time.perf_counter() - STARTED))
@@ -176,13 +177,14 @@ def trajectory(
     ] = None,
 ) -> None:
     """Sample a plan in time: poses of slider and pusher as CSV."""
+    from stablepush._arrays import check_number
     from stablepush.path import load_plan
     from stablepush.problem import load_scene
     from stablepush.trajectory import sample_plan, save_trajectory
 
     for name, value in (("--rate", rate), ("--acceleration", acceleration)):
-        if value is not None and not (math.isfinite(value) and 0 < value <= 1e6):
-            raise InputError(f"{name}: expected a number > 0, got {value:g}")
+        if value is not None:
+            check_number(value, name, above=0.0)
     require_files(output, read=(scene, plan_file))
     problem, result = load_scene(scene), load_plan(plan_file)
     with about(plan_file):

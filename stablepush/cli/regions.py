@@ -65,6 +65,7 @@ def draw_map(
     view: Annotated[Path | None, typer.Option(help="The map as an HTML page that tells of any rotation centre.")] = None,
 ) -> None:
     """Draw the stable regions: of the model, all-pressure and conservative."""
+    from stablepush._arrays import check_number
     from stablepush.all_pressure import all_pressure_region
     from stablepush.conservative import lynch_mason_region
     from stablepush.files import write_atomically, write_json
@@ -74,8 +75,8 @@ def draw_map(
     from stablepush.probability import chance_region, probability_map
     from stablepush.region import regions_to_json, stable_region
 
-    if extent is not None and not (math.isfinite(extent) and 0 < extent <= 1e6):
-        raise InputError(f"--extent: expected a number > 0, got {extent}")
+    if extent is not None:
+        check_number(extent, "--extent", above=0.0)
     if probability is not None and not 0 < probability <= 1:
         raise InputError(f"--probability: expected a number above 0 and up to 1, got {probability:g}")
     for name, value in (("--com-tolerance", com_tolerance), ("--least-mu", least_mu)):
@@ -160,6 +161,7 @@ def contacts(
     """Rank two-finger contacts along the edges of a slider, as a table (CSV), the best first."""
     import numpy as np
 
+    from stablepush._arrays import check_number
     from stablepush.contact_choice import MEASURES, rank_contacts
     from stablepush.files import write_atomically
     from stablepush.formats import load_model, load_slider
@@ -169,11 +171,9 @@ def contacts(
 
     if measure not in MEASURES:
         raise InputError(f"--measure: expected one of {', '.join(MEASURES)}, got {measure!r}")
-    if not (math.isfinite(mu) and 0 < mu <= 1e6):
-        raise InputError(f"--mu: expected a number > 0, got {mu:g}")
+    check_number(mu, "--mu", above=0.0)
     for value in width or ():
-        if not (math.isfinite(value) and 0 < value <= 1e6):
-            raise InputError(f"--width: expected a distance > 0 in m, got {value:g}")
+        check_number(value, "--width", above=0.0)
     if not 1 <= places <= 1000:
         raise InputError(f"--places: expected a whole number from 1 to 1000, got {places}")
     require_files(output, picture, read=(model, slider))

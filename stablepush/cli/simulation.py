@@ -66,6 +66,9 @@ def simulate(
     view: Annotated[Path | None, typer.Option(help="Animation of what happened as an HTML page.")] = None,
 ) -> None:
     """Execute a plan, or a list of pushes, on a simulated rig, with effects that the plan knows nothing of, and log it."""
+    from dataclasses import replace
+
+    from stablepush._arrays import check_number
     from stablepush.commands import read_commands
     from stablepush.effects import parse_effect
     from stablepush.execution import execute_closed_loop, execute_plan, require_contacts
@@ -87,8 +90,8 @@ def simulate(
         if not 0 <= share <= 1:
             raise InputError(f"{option}: expected a share from 0 to 1, got {share:g}")
     for option, positive in (("--mu", mu), ("--replan", replan)):
-        if positive is not None and not 0 < positive <= 1e6:
-            raise InputError(f"{option}: expected a number > 0, got {positive:g}")
+        if positive is not None:
+            check_number(positive, option, above=0.0)
     effects = [parse_effect(text) for text in effect or []]
     require_folder(output)
     require_files(view, read=(scene, plan_file))
@@ -106,7 +109,9 @@ def simulate(
     with about(scene):
         require_contacts(problem)
         pusher = Pusher.of_contact(contact, finger_radius)
-        rig = VirtualRig(problem.slider, problem.surface, contact.mu, pusher, effects, spread, outliers, scatter, mu)
+        nominal = VirtualRig(problem.slider, problem.surface, contact.mu, pusher, (), spread, outliers, scatter, mu)
+    # what is wrong now lies in the effects
+    rig = replace(nominal, effects=effects) if effects else nominal
     if listed:
         commands = read_commands(plan_file, problem, finger_radius)
         with about(plan_file), Progress("simulate") as step:
@@ -188,17 +193,18 @@ def slide(
     view: Annotated[Path | None, typer.Option(help="Animation of the slide as an HTML page.")] = None,
 ) -> None:
     """Simulate a free slide until the body rests."""
+    from stablepush._arrays import check_number, check_zero_or_positive
     from stablepush.files import write_atomically
     from stablepush.formats import load_model, load_slider
     from stablepush.logs.table import table_text
     from stablepush.sliding import simulate_free_sliding
 
     first = numbers("--twist", ("VX", "VY", "OMEGA"), twist)
-    for option, given, least in (("--mu", mu, 0.0), ("--gravity", gravity, None), ("--duration", duration, None)):
-        if given is None:
-            continue
-        if not math.isfinite(given) or given > 1e6 or (given < 0 if least is not None else given <= 0):
-            raise InputError(f"{option}: expected a number {'>= 0' if least is not None else '> 0'}, got {given:g}")
+    if mu is not None:
+        check_zero_or_positive(mu, "--mu")
+    check_number(gravity, "--gravity", above=0.0)
+    if duration is not None:
+        check_number(duration, "--duration", above=0.0)
     if not 2 <= samples <= 1_000_000:
         raise InputError(f"--samples: expected a whole number from 2 to 1000000, got {samples}")
     require_files(output, picture, view, read=(model, slider_file))

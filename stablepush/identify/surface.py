@@ -29,16 +29,18 @@ def surface_from_scaled(
     """
     factor = 1.0 if force_scale is None else force_scale ** (-degree)
     force_unit = "N"
-    if force_scale is None or max(np.abs(a).max() for a in (coefficients, *ensemble)) * factor > LARGEST_MAGNITUDE:
+    covariance = np.cov(np.array(ensemble), rowvar=False) if len(ensemble) else None
+    largest = max(float(np.abs(a).max()) for a in (coefficients, *ensemble)) * factor
+    spread = 0.0 if covariance is None else float(np.abs(covariance).max()) * factor**2
+    if force_scale is None or max(largest, spread) > LARGEST_MAGNITUDE:
         factor, force_unit = 1.0, "mu*N"
-    members = factor * np.array(ensemble) if len(ensemble) else None
     return PolynomialLimitSurface(
         factor * coefficients,
         degree,
         rho,
         force_unit=force_unit,
         certificate=None if certificate is None else certificate.in_units(factor).to_json(),
-        covariance=None if members is None else np.cov(members, rowvar=False),
-        ensemble=members,
+        covariance=None if covariance is None else factor**2 * covariance,
+        ensemble=factor * np.array(ensemble) if len(ensemble) else None,
         provenance={**provenance, "force_scale_N": force_scale},
     )

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import FloatArray, read_only
+from stablepush._arrays import LEAST_POSITIVE, FloatArray, read_only
 from stablepush.errors import InputError
 from stablepush.files import Node, read_json, whole_folder, write_atomically, write_json
 from stablepush.formats import slider_from_node, slider_to_json
@@ -127,7 +127,8 @@ class PushLog:
         """Return the body twists (n, 3) of all rows: as logged where they are, else differentiated from the poses.
 
         The twist between two rows is ``log(pose_i⁻¹ pose_{i+1})/dt``, exact for a constant body twist; a row takes the mean of
-        its two neighbouring intervals weighted by their length, the ends their only one. NaN where a pose is missing.
+        its two neighbouring intervals weighted by their length, the ends their only one. NaN where a pose is missing, and for
+        rows less than 1e-9 s after another.
         """
         poses = self.columns("x", "y", "theta")
         twists = self.columns("vx", "vy", "omega")
@@ -139,7 +140,7 @@ class PushLog:
         for rows in self._rows_by_trial().values():
             known = rows[np.isfinite(poses[rows]).all(axis=1)]
             known = known[np.argsort(times[known], kind="stable")]
-            known = known[np.concatenate(([True], np.diff(times[known]) > 0))] if len(known) else known
+            known = known[np.concatenate(([True], np.diff(times[known]) >= LEAST_POSITIVE))] if len(known) else known
             if len(known) < 2:
                 continue
             dt = np.diff(times[known])

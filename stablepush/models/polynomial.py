@@ -79,10 +79,7 @@ class PolynomialLimitSurface:
             raise InputError(f"coefficients: expected shape ({len(exponents)},), got {a.shape}")
         if not a.any():
             raise InputError("coefficients: expected at least one that is not zero")
-        # those of surfaces whose loads are numbers that can be told from zero and from a slip of units
-        low, high = LARGEST_MAGNITUDE**-degree, LEAST_POSITIVE**-degree
-        if not low <= np.abs(a).max() <= high:
-            raise InputError(f"coefficients: expected the largest to be from {low:g} to {high:g}, got {np.abs(a).max():g}")
+        _check_size(a, degree, "coefficients")
         if force_unit not in FORCE_UNITS:
             raise InputError(f"force_unit: expected one of {', '.join(FORCE_UNITS)}, got {force_unit!r}")
         if covariance is not None:
@@ -94,6 +91,8 @@ class PolynomialLimitSurface:
             ensemble = check_vectors(ensemble, "ensemble", len(a))
             if ensemble.ndim != 2 or not len(ensemble):
                 raise InputError(f"ensemble: expected shape (n, {len(a)}), got {ensemble.shape}")
+            for i, row in enumerate(ensemble):
+                _check_size(row, degree, f"ensemble: row {i}")
             bent = np.flatnonzero(_bent(ensemble, degree))
             if len(bent):
                 raise InputError(f"ensemble: expected convex surfaces, row {bent[0]} is not")
@@ -159,7 +158,7 @@ class PolynomialLimitSurface:
 
         ``F = argmax V·F`` over ``H <= 1``, found as the minimiser of ``H(F) - V·F`` by damped Newton, then scaled onto the
         level set; accurate to 1e-9 rad in the direction of the twist. Raises :class:`ConvergenceError` where a surface is
-        not convex and a twist has no such load.
+        not convex and a twist has no such load, and where it reaches beyond 1e6 along an axis.
         """
         from stablepush.models._kernels import polynomial_inverter
 
@@ -188,6 +187,13 @@ class PolynomialLimitSurface:
 
     def _normalized(self, wrenches: ArrayLike) -> FloatArray:
         return normalize_wrench(check_vectors(wrenches, "wrenches", 3), self.characteristic_length)
+
+
+def _check_size(coefficients: FloatArray, degree: int, name: str) -> None:
+    """Refuse surfaces whose loads cannot be told from zero, or from a slip of units."""
+    low, high, largest = LARGEST_MAGNITUDE**-degree, LEAST_POSITIVE**-degree, np.abs(coefficients).max()
+    if not low <= largest <= high:
+        raise InputError(f"{name}: expected the largest to be from {low:g} to {high:g}, got {largest:g}")
 
 
 def _bent(coefficients: FloatArray, degree: int) -> NDArray[np.bool_]:
