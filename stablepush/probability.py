@@ -77,14 +77,14 @@ def chance_region(surface: LimitSurface, contact: PushContact, probability: floa
     if not 0 < level <= 1:
         raise InputError(f"probability: expected a number above 0 and up to 1, got {probability!r}")
     regions = _member_regions(surface, contact)
-    needed = int(np.ceil(level * len(regions) - _SLACK))
+    needed = max(1, int(np.ceil(level * len(regions) - _SLACK)))
     oracle = StabilityOracle(surface, contact)
     rho = surface.characteristic_length
 
     def accepts(twists: FloatArray) -> BoolArray:
         share = oracle.probability(twists)
         assert share is not None
-        return np.asarray(share >= level - _SLACK)
+        return np.asarray(share >= needed / len(regions) - _SLACK)
 
     def rings(sense: int) -> Rings:
         return rings_from_disc(_covered([region.disc(sense) for region in regions], needed), sense)

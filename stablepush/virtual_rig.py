@@ -190,8 +190,8 @@ class VirtualRig:
         return self._friction
 
     def _make_friction(self) -> TableFriction:
-        by_id, load = self._by_id, self._load()
-        surface = self._of_other_shape(load)
+        by_id = self._by_id
+        surface, load = self._of_other_shape(self._load())
         points: IdealLimitSurface | None = None
         changed: IdealLimitSurface | None = None
         if isinstance(surface, IdealLimitSurface):
@@ -221,10 +221,11 @@ class VirtualRig:
             inertia,
         )
 
-    def _of_other_shape(self, load: float) -> LimitSurface:
-        """The nominal surface, or the one of another kind that comes nearest to it: a few support points, or a polynomial."""
+    def _of_other_shape(self, load: float) -> tuple[LimitSurface, float]:
+        """The nominal surface, or the one of another kind that comes nearest to it, a few support points or a polynomial, and
+        the newtons in the unit of its forces."""
         if "model-capacity" not in self._by_id:
-            return self.surface
+            return self.surface, load
         effect = self._by_id["model-capacity"]
         facets, degree = effect.number("facets"), effect.number("degree")
         if (facets is None) == (degree is None):
@@ -236,7 +237,8 @@ class VirtualRig:
 
             loads, twists = _samples(self.surface, load)
             rho = self.surface.characteristic_length
-            return fit_limit_surface(loads, twists, model=_MODELS[int(degree)], characteristic_length=rho).surface
+            surface = fit_limit_surface(loads, twists, model=_MODELS[int(degree)], characteristic_length=rho).surface
+            return surface, float(surface.provenance["force_scale_N"]) if surface.force_unit == "mu*N" else 1.0
         ideal = self._points
         # as many even feet on a circle, about the same centre, as far from it on average
         count = int(facets or 0)
@@ -244,9 +246,8 @@ class VirtualRig:
         angles = 2 * np.pi * (np.arange(count) + 0.25) / count
         radius = math.sqrt(float(weights @ ((points - ideal.support.center) ** 2).sum(axis=1) / weights.sum()))
         feet = ideal.support.center + radius * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
-        return IdealLimitSurface(
-            SupportDistribution(feet, np.ones(count)), ideal.friction_load, self.surface.characteristic_length
-        )
+        feet_on = SupportDistribution(feet, np.ones(count))
+        return IdealLimitSurface(feet_on, ideal.friction_load, self.surface.characteristic_length), load
 
     def _moved_pressure(self, surface: IdealLimitSurface) -> IdealLimitSurface:
         """The support with its pressure moved or spread."""

@@ -69,6 +69,14 @@ def test_chance_regions_shrink_as_more_is_asked(surface):
     assert (np.diff(angles) < 0).all()
 
 
+def test_a_chance_region_needs_one_surface_at_least(surface):
+    least, one = (sp.chance_region(surface, edge_contact(), level) for level in (1e-12, 1 / len(surface.members())))
+    assert least.solid_angle() == one.solid_angle() < 12
+    twists = np.random.default_rng(0).normal(size=(2000, 3)) / (1, 1, surface.characteristic_length)
+    np.testing.assert_array_equal(least.contains_twists(twists), one.contains_twists(twists))
+    assert not least.contains_twists(twists).all()
+
+
 def test_polygons_are_counted():
     rng = np.random.default_rng(2)
     boxes = [shapely.box(x, y, x + 0.5, y + 0.4) for x, y in rng.uniform(-0.8, 0.3, size=(9, 2))]

@@ -247,6 +247,17 @@ def test_a_support_of_another_degree_is_simulated():
     assert 1e-3 < near < far
 
 
+@pytest.mark.parametrize("newtons", [1.0, 0.1, 0.01])
+@pytest.mark.parametrize("degree", [4, 6])
+def test_a_support_of_another_degree_pushes_back_as_hard(newtons, degree):
+    """Coefficients for light sliders are too large for newtons: the surface then has another unit."""
+    nominal = replace(rig(), surface=sp.IdealLimitSurface(three_feet(), newtons))
+    commands = campaign(count=6)
+    other = replace(nominal, effects=[parse_effect(f"model-capacity:degree={degree}")])
+    forces = [np.linalg.norm(wrenches(r.execute(commands))[:, :2], axis=-1).max() for r in (nominal, other)]
+    assert forces[1] == pytest.approx(forces[0], rel=0.1)
+
+
 def test_a_push_is_stable_from_where_all_fingers_touch():
     """Fingers that meet the face one after the other turn the slider first, which is no slip."""
     made = rig(two=True)

@@ -58,7 +58,7 @@ def plan(
     picture: Annotated[Path | None, typer.Option(help="Picture of the plan as PNG, if one is found.")] = None,
 ) -> None:
     """Plan a path of stable pushes."""
-    from stablepush._arrays import check_number
+    from stablepush._arrays import LARGEST_MAGNITUDE, LEAST_POSITIVE
     from stablepush.cli import STARTED
     from stablepush.files import write_atomically
     from stablepush.options import REGIONS
@@ -73,8 +73,10 @@ def plan(
         raise InputError(f"--probability: expected a number from 0 to 1, got {probability:g}")
     if not (math.isfinite(margin_weight) and 0 <= margin_weight <= 1e6):
         raise InputError(f"--margin-weight: expected a number >= 0, got {margin_weight:g}")
-    if cor_rate != math.inf:
-        check_number(cor_rate, "--cor-rate", above=0.0)
+    if not (LEAST_POSITIVE <= cor_rate <= LARGEST_MAGNITUDE or cor_rate == math.inf):
+        raise InputError(
+            f"--cor-rate: expected a number from {LEAST_POSITIVE:g} to {LARGEST_MAGNITUDE:g}, or inf, got {cor_rate:g}"
+        )
     require_files(output, view, picture, read=(scene,))
     problem = load_scene(scene)
     left = max(0.0, time_limit - (time.perf_counter() - STARTED))

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import BoolArray, FloatArray
+from stablepush._arrays import LEAST_POSITIVE, BoolArray, FloatArray
 from stablepush.contact import PushContact
 from stablepush.diagnosis.observations import Observations, finger_places, nearest
 from stablepush.effects import principal
@@ -160,7 +160,7 @@ def _logged(sheet: _Sheet, trial: int, name: str) -> Replay | None:
     """A push by the pusher's logged way."""
     rows = sheet.rows(name)
     rows = rows[sheet.told[rows]]
-    rows = rows[np.concatenate(([True], np.diff(sheet.times[rows]) > 0))] if len(rows) else rows
+    rows = rows[np.concatenate(([True], np.diff(sheet.times[rows]) >= LEAST_POSITIVE))] if len(rows) else rows
     if len(rows) < 2:
         return None
     rows = _knots(rows, sheet.pushers, sheet.phases)

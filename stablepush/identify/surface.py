@@ -25,22 +25,24 @@ def surface_from_scaled(
     """Return the surface whose coefficients are given for loads in units of ``force_scale`` (N).
 
     Without a scale, or where coefficients for newtons would be larger than a file may hold, the surface keeps the unit that
-    it has and says so (``"mu*N"``).
+    it has and says so (``"mu*N"``). A covariance that is larger, as its entries grow with their square, is left out: the
+    ensemble tells as much.
     """
     factor = 1.0 if force_scale is None else force_scale ** (-degree)
     force_unit = "N"
-    covariance = np.cov(np.array(ensemble), rowvar=False) if len(ensemble) else None
-    largest = max(float(np.abs(a).max()) for a in (coefficients, *ensemble)) * factor
-    spread = 0.0 if covariance is None else float(np.abs(covariance).max()) * factor**2
-    if force_scale is None or max(largest, spread) > LARGEST_MAGNITUDE:
+    if force_scale is None or max(np.abs(a).max() for a in (coefficients, *ensemble)) * factor > LARGEST_MAGNITUDE:
         factor, force_unit = 1.0, "mu*N"
+    members = factor * np.array(ensemble) if len(ensemble) else None
+    covariance = None if members is None else np.cov(members, rowvar=False)
+    if covariance is not None and np.abs(covariance).max() > LARGEST_MAGNITUDE:
+        covariance = None
     return PolynomialLimitSurface(
         factor * coefficients,
         degree,
         rho,
         force_unit=force_unit,
         certificate=None if certificate is None else certificate.in_units(factor).to_json(),
-        covariance=None if covariance is None else factor**2 * covariance,
-        ensemble=factor * np.array(ensemble) if len(ensemble) else None,
+        covariance=covariance,
+        ensemble=members,
         provenance={**provenance, "force_scale_N": force_scale},
     )
