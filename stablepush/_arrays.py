@@ -41,10 +41,10 @@ def check_number(
     name: str,
     *,
     at_least: float | None = None,
-    above: float | None = None,
+    positive: bool = False,
     largest: float = LARGEST_MAGNITUDE,
 ) -> float:
-    """Return ``value`` as a finite float within the given limits; above 0 means at least :data:`LEAST_POSITIVE`."""
+    """Return ``value`` as a finite float within the given limits; a positive one is at least :data:`LEAST_POSITIVE`."""
     if isinstance(value, (bool, str, bytes)):
         raise InputError(f"{name}: expected a number, got {value!r}")
     try:
@@ -59,10 +59,8 @@ def check_number(
         raise InputError(f"{name}: expected a magnitude of at most {largest:g} (SI units), got {number:g}")
     if at_least is not None and number < at_least:
         raise InputError(f"{name}: expected a number >= {at_least:g}, got {number:g}")
-    if above is not None and number <= above:
-        raise InputError(f"{name}: expected a number > {above:g}, got {number:g}")
-    if above == 0 and number < LEAST_POSITIVE:
-        raise InputError(f"{name}: expected a number of at least {LEAST_POSITIVE:g}, got {number:g}")
+    if positive and number < LEAST_POSITIVE:
+        raise InputError(f"{name}: expected a number > 0, at least {LEAST_POSITIVE:g}, got {number:g}")
     return number
 
 

@@ -21,7 +21,7 @@ class Body:
     def __init__(self, surface: LimitSurface, slider: Slider, mu: float | None, gravity: float) -> None:
         if slider.mass is None or slider.mass <= 0:
             raise InputError("slider.mass: expected a mass > 0 in kg, which free sliding needs")
-        check_number(gravity, "gravity", above=0.0)
+        check_number(gravity, "gravity", positive=True)
         self.surface, self.mass = surface, slider.mass
         self.inertia = slider.mass * slider.radius_of_gyration**2
         self.roots = np.sqrt((self.mass, self.mass, self.inertia))

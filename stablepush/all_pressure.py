@@ -80,7 +80,9 @@ class _Support:
         if tolerance.shape not in ((1,), (2,)) or not np.isfinite(tolerance).all() or (tolerance < 0).any():
             raise InputError(f"com_tolerance: expected one or two half widths >= 0 in m, got {com_tolerance!r}")
         box = np.broadcast_to(tolerance, (2,))
-        self.rho = slider.characteristic_length if length is None else check_number(length, "characteristic_length", above=0.0)
+        self.rho = (
+            slider.characteristic_length if length is None else check_number(length, "characteristic_length", positive=True)
+        )
         self.vertices = np.ascontiguousarray(vertices / self.rho)
         corners = np.unique(np.array(((1, 1), (-1, 1), (-1, -1), (1, -1))) * box, axis=0)
         self.coms = np.ascontiguousarray(corners / self.rho)

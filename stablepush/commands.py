@@ -100,7 +100,7 @@ def poke(
     length = float(np.linalg.norm(b - a))
     if not 0 <= check_number(along, "along") <= length:
         raise InputError(f"along: expected a place on edge {edge}, from 0 to {length:.6g} m, got {along:.6g}")
-    way, speed = check_number(way, "way", above=0.0), check_number(speed, "speed", above=0.0)
+    way, speed = check_number(way, "way", positive=True), check_number(speed, "speed", positive=True)
     tangent = (b - a) / length
     normal = np.array((-tangent[1], tangent[0]))
     docked = np.array((*(a + along * tangent - pusher.radius * normal), math.atan2(normal[1], normal[0])))
@@ -202,7 +202,7 @@ def random_pushes(
     """
     rng = np.random.default_rng(check_seed(seed))
     for name, pair in (("speeds", speeds), ("ways", ways)):
-        low, high = (check_number(value, name, above=0.0) for value in pair)
+        low, high = (check_number(value, name, positive=True) for value in pair)
         if low > high:
             raise InputError(f"{name}: expected the smaller number first, got {low:g}, {high:g}")
     check_number(field, "field", at_least=0.0)

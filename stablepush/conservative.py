@@ -61,7 +61,7 @@ def lynch_mason_region(slider: Slider, contact: PushContact, *, characteristic_l
 
     rho = slider.characteristic_length
     if characteristic_length is not None:
-        rho = check_number(characteristic_length, "characteristic_length", above=0.0)
+        rho = check_number(characteristic_length, "characteristic_length", positive=True)
     return StableRegion(
         name="conservative",
         characteristic_length=rho,

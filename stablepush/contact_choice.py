@@ -98,7 +98,7 @@ def rank_contacts(
     if surface is None and measure == "margin":
         raise InputError("measure: expected area or tightest-turn; without a surface there is no margin")
     check_count(places, "places", most=1000)
-    radius = 3 * slider.radius if turn_radius is None else check_number(turn_radius, "turn_radius", above=0.0)
+    radius = 3 * slider.radius if turn_radius is None else check_number(turn_radius, "turn_radius", positive=True)
     lengths = [float(np.linalg.norm(np.subtract(*slider.edge(i)))) for i in range(len(slider.vertices))]
     spacings = np.array((0.25, 0.5, 0.75)) * min(lengths)
     if widths is not None:

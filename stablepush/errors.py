@@ -11,6 +11,10 @@ class InputError(StablepushError, ValueError):
     """Input that breaks a format or a physical rule; the message names the place and what was expected."""
 
 
+class EffectError(InputError):
+    """An effect that cannot be on a rig, or is too strong for it."""
+
+
 class ConvergenceError(StablepushError, ArithmeticError):
     """An iteration did not reach its tolerance, as happens on surfaces that are not convex."""
 

@@ -71,7 +71,7 @@ def execute_closed_loop(
     and docks at its first contact. Ends at the end of a plan, when there is no plan, or after ``attempts`` of them.
     """
     _require_plan(problem, result)
-    limit = check_number(tolerance, "tolerance", above=0.0)
+    limit = check_number(tolerance, "tolerance", positive=True)
     planner = result.planner if result.planner in planner_names() else "cor-lattice"
     here, followed = problem, result
     session = rig.session(rows=rows, seed=seed, trials=len(result.pushes))

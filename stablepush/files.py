@@ -70,10 +70,10 @@ class Node:
             self.fail(f"expected {' or '.join(json.dumps(c) for c in choices)}, got {describe(self.value)}")
         return self.value  # type: ignore[no-any-return]
 
-    def number(self, *, at_least: float | None = None, above: float | None = None) -> float:
+    def number(self, *, at_least: float | None = None, positive: bool = False) -> float:
         if isinstance(self.value, bool) or not isinstance(self.value, (int, float)):
             self.fail(f"expected a number, got {describe(self.value)}")
-        return self.checked(lambda: check_number(self.value, "", at_least=at_least, above=above))
+        return self.checked(lambda: check_number(self.value, "", at_least=at_least, positive=positive))
 
     def zero_or_positive(self) -> float:
         """A number that is zero, for none of it, or large enough to divide by."""

@@ -86,14 +86,14 @@ def model_from_node(node: Node) -> LimitSurface:
         if loads.sum() < LEAST_POSITIVE:
             node["loads"].fail(f"expected a sum of at least {LEAST_POSITIVE:g}, got {loads.sum():g}")
         rho_node = node.get("characteristic_length")
-        given = None if rho_node is None else rho_node.number(above=0.0)
+        given = None if rho_node is None else rho_node.number(positive=True)
         return node.checked(lambda: IdealLimitSurface(SupportDistribution(points, loads), float(loads.sum()), given))
     if kind == "gp":
         return _gaussian_process(node)
     degree = node["degree"].integer(at_least=2)
     if degree not in (2, 4, 6, 8, 10):
         node["degree"].fail(f"expected an even number from 2 to 10, got {describe(degree)}")
-    rho = node["characteristic_length"].number(above=0.0)
+    rho = node["characteristic_length"].number(positive=True)
     coefficients = _coefficients(node, degree)
     certificate, covariance_node, provenance = node["certificate"], node["covariance"], node["provenance"]
     size = len(coefficients)
@@ -125,9 +125,9 @@ def _gaussian_process(node: Node) -> GaussianProcessSurface:
     for name, width in _KERNEL_SUMS.items():
         entry = node[name]
         inputs, coefficients = entry["inputs"].array(None, 3), entry["coefficients"].array(None, width)
-        length = entry["length"].number(above=0.0)
+        length = entry["length"].number(positive=True)
         sums[name] = entry.checked(partial(KernelSum, inputs, coefficients, length))
-    size, rho = node["mean_size"].number(above=0.0), node["characteristic_length"].number(above=0.0)
+    size, rho = node["mean_size"].number(positive=True), node["characteristic_length"].number(positive=True)
     provenance = node["provenance"]
     said = None if provenance.value is None else provenance.object()
     return node.checked(lambda: GaussianProcessSurface(sums["slip"], sums["log_size"], sums["load"], size, rho, provenance=said))

@@ -37,7 +37,7 @@ def load_movingai_map(path: str | Path, cell: float) -> tuple[list[FloatArray], 
     InputError
         With file and line, if the file is not such a map.
     """
-    width = check_number(cell, "cell", above=0.0)
+    width = check_number(cell, "cell", positive=True)
     lines = read_text(Path(path)).splitlines()
 
     def fail(line: int, words: str) -> None:

@@ -48,6 +48,6 @@ class PlanOptions:
             raise InputError(f"probability: expected a number from 0 to 1, got {self.probability:g}")
         check_number(self.margin_weight, "margin_weight", at_least=0.0)
         if self.cor_rate != math.inf:
-            check_number(self.cor_rate, "cor_rate", above=0.0)
+            check_number(self.cor_rate, "cor_rate", positive=True)
         if self.improve != math.inf:
             check_number(self.improve, "improve", at_least=0.0)

@@ -46,7 +46,7 @@ def probability_map(surface: LimitSurface, contact: PushContact, extent: float, 
     UnsupportedContactError
         As :func:`stablepush.stable_region` does.
     """
-    size = check_number(extent, "extent", above=0.0)
+    size = check_number(extent, "extent", positive=True)
     check_count(cells, "cells", most=10_000)
     regions = _member_regions(surface, contact)
     places = grid_places(size, cells)

@@ -105,7 +105,7 @@ class PlanningProblem:
         object.__setattr__(self, "bounds", box)
         object.__setattr__(self, "pusher", outline)
         object.__setattr__(self, "tolerance", (float(limits[0]), float(limits[1])))
-        object.__setattr__(self, "speed", check_number(speed, "speed", above=0.0))
+        object.__setattr__(self, "speed", check_number(speed, "speed", positive=True))
         object.__setattr__(self, "switch_cost", check_number(switch_cost, "switch_cost", at_least=0.0))
         object.__setattr__(self, "min_margin", check_number(min_margin, "min_margin"))
 
@@ -141,7 +141,7 @@ def load_scene(path: str | Path) -> PlanningProblem:
     if not (bounds[:2] < bounds[2:]).all():
         root["bounds"].fail(f"expected xmin < xmax and ymin < ymax, got {bounds.tolist()}")
     start, goal = root["start"].array(3), root["goal"].array(3)
-    speed = root["speed"].number(above=0.0)
+    speed = root["speed"].number(positive=True)
     switch_cost = root["switch_cost"].number(at_least=0.0)
     min_margin = root["min_margin"].number()
     return root.checked(

@@ -82,13 +82,13 @@ class Pusher:
     @classmethod
     def two_fingers(cls, spacing: float, radius: float = 0.0) -> Pusher:
         """Return two round fingers, ``spacing`` (m) between their centres."""
-        half = check_number(spacing, "spacing", above=0.0) / 2
+        half = check_number(spacing, "spacing", positive=True) / 2
         return cls(((0.0, -half), (0.0, half)), radius)
 
     @classmethod
     def edge(cls, width: float) -> Pusher:
         """Return a flat edge, ``width`` (m) across."""
-        half = check_number(width, "width", above=0.0) / 2
+        half = check_number(width, "width", positive=True) / 2
         return cls(((0.0, -half), (0.0, half)), 0.0, True)
 
     @classmethod
@@ -324,7 +324,7 @@ def simulate_push(
     """
     begin, docked = check_array(start, "start", (3,)), check_array(place, "place", (3,))
     friction_mu = check_number(mu, "mu", at_least=0.0)
-    table = _friction(friction).compiled(check_number(scale, "scale", above=0.0))
+    table = _friction(friction).compiled(check_number(scale, "scale", positive=True))
     return follow(table, slider, pusher, friction_mu, begin, docked, course_of(pusher, motion, step))
 
 
@@ -344,7 +344,7 @@ def course_of(pusher: Pusher, motion: Sequence[tuple[ArrayLike, float]], step: f
     durations = np.array([duration for _, duration in pieces])
     kept = durations > 0
     twists, durations = twists[kept], durations[kept]
-    way = check_number(step, "step", above=0.0)
+    way = check_number(step, "step", positive=True)
     x, y = pusher.fingers.T
     fastest = np.hypot(twists[:, :1] - twists[:, 2:] * y, twists[:, 1:2] + twists[:, 2:] * x).max(axis=1, initial=0.0)
     counts = np.maximum(1, np.ceil(fastest * durations / way - 1e-9)).astype(np.int64)

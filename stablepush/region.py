@@ -126,7 +126,7 @@ class StableRegion:
 
     def polygons(self, sense: int, extent: float | None = None) -> list[shapely.Polygon]:
         """Return the region of one sense as polygons in the COR plane (m, in B), cut at ``|x|, |y| <= extent`` (m)."""
-        size = self.default_extent if extent is None else check_number(extent, "extent", above=0.0)
+        size = self.default_extent if extent is None else check_number(extent, "extent", positive=True)
         return cor_polygons(self._rings_of(sense), _one_sense(sense), self.characteristic_length, size)
 
     def raster(self, sense: int, extent: float, cells: int = 400) -> BoolArray:

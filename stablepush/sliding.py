@@ -137,7 +137,7 @@ def simulate_free_sliding(
     start = check_array(pose, "pose", (3,))
     if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or samples < 2:
         raise InputError(f"samples: expected at least 2, got {samples!r}")
-    limit = np.inf if duration is None else check_number(duration, "duration", above=0.0)
+    limit = np.inf if duration is None else check_number(duration, "duration", positive=True)
     if body.load == 0 and np.isinf(limit):
         raise InputError("duration: expected a time in s, since without friction the body never rests")
     scaled = first * body.roots

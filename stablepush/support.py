@@ -49,7 +49,7 @@ class SupportDistribution:
         centre of pressure are exact at every spacing.
         """
         outline = check_array(vertices, "vertices", (None, 2))
-        step = check_number(spacing, "spacing", above=0.0)
+        step = check_number(spacing, "spacing", positive=True)
         polygon = shapely.Polygon(outline)
         low, high = outline.min(axis=0), outline.max(axis=0)
         counts = np.maximum(1, np.ceil((high - low) / step - 1e-9)).astype(int)
@@ -64,7 +64,7 @@ class SupportDistribution:
     @classmethod
     def ring(cls, radius: float, n: int) -> SupportDistribution:
         """Return ``n`` equal support points on a circle of ``radius`` (m) about the origin, the first on the x axis."""
-        r = check_number(radius, "radius", above=0.0)
+        r = check_number(radius, "radius", positive=True)
         if n < 1:
             raise InputError(f"n: expected at least one point, got {n}")
         angles = 2 * np.pi * np.arange(n) / n

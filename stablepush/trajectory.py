@@ -64,8 +64,8 @@ def sample_plan(
     if not result.solved:
         raise InputError(f"plan: expected a solved plan, its status is {result.status}")
     _require_fit(problem, result)
-    hertz = check_number(rate, "rate", above=0.0)
-    limit = None if acceleration is None else check_number(acceleration, "acceleration", above=0.0)
+    hertz = check_number(rate, "rate", positive=True)
+    limit = None if acceleration is None else check_number(acceleration, "acceleration", positive=True)
     law = _TimeLaw(problem, result, limit)
     if law.ends[-1] * hertz > _MOST_SAMPLES:
         raise InputError(f"rate: expected at most {_MOST_SAMPLES} samples in all, at {hertz:g} a second there are more")

@@ -13,7 +13,7 @@ from stablepush._arrays import FloatArray, check_number, check_seed
 from stablepush._log_book import LogBook
 from stablepush.commands import AWAY, Command
 from stablepush.effects import REFERENCE_SPEED, Effect, principal
-from stablepush.errors import InputError
+from stablepush.errors import EffectError, InputError, StablepushError
 from stablepush.logs.pushlog import Noise, PushLog, Rig
 from stablepush.models import IdealLimitSurface, LimitSurface, PolynomialLimitSurface
 from stablepush.parallel import run_parallel
@@ -107,12 +107,12 @@ class VirtualRig:
     def __post_init__(self) -> None:
         by_id: dict[str, Effect] = {}
         if not isinstance(self.effects, Sequence):
-            raise InputError(f"effects: expected a sequence of effects, got {self.effects!r}")
+            raise EffectError(f"effects: expected a sequence of effects, got {self.effects!r}")
         for effect in self.effects:
             if not isinstance(effect, Effect):
-                raise InputError(f"effects: expected effects, as of parse_effect, got {effect!r}")
+                raise EffectError(f"effects: expected effects, as of parse_effect, got {effect!r}")
             if effect.id in by_id:
-                raise InputError(f"effects: expected every effect once, {effect.id} is given twice")
+                raise EffectError(f"effects: expected every effect once, {effect.id} is given twice")
             by_id[effect.id] = effect
         object.__setattr__(self, "_by_id", by_id)
         if check_number(self.outliers, "outliers", at_least=0.0) > 1:
@@ -123,13 +123,13 @@ class VirtualRig:
             for name in ("force", "position", "angle"):
                 check_number(getattr(self.noise, name), f"noise.{name}", at_least=0.0)
         if self.pusher.flat and "contact-geometry" in by_id:
-            raise InputError("effect contact-geometry: expected fingers, a flat edge has no radius")
+            raise EffectError("effect contact-geometry: expected fingers, a flat edge has no radius")
         check_number(self.mu, "mu", at_least=0.0)
-        check_number(self.gravity, "gravity", above=0.0)
+        check_number(self.gravity, "gravity", positive=True)
         if self.step is not None:
-            check_number(self.step, "step", above=0.0)
+            check_number(self.step, "step", positive=True)
         if self.support_friction is not None:
-            check_number(self.support_friction, "support_friction", above=0.0)
+            check_number(self.support_friction, "support_friction", positive=True)
         if self.surface.force_unit == "mu*N" and (self.support_friction is None or not self.slider.mass):
             raise InputError(
                 "surface: its forces are in units of mu*N: expected the friction of the support and the slider's mass"
@@ -137,14 +137,20 @@ class VirtualRig:
         object.__setattr__(self, "_slope_share", self._pull_share())
         ideal = isinstance(self.surface, IdealLimitSurface)
         object.__setattr__(self, "_points", self.surface if ideal else _as_points(self.surface, self.slider, self._load()))
-        object.__setattr__(self, "_friction", self._make_friction())
+        try:
+            object.__setattr__(self, "_friction", self._make_friction())
+        except EffectError:
+            raise
+        except StablepushError as error:
+            # the nominal surface is one that is already made
+            raise EffectError(f"effects: {error}") from None
 
     def _pull_share(self) -> float:
         """How much of what the nominal friction holds a slope of the table pulls with."""
         if "tilt" not in self._by_id:
             return 0.0
         if not self.slider.mass:
-            raise InputError("effect tilt: expected a slider with a mass")
+            raise EffectError("effect tilt: expected a slider with a mass")
         angles = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
         size = float(np.hypot(*self._pull())) / self._load()
         loads = size * np.stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))), axis=-1)
@@ -152,7 +158,7 @@ class VirtualRig:
         degree = self.surface.degree if isinstance(self.surface, PolynomialLimitSurface) else 1
         share = float(np.max(self.surface.value(loads))) ** (1 / degree)
         if share >= 1.0:
-            raise InputError(
+            raise EffectError(
                 f"effect tilt: slope: expected one on which friction holds the slider, it pulls with {share:.3g} of that"
             )
         return share
@@ -162,12 +168,12 @@ class VirtualRig:
         gradient = np.array(self._by_id["spatial-variation"].vector("gradient") if "spatial-variation" in self._by_id else (0, 0))
         least = scale * float((1 + transform_points(pose, self.slider.vertices) @ gradient).min())
         if least < _LEAST_FRICTION:
-            raise InputError(
+            raise EffectError(
                 f"effects: expected friction of at least {_LEAST_FRICTION:g} of the nominal one, at x {pose[0]:.3f} m, "
                 f"y {pose[1]:.3f} m it is {least:.3g} of it"
             )
         if self._slope_share >= least:
-            raise InputError(
+            raise EffectError(
                 f"effect tilt: slope: expected one on which friction holds the slider, it pulls with {self._slope_share:.3g} of "
                 f"what the nominal friction holds; {least:.3g} of it is left"
             )
@@ -229,10 +235,12 @@ class VirtualRig:
         effect = self._by_id["model-capacity"]
         facets, degree = effect.number("facets"), effect.number("degree")
         if (facets is None) == (degree is None):
-            raise InputError("effect model-capacity: expected either facets or degree")
+            raise EffectError("effect model-capacity: expected either facets or degree")
         if degree is not None:
             if degree not in _MODELS:
-                raise InputError(f"effect model-capacity: degree: expected one of {', '.join(map(str, _MODELS))}, got {degree:g}")
+                raise EffectError(
+                    f"effect model-capacity: degree: expected one of {', '.join(map(str, _MODELS))}, got {degree:g}"
+                )
             from stablepush.identify import fit_limit_surface
 
             loads, twists = _samples(self.surface, load)
@@ -259,7 +267,7 @@ class VirtualRig:
             offset = np.array(by_id["pressure-shift"].vector("offset"))
             points = points + offset
             if not shapely.Polygon(self.slider.vertices).convex_hull.contains(shapely.Point(center + offset)):
-                raise InputError("effect pressure-shift: offset: expected a centre of pressure that stays under the slider")
+                raise EffectError("effect pressure-shift: offset: expected a centre of pressure that stays under the slider")
         if points is support.points:
             return surface
         return IdealLimitSurface(
@@ -285,7 +293,7 @@ class VirtualRig:
             try:
                 session.push(command)
             except InputError as error:
-                raise InputError(f"push {k + 1}: {error}") from None
+                raise type(error)(f"push {k + 1}: {error}") from None
             if progress is not None:
                 progress(k + 1, len(commands))
         return session.done()

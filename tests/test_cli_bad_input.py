@@ -185,8 +185,16 @@ def test_faults_in_cors_are_named(rig, tmp_path, capsys, text, words):
         (["simulate", "{scene}", "{plan}", "-o", "{out}", "--view", "{out}/page.html"], ("page.html", "outside")),
         (["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "model-capacity:facets=3.5"], ("facets", "3.5")),
         (["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "model-capacity:degree=3"], ("degree", "3")),
-        (["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "tilt:slope=0.5/0"], ("tilt", "friction holds")),
+        (["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "tilt:slope=0.5/0"], ("error: effect tilt", "holds")),
+        (
+            ["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "pressure-spread:scale=1e-300"],
+            ("error: effects: support",),
+        ),
         (["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "pressure-shift:offset=1/0"], ("pressure-shift", "under")),
+        (
+            ["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "spatial-variation:gradient=-9/9"],
+            ("error: push 1: effects",),
+        ),
         (["simulate", "{scene}", "{plan}", "-o", "{out}", "--outliers", "2"], ("--outliers", "2")),
         (["slide", "{model}", "--slider", "{slider}", "--twist", "1", "x", "1", "-o", "{out}"], ("x",)),
         (["slide", "{model}", "--slider", "{slider}", "--twist", "1", "nan", "1", "-o", "{out}"], ("--twist", "nan")),

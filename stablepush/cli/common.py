@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from stablepush.errors import InputError, StablepushError, UnsupportedContactError
+from stablepush.errors import EffectError, InputError, StablepushError, UnsupportedContactError
 
 
 def number(text: str | float) -> float:
@@ -54,9 +54,14 @@ Contact = Annotated[Path, typer.Option("--contact", help="Contact of the pusher 
 
 @contextmanager
 def about(path: Path, contact: Path | None = None) -> Iterator[None]:
-    """Put the file that a complaint of the library is about before it: ``contact`` if it is about the contacts, else ``path``."""
+    """Put the file that a complaint of the library is about before it: ``contact`` if it is about the contacts, else ``path``.
+
+    Effects are given by no file.
+    """
     try:
         yield
+    except EffectError:
+        raise
     except StablepushError as error:
         file = contact if contact is not None and isinstance(error, UnsupportedContactError) else path
         if str(error).startswith(str(file)):

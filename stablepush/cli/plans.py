@@ -186,7 +186,7 @@ def trajectory(
 
     for name, value in (("--rate", rate), ("--acceleration", acceleration)):
         if value is not None:
-            check_number(value, name, above=0.0)
+            check_number(value, name, positive=True)
     require_files(output, read=(scene, plan_file))
     problem, result = load_scene(scene), load_plan(plan_file)
     with about(plan_file):

@@ -76,7 +76,7 @@ def draw_map(
     from stablepush.region import regions_to_json, stable_region
 
     if extent is not None:
-        check_number(extent, "--extent", above=0.0)
+        check_number(extent, "--extent", positive=True)
     if probability is not None and not 0 < probability <= 1:
         raise InputError(f"--probability: expected a number above 0 and up to 1, got {probability:g}")
     for name, value in (("--com-tolerance", com_tolerance), ("--least-mu", least_mu)):
@@ -171,9 +171,9 @@ def contacts(
 
     if measure not in MEASURES:
         raise InputError(f"--measure: expected one of {', '.join(MEASURES)}, got {measure!r}")
-    check_number(mu, "--mu", above=0.0)
+    check_number(mu, "--mu", positive=True)
     for value in width or ():
-        check_number(value, "--width", above=0.0)
+        check_number(value, "--width", positive=True)
     if not 1 <= places <= 1000:
         raise InputError(f"--places: expected a whole number from 1 to 1000, got {places}")
     require_files(output, picture, read=(model, slider))

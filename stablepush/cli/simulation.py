@@ -66,8 +66,6 @@ def simulate(
     view: Annotated[Path | None, typer.Option(help="Animation of what happened as an HTML page.")] = None,
 ) -> None:
     """Execute a plan, or a list of pushes, on a simulated rig, with effects that the plan knows nothing of, and log it."""
-    from dataclasses import replace
-
     from stablepush._arrays import check_number
     from stablepush.commands import read_commands
     from stablepush.effects import parse_effect
@@ -91,7 +89,7 @@ def simulate(
             raise InputError(f"{option}: expected a share from 0 to 1, got {share:g}")
     for option, positive in (("--mu", mu), ("--replan", replan)):
         if positive is not None:
-            check_number(positive, option, above=0.0)
+            check_number(positive, option, positive=True)
     effects = [parse_effect(text) for text in effect or []]
     require_folder(output)
     require_files(view, read=(scene, plan_file))
@@ -109,9 +107,7 @@ def simulate(
     with about(scene):
         require_contacts(problem)
         pusher = Pusher.of_contact(contact, finger_radius)
-        nominal = VirtualRig(problem.slider, problem.surface, contact.mu, pusher, (), spread, outliers, scatter, mu)
-    # what is wrong now lies in the effects
-    rig = replace(nominal, effects=effects) if effects else nominal
+        rig = VirtualRig(problem.slider, problem.surface, contact.mu, pusher, effects, spread, outliers, scatter, mu)
     if listed:
         commands = read_commands(plan_file, problem, finger_radius)
         with about(plan_file), Progress("simulate") as step:
@@ -202,9 +198,9 @@ def slide(
     first = numbers("--twist", ("VX", "VY", "OMEGA"), twist)
     if mu is not None:
         check_zero_or_positive(mu, "--mu")
-    check_number(gravity, "--gravity", above=0.0)
+    check_number(gravity, "--gravity", positive=True)
     if duration is not None:
-        check_number(duration, "--duration", above=0.0)
+        check_number(duration, "--duration", positive=True)
     if not 2 <= samples <= 1_000_000:
         raise InputError(f"--samples: expected a whole number from 2 to 1000000, got {samples}")
     require_files(output, picture, view, read=(model, slider_file))

@@ -132,7 +132,7 @@ def rank_pokes(
     members = surface.members() if isinstance(surface, PolynomialLimitSurface) else []
     if len(members) < 2:
         raise InputError("surface: expected one with an ensemble, as a convex fit gives it")
-    noise = check_number(scatter, "scatter", above=0.0)
+    noise = check_number(scatter, "scatter", positive=True)
     rho = surface.characteristic_length
     points, normals, headings = (np.array([getattr(c, name) for c in candidates]) for name in ("point", "normal", "heading"))
     outcomes = []

@@ -81,10 +81,10 @@ class OnlineIdentifier:
             raise InputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
         if not isinstance(degree, int) or degree not in (2, 4, 6):
             raise InputError(f"degree: expected 2, 4 or 6, got {degree!r}")
-        self._rho = check_number(characteristic_length, "characteristic_length", above=0.0)
-        self._forgetting = check_number(forgetting, "forgetting", above=0.0, largest=1.0)
-        self._eta1, self._eta2 = check_number(eta1, "eta1", above=0.0), check_number(eta2, "eta2", above=0.0)
-        self._step = check_number(step, "step", above=0.0, largest=1.0)
+        self._rho = check_number(characteristic_length, "characteristic_length", positive=True)
+        self._forgetting = check_number(forgetting, "forgetting", positive=True, largest=1.0)
+        self._eta1, self._eta2 = check_number(eta1, "eta1", positive=True), check_number(eta2, "eta2", positive=True)
+        self._step = check_number(step, "step", positive=True, largest=1.0)
         self._degree, self._method = degree, method
         self._log_scale, self._memory = 0.0, 0.0
         self._first: list[tuple[FloatArray, FloatArray]] = []

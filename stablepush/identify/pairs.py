@@ -146,7 +146,7 @@ def _check_units(f: FloatArray, v: FloatArray, slider: Slider) -> None:
 
 def _characteristic_length(f: FloatArray, slider: Slider | None, given: float | None) -> float:
     if given is not None:
-        return check_number(given, "characteristic_length", above=0.0)
+        return check_number(given, "characteristic_length", positive=True)
     if slider is not None:
         return slider.characteristic_length
     force = np.sqrt((f[:, :2] ** 2).sum(axis=1).mean())

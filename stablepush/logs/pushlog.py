@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import LEAST_POSITIVE, FloatArray, read_only
+from stablepush._arrays import LEAST_POSITIVE, BoolArray, FloatArray, read_only
 from stablepush.errors import InputError
 from stablepush.files import Node, read_json, whole_folder, write_atomically, write_json
 from stablepush.formats import slider_from_node, slider_to_json
@@ -128,7 +128,7 @@ class PushLog:
 
         The twist between two rows is ``log(pose_i⁻¹ pose_{i+1})/dt``, exact for a constant body twist; a row takes the mean of
         its two neighbouring intervals weighted by their length, the ends their only one. NaN where a pose is missing, and for
-        rows less than 1e-9 s after another.
+        rows that are not :func:`apart`.
         """
         poses = self.columns("x", "y", "theta")
         twists = self.columns("vx", "vy", "omega")
@@ -140,7 +140,7 @@ class PushLog:
         for rows in self._rows_by_trial().values():
             known = rows[np.isfinite(poses[rows]).all(axis=1)]
             known = known[np.argsort(times[known], kind="stable")]
-            known = known[np.concatenate(([True], np.diff(times[known]) >= LEAST_POSITIVE))] if len(known) else known
+            known = known[apart(times[known])]
             if len(known) < 2:
                 continue
             dt = np.diff(times[known])
@@ -160,6 +160,11 @@ class PushLog:
         for row, name in enumerate(names):
             groups[name].append(row)
         return {name: np.array(rows, dtype=np.intp) for name, rows in groups.items()}
+
+
+def apart(times: FloatArray) -> BoolArray:
+    """Say which of times (n,), in order, are far enough after the one before, 1e-9 s, to tell a motion; the first is."""
+    return np.asarray(np.diff(times, prepend=-np.inf) >= LEAST_POSITIVE)
 
 
 def read_pushlog(path: str | Path) -> PushLog:
@@ -211,7 +216,7 @@ def _rig_from_node(node: Node) -> Rig:
         contact_kind=node["contact_kind"].text(CONTACT_KINDS),
         support_friction=None if friction["support"].value is None else friction["support"].zero_or_positive(),
         contact_friction=or_null(friction["contact"]),
-        gravity=node["gravity"].number(above=0.0),
+        gravity=node["gravity"].number(positive=True),
         finger_radius=None if radius is None else or_null(radius),
         noise=None if noise is None else Noise(*(noise[key].number(at_least=0.0) for key in ("force", "position", "angle"))),
         extra={k: v for k, v in node.object().items() if k not in known},

@@ -33,7 +33,7 @@ class KernelSum:
             raise InputError(f"coefficients: expected {len(x)} rows, one an input, got {len(c)}")
         object.__setattr__(self, "inputs", read_only(x))
         object.__setattr__(self, "coefficients", read_only(c))
-        object.__setattr__(self, "length", check_number(length, "length", above=0.0))
+        object.__setattr__(self, "length", check_number(length, "length", positive=True))
 
     def __call__(self, x: FloatArray) -> FloatArray:
         """Return ``g`` (..., k) at points (..., 3)."""
@@ -73,8 +73,10 @@ class GaussianProcessSurface:
         object.__setattr__(self, "slip", slip)
         object.__setattr__(self, "log_size", log_size)
         object.__setattr__(self, "load", load)
-        object.__setattr__(self, "mean_size", check_number(mean_size, "mean_size", above=0.0))
-        object.__setattr__(self, "characteristic_length", check_number(characteristic_length, "characteristic_length", above=0.0))
+        object.__setattr__(self, "mean_size", check_number(mean_size, "mean_size", positive=True))
+        object.__setattr__(
+            self, "characteristic_length", check_number(characteristic_length, "characteristic_length", positive=True)
+        )
         object.__setattr__(self, "provenance", MappingProxyType(dict(provenance or {})))
 
     @property

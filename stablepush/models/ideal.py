@@ -43,9 +43,9 @@ class IdealLimitSurface:
         if len(loaded) < 2:
             raise InputError("support: expected at least two different points that carry load")
         object.__setattr__(self, "support", support)
-        object.__setattr__(self, "friction_load", check_number(friction_load, "friction_load", above=0.0))
+        object.__setattr__(self, "friction_load", check_number(friction_load, "friction_load", positive=True))
         rho = support.characteristic_length if characteristic_length is None else characteristic_length
-        object.__setattr__(self, "characteristic_length", check_number(rho, "characteristic_length", above=0.0))
+        object.__setattr__(self, "characteristic_length", check_number(rho, "characteristic_length", positive=True))
 
     @property
     def loads(self) -> FloatArray:

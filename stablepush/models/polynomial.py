@@ -97,7 +97,7 @@ class PolynomialLimitSurface:
             if len(bent):
                 raise InputError(f"ensemble: expected convex surfaces, row {bent[0]} is not")
             ensemble = read_only(ensemble)
-        rho = check_number(characteristic_length, "characteristic_length", above=0.0)
+        rho = check_number(characteristic_length, "characteristic_length", positive=True)
         object.__setattr__(self, "coefficients", read_only(a))
         object.__setattr__(self, "degree", int(degree))
         object.__setattr__(self, "characteristic_length", rho)

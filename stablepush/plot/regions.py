@@ -50,7 +50,7 @@ def plot_regions(
     outlined by their names. ``extent`` is the half side of the square shown, 5 radii of slider and contact by default.
     """
     radius = max(contact.radius, slider.radius if slider is not None else 0.0)
-    size = 5 * radius if extent is None else check_number(extent, "extent", above=0.0)
+    size = 5 * radius if extent is None else check_number(extent, "extent", positive=True)
     figure, axes = canvas((7.4, 8.8))
     if probability is not None:
         _shade(axes, probability)
