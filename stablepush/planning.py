@@ -9,6 +9,8 @@ from dataclasses import replace
 from importlib.metadata import entry_points
 from typing import Protocol
 
+import numpy as np
+
 from stablepush._arrays import LARGEST_MAGNITUDE, check_number
 from stablepush.check import check_plan
 from stablepush.deadline import Deadline, within
@@ -89,9 +91,11 @@ def plan(
     if result.solved:
         report = check_plan(problem, result)
         objection = report.objections[0] if report.objections else ""
-        if result.duration > LARGEST_MAGNITUDE or result.length > LARGEST_MAGNITUDE:
+        fastest = max((float(np.abs(push.twist).max()) for push in result.pushes), default=0.0)
+        if max(result.duration, result.length, fastest) > LARGEST_MAGNITUDE:
             objection = (
-                f"a plan/1 file holds times and lengths up to {LARGEST_MAGNITUDE:g}, this plan takes {result.duration:g} s"
+                f"a plan/1 file holds numbers up to {LARGEST_MAGNITUDE:g} (SI units), this plan takes {result.duration:g} s "
+                f"for {result.length:g} m, with twists up to {fastest:g}"
             )
         if objection:
             result = PlanResult("rejected", planner, seed=result.seed, message=objection)

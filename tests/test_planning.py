@@ -84,6 +84,14 @@ def test_a_plan_survives_its_file(solved, tmp_path):
     np.testing.assert_array_equal(again.pushes[-1].end, result.pushes[-1].end)
 
 
+@pytest.mark.parametrize("speed", (1e-8, 1e6))
+def test_a_plan_that_no_file_can_hold_is_rejected(speed):
+    problem = replace(small_scene(), speed=speed)
+    result = sp.plan(problem, time_limit=60)
+    assert (result.status, result.segments) == ("rejected", ())
+    assert "1e+06" in result.message
+
+
 def test_plans_repeat(solved):
     problem, result = solved
     again = sp.plan(problem, time_limit=60)
