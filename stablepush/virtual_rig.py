@@ -13,7 +13,7 @@ from stablepush._arrays import FloatArray, check_number, check_seed
 from stablepush._log_book import LogBook
 from stablepush.commands import AWAY, Command
 from stablepush.effects import REFERENCE_SPEED, Effect, principal
-from stablepush.errors import EffectError, InputError, StablepushError
+from stablepush.errors import EffectError, InputError
 from stablepush.logs.pushlog import Noise, PushLog, Rig
 from stablepush.models import IdealLimitSurface, LimitSurface, PolynomialLimitSurface
 from stablepush.parallel import run_parallel
@@ -86,6 +86,11 @@ class VirtualRig:
         In m/s².
     step : float, optional
         Way of the pusher in a step of the simulation, in m; a four-hundredth of the slider's radius if not given.
+
+    Raises
+    ------
+    InputError
+        ``stablepush.errors.EffectError``, a kind of it, for effects that cannot be on this rig.
     """
 
     slider: Slider
@@ -137,13 +142,7 @@ class VirtualRig:
         object.__setattr__(self, "_slope_share", self._pull_share())
         ideal = isinstance(self.surface, IdealLimitSurface)
         object.__setattr__(self, "_points", self.surface if ideal else _as_points(self.surface, self.slider, self._load()))
-        try:
-            object.__setattr__(self, "_friction", self._make_friction())
-        except EffectError:
-            raise
-        except StablepushError as error:
-            # the nominal surface is one that is already made
-            raise EffectError(f"effects: {error}") from None
+        object.__setattr__(self, "_friction", self._make_friction())
 
     def _pull_share(self) -> float:
         """How much of what the nominal friction holds a slope of the table pulls with."""
@@ -169,8 +168,8 @@ class VirtualRig:
         least = scale * float((1 + transform_points(pose, self.slider.vertices) @ gradient).min())
         if least < _LEAST_FRICTION:
             raise EffectError(
-                f"effects: expected friction of at least {_LEAST_FRICTION:g} of the nominal one, at x {pose[0]:.3f} m, "
-                f"y {pose[1]:.3f} m it is {least:.3g} of it"
+                f"effects and scatter: expected friction of at least {_LEAST_FRICTION:g} of the nominal one, "
+                f"at x {pose[0]:.3f} m, y {pose[1]:.3f} m it is {least:.3g} of it"
             )
         if self._slope_share >= least:
             raise EffectError(
@@ -270,9 +269,12 @@ class VirtualRig:
                 raise EffectError("effect pressure-shift: offset: expected a centre of pressure that stays under the slider")
         if points is support.points:
             return surface
-        return IdealLimitSurface(
-            SupportDistribution(points, support.weights), surface.friction_load, surface.characteristic_length
-        )
+        try:
+            moved = SupportDistribution(points, support.weights)
+            return IdealLimitSurface(moved, surface.friction_load, surface.characteristic_length)
+        except InputError as error:
+            # a shift that leaves the slider is refused above
+            raise EffectError(f"effect pressure-spread: scale: {error}") from None
 
     def session(self, *, rows: int = 7, seed: int = 0, trials: int | None = None) -> Session:
         """Begin a log: commands are carried out one by one. ``trials``: how many there will be, over which friction drifts."""
@@ -290,10 +292,7 @@ class VirtualRig:
         it."""
         session = self.session(rows=rows, seed=seed, trials=len(commands))
         for k, command in enumerate(commands):
-            try:
-                session.push(command)
-            except InputError as error:
-                raise type(error)(f"push {k + 1}: {error}") from None
+            session.push(command)
             if progress is not None:
                 progress(k + 1, len(commands))
         return session.done()
@@ -324,7 +323,15 @@ class Session:
 
         Where the pusher would start inside the slider, which is not where the command expects it, it comes from farther back
         along its own x axis instead.
+
+        Raises :class:`InputError` with the number of the push.
         """
+        try:
+            return self._push(command)
+        except InputError as error:
+            raise type(error)(f"push {len(self._traces) + 1}: {error}") from None
+
+    def _push(self, command: Command) -> PushTrace:
         rig = self._rig
         nominal = command.pusher or rig.pusher
         pusher = nominal if self._radius is None else Pusher(nominal.fingers, self._radius, nominal.flat)

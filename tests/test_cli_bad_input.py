@@ -188,12 +188,16 @@ def test_faults_in_cors_are_named(rig, tmp_path, capsys, text, words):
         (["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "tilt:slope=0.5/0"], ("error: effect tilt", "holds")),
         (
             ["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "pressure-spread:scale=1e-300"],
-            ("error: effects: support",),
+            ("error: effect pressure-spread: scale: support",),
         ),
         (["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "pressure-shift:offset=1/0"], ("pressure-shift", "under")),
         (
             ["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "spatial-variation:gradient=-9/9"],
             ("error: push 1: effects",),
+        ),
+        (
+            ["simulate", "{scene}", "{plan}", "-o", "{out}", "--replan", "1", "--effect", "drift:rate=-0.99"],
+            ("error: push ", ": effects and scatter"),
         ),
         (["simulate", "{scene}", "{plan}", "-o", "{out}", "--outliers", "2"], ("--outliers", "2")),
         (["slide", "{model}", "--slider", "{slider}", "--twist", "1", "x", "1", "-o", "{out}"], ("x",)),

@@ -8,6 +8,7 @@ import scipy.io
 import stablepush as sp
 from stablepush.demo import demo_pokes
 from stablepush.logs.mlab import find_sources, import_source, triangle_slider
+from stablepush.logs.pushlog import told_apart
 from stablepush.planar import angle_between, normalize_twist, normalize_wrench
 from stablepush.se2 import compose, exp, wrap_angle
 
@@ -132,6 +133,13 @@ def test_rows_at_one_time_have_no_twist(unit):
     twists = tiny_log(poses, unit * np.arange(6)).twists()
     assert np.isfinite(twists).all() == (unit >= 1e-9)
     assert np.isnan(twists).all() == (unit < 1e-9)
+
+
+def test_times_are_told_apart():
+    assert told_apart(np.zeros(0)).tolist() == []
+    times = np.array((0.0, 0.5, 0.5, 0.5 + 1e-10, 1.0, 0.2, np.nan, 2.0))
+    assert told_apart(times).tolist() == [True, True, False, False, True, False, False, False]
+    assert told_apart(times[::-1][:2]).tolist() == [True, False]
 
 
 def test_twists_that_are_logged_in_part_come_from_the_poses():

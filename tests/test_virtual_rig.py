@@ -403,7 +403,7 @@ def test_planning_anew_brings_a_slider_home_that_left_its_plan():
         (lambda: campaign(turning=2), "turning"),
         (lambda: campaign(count=20.5), "count"),
         (lambda: sp.execute_batch([], workers=0), "workers"),
-        (lambda: rig("spatial-variation:gradient=-3/0").execute([far()]), "push 1: effects: expected friction"),
+        (lambda: rig("spatial-variation:gradient=-3/0").execute([far()]), "push 1: effects and scatter: expected friction"),
         (lambda: rig("tilt:slope=0.25/0", "drift:rate=-0.9").execute([far(), far()]), "push 2: effect tilt"),
         (lambda: rig("model-capacity:facets=3,degree=4"), "either"),
         (lambda: rig("model-capacity:degree=5"), "2, 4, 6"),

@@ -9,7 +9,7 @@ import shapely
 
 from stablepush._arrays import BoolArray, FloatArray
 from stablepush.logs import PushLog
-from stablepush.logs.pushlog import apart
+from stablepush.logs.pushlog import told_apart
 from stablepush.se2 import compose, exp, inverse, rotate_vectors, transform_points, wrap_angle
 from stablepush.se2 import log as log_of
 
@@ -141,7 +141,7 @@ def observe(log: PushLog) -> Observations:
             offset = compose(inverse(poses[first]), poses[last])
             offset[2] = wrap_angle(offset[2])
             spent = float(seconds[last] - seconds[first])
-            if apart(seconds[[first, last]]).all() and np.abs(offset).max() > 0:
+            if told_apart(seconds[[first, last]]).all() and np.abs(offset).max() > 0:
                 whole[len(blocks)] = spent
                 ends[len(blocks)] = compose(poses[first], exp(log_of(offset) / 2)), log_of(offset) / spent
                 blocks.append((k, np.flatnonzero(s["trial"] == names[k])))
@@ -223,7 +223,7 @@ def _rates(
     result, off = np.zeros_like(values), np.zeros_like(values)
     for k in np.unique(trial):
         rows = np.flatnonzero(trial == k)
-        if len(rows) < 2 or not apart(time[rows]).all():
+        if len(rows) < 2 or not told_apart(time[rows]).all():
             continue
         result[rows] = np.gradient(values[rows], time[rows], axis=0)
         slopes = np.diff(values[rows], axis=0) / np.diff(time[rows])[:, None]
@@ -296,7 +296,7 @@ def _fingers(
         rows = np.flatnonzero(trial == t)
         for k in (0, 1):
             good = rows[np.isfinite(place[rows, k]).all(axis=1)]
-            if len(good) < 3 or not apart(time[good]).all():
+            if len(good) < 3 or not told_apart(time[good]).all():
                 continue
             rate = np.gradient(place[good, k], time[good], axis=0)
             tangent = np.stack((-normal[good, k, 1], normal[good, k, 0]), axis=-1)

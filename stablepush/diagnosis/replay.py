@@ -19,7 +19,7 @@ from stablepush.diagnosis.observations import Observations, finger_places, neare
 from stablepush.effects import principal
 from stablepush.errors import ConvergenceError, InputError
 from stablepush.logs import Noise, PushLog
-from stablepush.logs.pushlog import apart
+from stablepush.logs.pushlog import told_apart
 from stablepush.models import IdealLimitSurface
 from stablepush.planar import transport_twist, twist_from_cor
 from stablepush.pushing import Course, Pusher, TableFriction, course_of, follow
@@ -161,7 +161,7 @@ def _logged(sheet: _Sheet, trial: int, name: str) -> Replay | None:
     """A push by the pusher's logged way."""
     rows = sheet.rows(name)
     rows = rows[sheet.told[rows]]
-    rows = rows[apart(sheet.times[rows])]
+    rows = rows[told_apart(sheet.times[rows])]
     if len(rows) < 2:
         return None
     rows = _knots(rows, sheet.pushers, sheet.phases)
