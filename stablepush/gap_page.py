@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import dataclass
+from itertools import count, groupby
 from typing import Any
 
 import numpy as np
 
 from stablepush._arrays import FloatArray
 from stablepush.diagnosis import GapReport
+from stablepush.diagnosis.evidence import Evidence
 from stablepush.diagnosis.shrink import percent
 from stablepush.plot import figure_png, plot_effects, plot_ends, plot_residuals, plot_residuals_against
 from stablepush.report import Section, render, script
@@ -26,9 +30,18 @@ _PLACE = (("x", "m"), ("y", "m"), ("turned by", "deg"))
 def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     """Return a diagnosis as one HTML page that needs no network: verdict, evidence to look at row by row, pictures, all effects,
     what to try next."""
+    size = (
+        "Root mean squares over all trials; floor: what noise alone leaves; p: how often noise alone would leave as much as the "
+        "nominal simulation does."
+    )
     sections = [
-        Section("Verdict", report.sentence, [("verdict", report.verdict), ("effects", ", ".join(report.named) or "none")])
+        Section("Verdict", report.sentence, [("verdict", report.verdict), ("effects", ", ".join(report.named) or "none")]),
     ]
+    if report.gap:
+        sections.append(Section("How large the gap is", size, [(entry["channel"], _gap(entry)) for entry in report.gap]))
+    left_out = (
+        "Root mean squares on trials that the mended simulation was not fitted to; the floor is no higher than what is left."
+    )
     shrink = [
         (
             entry["channel"],
@@ -39,9 +52,7 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         )
         for entry in report.shrink
     ]
-    sections.append(
-        Section("How far the gap shrinks", "Root mean squares on trials that the mended simulation was not fitted to.", shrink)
-    )
+    sections.append(Section("How far the gap shrinks", left_out, shrink))
     if report.residuals:
         sections.append(Section.with_picture("Where: over the table", figure_png(plot_residuals(report))))
         text = "Residuals of the nominal simulation and of the mended one."
@@ -58,21 +69,21 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     if report.ends and len(report.places):
         words = "Pushes carried out again in simulation, from where the slider lay and as the pusher went."
         sections.append(Section.with_picture("Where: ends of pushes", figure_png(plot_ends(report)), words))
-    rows = []
-    for entry in report.ranking:
-        parameters = "; ".join(
-            f"{name} {_number(p['estimate'])} ({_number(p['ci95'])}) {p['unit']}" for name, p in entry["parameters"].items()
-        )
-        said = parameters if entry["identifiable"] else f"This log cannot show it: {entry['reason']}."
-        rows.append((entry["effect"], f"{entry['probability']:.2f}. {said}"))
-    text = "Probability of each effect of the catalogue given the others that are named, and its parameters with 95 % intervals."
+    rows = [(entry["effect"], _effect(entry, report.evidence[entry["effect"]])) for entry in report.ranking]
+    text = (
+        "Probability of each effect of the catalogue given the others that are named, its parameters with 95 % intervals, and "
+        "what speaks for and against it."
+    )
     sections.append(Section.with_picture("Why", figure_png(plot_effects(report)), text, rows))
     after = report.next_experiment
-    pushes = [
-        (f"push {k + 1}", ", ".join(f"{name} {_number(value)}" for name, value in push.items()))
-        for k, push in enumerate(after["pushes"])
-    ]
+    numbers = count(1)
+    pushes = [(f"push {' and '.join(str(next(numbers)) for _ in same)}", _push(push)) for push, same in groupby(after["pushes"])]
     words = f"To separate {' and '.join(after['separates'])}: {after['why']}." if after["separates"] else f"{after['why']}."
+    if pushes:
+        words += (
+            " Edges are counted from 0, places along them from their first corner; directions turn counter-clockwise "
+            "from the inward normal."
+        )
     sections.append(Section("What to try next", words, pushes))
     how = (
         "Loads of support points under the outline and the parameters of effects are fitted jointly to the measured "
@@ -164,9 +175,10 @@ def _rows_of_ends(report: GapReport) -> _Seen:
     arrows = {key: report.misses(key) for key in ends}
     covariates = np.column_stack((report.places[:, :2], np.degrees(report.places[:, 2]), np.arange(len(report.places))))
     rows = _rows(report.end_names, report.places, arrows, parts, covariates)
-    scale = max(1.0, _scale(rows, report.rig.slider))
+    scale = max(1.0, round(_scale(rows, report.rig.slider)))
+    longer = f", {scale:.0f} times as long" if scale > 1 else ""
     return _Seen(
-        f"Arrows: from where a push ends in simulation to where the slider was measured to end, {scale:.3g} times as long.",
+        f"Arrows: from where a push ends in simulation to where the slider was measured to end{longer}.",
         rows,
         [("along x of the slider", "mm"), ("along y of the slider", "mm"), ("turn times the radius of gyration", "mm")],
         [*_PLACE, ("number", "")],
@@ -194,6 +206,46 @@ def _rows(
         }
         for i in chosen
     ]
+
+
+def _gap(entry: dict[str, Any]) -> str:
+    """A channel of ``gap``."""
+    unit, chance = f" {entry['unit']}".removesuffix(" 1"), entry["p_lack_of_fit"]
+    words = f"{_number(entry['nominal'])}{unit} from the nominal simulation, {_number(entry['refitted'])} with a refitted surface"
+    return f"{words}, floor {_number(entry['noise_floor'])}; p {f'{chance:.2g}' if chance > 1e-4 else 'below 0.0001'}"
+
+
+def _effect(entry: dict[str, Any], evidence: Evidence) -> str:
+    """An effect of the ranking: probability, parameters, and lines of what speaks for it and against it."""
+    parameters = "; ".join(_parameter(name, p) for name, p in entry["parameters"].items())
+    lines = [f"{entry['probability']:.2f}" + (f": {parameters}" if parameters and entry["identifiable"] else "")]
+    lines += [evidence.unseen] if evidence.unseen else []
+    lines += [f"for: {clause}" for clause in evidence.pro] + [f"against: {clause}" for clause in evidence.contra]
+    return "\n".join(lines)
+
+
+def _parameter(name: str, found: dict[str, Any]) -> str:
+    """A parameter with intervals and unit."""
+    several = isinstance(found["estimate"], list)
+    values = zip(found["estimate"], found["ci95"], strict=True) if several else [(found["estimate"], found["ci95"])]
+    numbers = ", ".join(f"{_number(value)} ({_number(low)} to {_number(high)})" for value, (low, high) in values)
+    return f"{name} {numbers} {re.sub('^1(, | |$)', '', found['unit'])}".strip()
+
+
+def _push(push: dict[str, Any]) -> str:
+    """A proposed push as a lab would read it."""
+    x, y = 1000 * push["x"], 1000 * push["y"]
+    words = (
+        f"slider at x {x:.0f} mm, y {y:.0f} mm, turned by {math.degrees(push['theta']):.0f}°; on edge {push['edge']}, "
+        f"{1000 * push['along']:.1f} mm along it, {math.degrees(push['direction']):.0f}° off its normal, "
+        f"{1000 * push['way']:.0f} mm at {1000 * push['speed']:.0f} mm/s; the causes differ by "
+    )
+    if "expected_difference_of_ends_m" in push:
+        return f"{words}{1000 * push['expected_difference_of_ends_m']:.2g} mm in where it ends"
+    return (
+        f"{words}{push['expected_difference_N']:.2g} N in the load, {1000 * push['expected_difference_m']:.2g} mm in the gap "
+        "between finger and outline"
+    )
 
 
 def _number(value: object) -> str:

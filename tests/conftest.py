@@ -181,4 +181,22 @@ def check_schema(report):
         assert value["effects"] == []
     if value["verdict"] == "ambiguous":
         assert len(value["effects"]) >= 2
+    check_evidence(report)
     return value
+
+
+def check_evidence(report):
+    """Something is said of every effect: for what is named, against what is not."""
+    assert set(report.evidence) == set(CATALOGUE)
+    for entry in report.ranking:
+        id = entry["effect"]
+        pro, contra, unseen = report.evidence[id]
+        if id in report.named:
+            assert pro, (id, contra)
+            assert report.verdict == "ambiguous" or all("by chance" in clause for clause in contra), (id, contra)
+        elif unseen:
+            assert not entry["identifiable"]
+            assert (pro, contra) == ([], []) and unseen == f"this log cannot show it: {entry['reason']}", (id, pro, contra)
+        else:
+            assert contra, (id, pro)
+            assert not pro or id == "model-capacity" or report.verdict == "unknown", (id, pro)

@@ -72,6 +72,7 @@ def test_the_forward_model_is_what_the_rig_does(effect, values):
 def test_an_effect_is_named_with_its_parameters(effect, name, truth):
     id = effect.split(":")[0]
     report = sp.diagnose(make_log(effect, two=id == "contact-geometry"))
+    check_schema(report)
     assert report.verdict == "named" and report.named == [id], (report.verdict, report.named)
     top = report.ranking[0]
     assert top["effect"] == id and top["probability"] > 0.8
@@ -204,6 +205,22 @@ def test_logs_with_poses_before_and_after_only():
     assert value["notes"] and value["effects"] == []
 
 
+def test_a_last_push_that_was_broken_off_is_no_error():
+    """Nothing moves in it: it has no density by the nominal simulation."""
+    log = make_log(count=20)
+    kept = np.ones(len(log.samples["t"]), dtype=bool)
+    kept[log.rows(log.trials["trial"][-1])[1:]] = False
+    short = sp.PushLog(log.rig, log.trials, {name: column[kept] for name, column in log.samples.items()})
+    assert check_schema(sp.diagnose(short))["verdict"] in ("none", "absorbed")
+
+
+def test_friction_of_the_fingers_that_the_rig_does_not_say_is_measured_not_judged():
+    report = sp.diagnose(edited(make_log(), contact_friction=None))
+    check_schema(report)
+    entry = next(e for e in report.ranking if e["effect"] == "contact-friction")
+    assert not entry["identifiable"] and "the rig not what it should be" in entry["reason"]
+
+
 def test_many_rows_are_averaged():
     few, many = make_log("drift:rate=-0.2", rows=12), make_log("drift:rate=-0.2", rows=300, noise=sp.Noise(0.1, 2e-4, 2e-3))
     assert len(observe(many).time) <= 12 * 40
@@ -258,7 +275,15 @@ def test_the_command_leaves_answer_page_and_mended_rig(tmp_path, capsys):
     problem = sp.PlanningProblem(slider, sp.IdealLimitSurface(pressure(), LOAD), [contact], (0, 0, 0), (1, 0, 0))
     assert len(sp.read_commands(tmp_path / "next.csv", problem, 0.005)) == len(value["next_experiment"]["pushes"]) > 0
     page = (tmp_path / "d.html").read_text(encoding="utf-8")
-    for words in ("Verdict", "drift", "What to try next", "Data quality", "data:image/png;base64"):
+    for words in (
+        "Verdict",
+        "for: the sum of squares",
+        "against: ",
+        "push 1 and 2",
+        " mm along it",
+        "Data quality",
+        "image/png;base64",
+    ):
         assert words in page
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert json.loads((tmp_path / "mended" / "rig.json").read_text())["effects"]["drift"]["rate"] == pytest.approx(-0.2, abs=0.03)

@@ -33,6 +33,7 @@ def test_one_finger_of_two_that_is_thicker_is_told(side, fingers):
     rig = sp.VirtualRig(slider, sp.IdealLimitSurface(pressure(), LOAD), 0.5, pusher, [], QUIET)
     log = rig.execute(sp.random_pushes(slider, pusher, 40)).log
     report = sp.diagnose(log)
+    check_schema(report)
     assert report.named == ["contact-geometry"]
     assert report.ranking[0]["parameters"]["radius"]["estimate"] == pytest.approx(0.0075, abs=1e-4)
     assert any(f"the {side} finger alone" in note for note in report.notes)
@@ -46,6 +47,7 @@ def test_one_finger_of_two_that_is_thicker_is_told(side, fingers):
 def test_effects_that_hide_each_other_in_the_gaps_are_found():
     """Thicker fingers seem farther off, a delay brings them nearer: neither alone explains anything."""
     report = sp.diagnose(make_log("contact-geometry:radius=0.0064", "latency:delay=0.11", two=True))
+    check_schema(report)
     assert set(report.named) == {"contact-geometry", "latency"}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -39,7 +39,7 @@ FOLDS = 5
 #: Slip counts from so many of its own standard errors, and from this share of the speed.
 _SLIPS, _SLIP_SHARE, _OPPOSED = 4.0, 0.2, 0.8
 #: Contact friction is off if it differs by at least this much, with so small a p-value.
-_MU, _P_SLIP = 0.03, 1e-3
+_MU, P_SLIP = 0.03, 1e-3
 #: Effects that a refitted pressure cannot take in.
 BEYOND_PRESSURE = tuple(id for id in SIZES if id not in OF_PRESSURE)
 
@@ -54,13 +54,31 @@ class ContactFriction:
     p_value: float
 
 
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How an effect fared when the steps last looked at it, beside the effects ``given``.
+
+    ``gain`` and ``statistic`` as in :class:`ScoreTest`; ``chance``: how often some effect does as well where there is none;
+    ``possible``: whether sign and size make sense; ``better``: whether the log density rises by enough over the scatter of
+    pushes, None if it was not fitted.
+    """
+
+    given: tuple[str, ...]
+    gain: float
+    statistic: float
+    chance: float
+    possible: bool
+    better: bool | None = None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Attribution:
     """What acts on a log.
 
     ``chosen``: effects that act; ``rivals``: those that the log cannot tell from one of them, ``rivalled``;
     ``free``: whether the refitted pressure is needed; ``final``: the fit with all of it; ``tests`` of all effects, each given
-    the others that are chosen; ``scores`` by name: held-out log densities (trials,) of the nominal simulation and its refits.
+    the others that are chosen; ``scores`` by name: held-out log densities (trials,) of the nominal simulation and its
+    refits; ``looks``: how effects fared that pressure cannot take in.
     """
 
     chosen: list[str]
@@ -72,11 +90,12 @@ class Attribution:
     tests: dict[str, ScoreTest]
     scores: dict[str, FloatArray]
     contact: ContactFriction | None
+    looks: dict[str, Look]
 
     @property
     def named(self) -> list[str]:
         """All effects that act."""
-        slips = self.contact is not None and self.contact.p_value < _P_SLIP and "contact-friction" not in self.chosen
+        slips = self.contact is not None and self.contact.p_value < P_SLIP and "contact-friction" not in self.chosen
         return [*self.chosen, "contact-friction"] if slips else list(self.chosen)
 
     def slips(self, system: System) -> Values:
@@ -108,7 +127,7 @@ def held_out(system: System, effects: Sequence[str], free: bool, folds: np.ndarr
 
 def attribute(system: System, said: Callable[[str], None]) -> Attribution:
     """Find which effects act on a log."""
-    chosen, current = _steps(system, said)
+    chosen, current, looks = _steps(system, said)
     rivalled, rivals = _rivals(system, chosen, current)
     scores: dict[str, FloatArray] = {}
     absorbed, free = False, True
@@ -140,12 +159,13 @@ def attribute(system: System, said: Callable[[str], None]) -> Attribution:
     if rivals:
         # each in the place of the cause that it cannot be told from
         tests |= system.tests(system.fit([e for e in chosen if e != rivalled], free), free, rivals)
-    return Attribution(chosen, rivals, rivalled, absorbed, free, final, tests, scores, slip_friction(system, final))
+    return Attribution(chosen, rivals, rivalled, absorbed, free, final, tests, scores, slip_friction(system, final), looks)
 
 
-def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitted]:
+def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitted, dict[str, Look]]:
     """Effects of table, contact and sensors that act: steps forward, then back, the surface refitted in each."""
     chosen: list[str] = []
+    looks: dict[str, Look] = {}
     demands, current = system.demands, system.fit([], True)
     while len(chosen) < _MOST:
         said(f"effects: {', '.join(chosen) or 'none yet'}")
@@ -155,11 +175,16 @@ def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitt
         for id, test in tests.items():
             # times what an effect must do at least that it has to do, if it could be by chance
             times = 1.0 if chance[id] <= demands.chance else demands.sure
-            if min(test.gain, test.statistic) > demands.gain and times < np.inf and _possible(id, test.estimate):
+            look = Look(tuple(chosen), test.gain, test.statistic, chance[id], _possible(id, test.estimate))
+            looks[id] = look
+            if min(look.gain, look.statistic) > demands.gain and times < np.inf and look.possible:
                 entering.append((test.gain, id, times))
-        tried = [(system.fit([*chosen, id], True), id, times) for _, id, times in sorted(entering, reverse=True)[:_TRIED]]
-        tried = [one for one in tried if system.better(one[0].density, current.density, times=one[2])]
-        entered = [(fit, [id]) for fit, id, _ in tried] or _masked(system, chosen, current)
+        fits = []
+        for _, id, times in sorted(entering, reverse=True)[:_TRIED]:
+            fit = system.fit([*chosen, id], True)
+            looks[id] = replace(looks[id], better=system.better(fit.density, current.density, times=times))
+            fits += [(fit, [id])] if looks[id].better else []
+        entered = fits or _masked(system, chosen, current)
         if not entered:
             break
         current, added = max(entered, key=lambda one: one[0].score)
@@ -172,7 +197,9 @@ def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitt
             if not system.better(current.density, without.density):
                 chosen.remove(id)
                 current = without
-    return chosen, current
+                test = system.tests(without, True, [id])[id]
+                looks[id] = replace(looks[id], given=tuple(chosen), gain=test.gain, statistic=test.statistic, better=False)
+    return chosen, current, looks
 
 
 def _masked(system: System, chosen: list[str], current: Fitted) -> list[tuple[Fitted, list[str]]]:

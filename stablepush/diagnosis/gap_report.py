@@ -11,6 +11,7 @@ import numpy as np
 from stablepush._arrays import FloatArray
 from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out, slip_friction
 from stablepush.diagnosis.equations import SIZES, usual
+from stablepush.diagnosis.evidence import Evidence, evidence, unseen
 from stablepush.diagnosis.motions import Motions, motions_of
 from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
@@ -42,7 +43,7 @@ class GapReport:
 
     ``rig``: the log's, with the friction and the radius of the fingers as the log has them where they were not known;
     ``surface``: the mended limit surface (None if the log does not tell its size); ``effects``: what acts with its values, as the
-    catalogue has them.
+    catalogue has them; ``evidence``: what speaks for and against each effect of the catalogue, in words.
     """
 
     log: str
@@ -61,6 +62,7 @@ class GapReport:
     rig: Rig
     surface: IdealLimitSurface | None
     effects: dict[str, dict[str, Any]]
+    evidence: dict[str, Evidence]
     residuals: dict[str, FloatArray] = field(repr=False)
     ends: dict[str, FloatArray] = field(repr=False)
     places: FloatArray = field(repr=False)
@@ -163,6 +165,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         # that are far off in many pushes
         if size > _MISFIT or (common > _COMMON and p_common < _P_COMMON) or (not forces and ends_are_off(held)):
             verdict = "unknown"
+    why = "it brings held-out pushes no nearer" if worse else "what is left with it still follows place, heading, order or speed"
     said("where the gap lies")
     ends, ended = held.ends.get("before", np.zeros((0, 3))), np.array([push.trial for push in pushes], dtype=int)
     where = localise(system, residuals(system, held.wrenches.get("before"), ends, ended, held.floors))
@@ -191,6 +194,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         rig=_completed(log.rig, system, found),
         surface=surface,
         effects=report_effects,
+        evidence=evidence(system, found, ranking, effects, why),
         residuals={k: system.observations.wrench - v for k, v in held.wrenches.items()},
         ends=held.ends,
         places=np.reshape([push.end for push in pushes], (-1, 3)),
@@ -213,7 +217,7 @@ def shrink_with(log: PushLog, effects: list[str]) -> list[dict[str, Any]]:
     chosen = [id for id in effects if id in SIZES and (id != "contact-friction" or not system.has_wrench)]
     final = system.fit(chosen, True)
     contact = slip_friction(system, final) if "contact-friction" in effects else None
-    found = Attribution(chosen, [], "", False, True, final, {}, {}, contact)
+    found = Attribution(chosen, [], "", False, True, final, {}, {}, contact, {})
     return shrink(hold_out(system, found, log, pushes))
 
 
@@ -238,7 +242,8 @@ def _too_little(log: PushLog, name: str) -> GapReport:
     after = {"separates": [], "pushes": [], "why": "more pushes in headings, places, speeds and faces that vary, in random order"}
     return GapReport(
         name, len(log), [], "none", [], [], [], ranking, [], [], after, f"{words[0].upper()}{words[1:]}.", [words], log.rig, None,
-        {}, {}, {}, nothing, nothing, nothing, np.zeros(0), np.zeros(0), np.zeros(0), [], [],
+        {}, {id: unseen(UNSEEN[id]) for id in CATALOGUE}, {}, {}, nothing, nothing, nothing, np.zeros(0), np.zeros(0),
+        np.zeros(0), [], [],
     )  # fmt: skip
 
 

@@ -102,10 +102,18 @@ def rank(system: System, found: Attribution, effects: list[str]) -> list[dict[st
                 "probability": float(np.clip(probability, 0.001, 0.999)),
                 "parameters": parameters,
                 "identifiable": seen,
-                "reason": None if seen else UNSEEN[id],
+                "reason": None if seen else _unseen(id, found),
             }
         )
     return sorted(entries, key=lambda entry: -entry["probability"])
+
+
+def _unseen(id: str, found: Attribution) -> str:
+    """Why a log cannot show an effect."""
+    contact = found.contact
+    if id == "contact-friction" and contact is not None:
+        return f"forces of {contact.trials} pushes whose fingers slip say {contact.estimate:.3g}, the rig not what it should be"
+    return UNSEEN[id]
 
 
 Entry = tuple[float, dict[str, dict[str, Any]], bool]

@@ -75,7 +75,7 @@ def plot_ends(report: GapReport) -> Figure:
     places = report.places[good]
     size = float(np.quantile(np.linalg.norm(report.ends["before"][good][:, :2], axis=1), 0.9)) if good.any() else 0.0
     extent = float(np.ptp(places[:, :2], axis=0).max()) if good.any() else 1.0
-    times = max(1.0, 0.08 * max(extent, 0.05) / max(size, 1e-9))
+    times = max(1.0, round(0.08 * max(extent, 0.05) / max(size, 1e-9)))
     for key, word, color in (("before", "nominal", PUSHER), ("after", "mended", COUNTER_CLOCKWISE)):
         miss = report.misses(key)[good]
         # to the measured end
@@ -85,7 +85,8 @@ def plot_ends(report: GapReport) -> Figure:
     axes.margins(0.12)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    axes.set_title(f"From the simulated to the measured end of pushes, {times:.0f} times as long")
+    longer = f", {times:.0f} times as long" if times > 1 else ""
+    axes.set_title(f"From the simulated to the measured end of pushes{longer}")
     legend(axes, columns=2)
     return figure
 

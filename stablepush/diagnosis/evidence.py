@@ -1,0 +1,166 @@
+"""What speaks for each effect of the catalogue, and what against it, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from stablepush.diagnosis.attribution import P_SLIP, Attribution, Look
+from stablepush.diagnosis.system import System
+
+#: Contact friction that differs with so small a p-value does so clearly, though it need not be named.
+_UNSURE = 0.02
+
+
+class Evidence(NamedTuple):
+    """Clauses that speak for an effect, and against it; or why a log cannot show it."""
+
+    pro: list[str]
+    contra: list[str]
+    unseen: str = ""
+
+
+def unseen(reason: str) -> Evidence:
+    """Evidence of an effect that a log cannot show."""
+    return Evidence([], [], f"this log cannot show it: {reason}")
+
+
+def evidence(
+    system: System, found: Attribution, ranking: Sequence[dict[str, Any]], effects: list[str], why: str
+) -> dict[str, Evidence]:
+    """Return what speaks for and against each effect of a ranking.
+
+    ``effects``: those that the verdict names; ``why`` it does not name others that act.
+    """
+    # whether the measured shape of the surface is another, not its size alone
+    reshaped = "free" in found.scores and system.better(found.scores["free"], found.scores["scaled"])
+    result = {}
+    for entry in ranking:
+        id = entry["effect"]
+        acts = id in (*found.named, *found.rivals)
+        if not entry["identifiable"] and not acts:
+            said = unseen(entry["reason"])
+        elif id == "contact-friction" and system.has_wrench:
+            said = _of_slip(system, found)
+        elif id == "model-capacity":
+            said = _of_surface(found, reshaped)
+        elif acts:
+            said = _of_acting(id, system, found)
+        else:
+            said = _of_others(id, system, found, reshaped)
+        if acts and id not in effects:
+            said.contra.append(why)
+        result[id] = said
+    return result
+
+
+def _of_slip(system: System, found: Attribution) -> Evidence:
+    contact = found.contact
+    assert contact is not None
+    words = (
+        f"forces of {contact.trials} pushes whose fingers slip say {contact.estimate:.3g} "
+        f"where the rig has {system.rig.contact_friction:.3g}"
+    )
+    if "contact-friction" in found.named:
+        return Evidence([f"{words}, p {contact.p_value:.1g}"], [])
+    unsure = f"p {contact.p_value:.1g}: not sure enough, {P_SLIP:g} is the most"
+    return Evidence([], [f"{words}, {unsure if contact.p_value < _UNSURE else 'which is no clear difference'}"])
+
+
+def _of_surface(found: Attribution, reshaped: bool) -> Evidence:
+    shape = f"a refitted pressure changes the log density of held-out pushes by {_held_out(found, 'free')}"
+    if reshaped:
+        return Evidence([shape], ["a change of the pressure would do the same"])
+    return Evidence([], [f"{shape}, no clear gain; another friction with the nominal pressure, by {_held_out(found, 'scaled')}"])
+
+
+def _of_acting(id: str, system: System, found: Attribution) -> Evidence:
+    """Of an effect that acts, or may act in the place of one that does."""
+    said = Evidence([], [])
+    if id in found.scores:
+        said.pro.append(_of_held_out(id, found))
+    else:
+        gain = _number(found.tests[id].gain)
+        if id in found.rivals:
+            said.pro.append(f"in the place of {found.rivalled}, {_FALLS} {gain}")
+        else:
+            said.pro.append(f"{_beside([e for e in found.chosen if e != id])}{_FALLS} {gain}")
+            look = found.looks.get(id)
+            if look is not None and look.better:
+                sure = look.chance <= system.demands.chance
+                times = "" if sure else f"{system.demands.sure:g} times "
+                said.pro.append(
+                    f"when it was found, the log density rose by more than {times}what its scatter between pushes asks for"
+                )
+                words = (
+                    f"when it was found, some effect did as well by chance in {_share(look.chance)} of logs that have no effect"
+                )
+                (said.pro if sure else said.contra).append(words)
+    apart = (found.rivalled, *found.rivals)
+    alike = [other for other in apart if other != id]
+    if found.rivals and id in apart:
+        said.contra.append(f"{' and '.join(alike)} would explain the log about as well")
+    return said
+
+
+def _of_others(id: str, system: System, found: Attribution, reshaped: bool) -> Evidence:
+    """Of an effect that is not found to act."""
+    look = found.looks.get(id)
+    if id in system.nuisance:
+        return Evidence([], ["the rig does not say what it is: it is fitted along, and cannot be judged"])
+    if id in found.scores:
+        return Evidence([], [_of_held_out(id, found)])
+    if look is not None:
+        words = f"{_beside(look.given)}{_FALLS} {_number(look.gain)}"
+        if not found.free:
+            words += f" where any pressure may be, by {_number(found.tests[id].gain)} with that of the fit"
+        return Evidence([], [f"{words}: {_failed(look, system)}"])
+    if reshaped:
+        return Evidence([], ["a refitted pressure takes in what it would do"])
+    return Evidence([], ["a refitted pressure predicts held-out pushes not clearly better than the nominal one"])
+
+
+_FALLS = "the sum of squares, over the scatter that is left, falls by"
+
+
+def _beside(others: Sequence[str]) -> str:
+    return f"beside {' and '.join(others)}, " if others else ""
+
+
+def _failed(look: Look, system: System) -> str:
+    """Why an effect did not enter, or did not stay."""
+    least = system.demands.gain
+    if look.gain <= least:
+        return f"too little, {least:.3g} is the least"
+    if look.statistic <= least:
+        return f"but its statistic over pushes is {_number(look.statistic)}, {least:.3g} is the least"
+    if not look.possible:
+        return "but it is too small to matter, or of a sign that it cannot have"
+    if look.better is False:
+        return "but the log density rises by too little over its scatter between pushes"
+    if look.chance > system.demands.chance:
+        return f"but some effect does as well by chance in {_share(look.chance)} of logs that have no effect"
+    return "but others explain more"
+
+
+def _share(chance: float) -> str:
+    """A share that a bootstrap gave."""
+    return "less than 0.2 %" if chance < 0.002 else f"{100 * chance:.{1 if chance < 0.1 else 0}f} %"
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if abs(value) < 999.5 else f"{value:.0f}"
+
+
+def _of_held_out(id: str, found: Attribution) -> str:
+    words = f"the log density of held-out pushes changes by {_held_out(found, id, 'scaled')} with it"
+    return f"{words}, by {_held_out(found, 'free', 'scaled')} with any pressure"
+
+
+def _held_out(found: Attribution, name: str, base: str = "") -> str:
+    """What the log density of held-out trials gains, with its sign."""
+    base = base or {"free": "scaled", "scaled": "nominal"}[name]
+    # trials at the end in which nothing moves have no density by the nominal simulation
+    n = min(len(found.scores[name]), len(found.scores[base]))
+    gain = float((found.scores[name][:n] - found.scores[base][:n]).sum())
+    return f"+{_number(gain)}" if gain > 0 else _number(gain)
