@@ -113,7 +113,7 @@ def _of_others(id: str, system: System, found: Attribution, reshaped: bool) -> E
     if look is not None:
         words = f"{_beside(look.given)}{_FALLS} {_number(look.gain)}"
         if not found.free:
-            words += f" where any pressure may be, by {_number(found.tests[id].gain)} with that of the fit"
+            words += " once the pressure takes what it can"
         return Evidence([], [f"{words}: {_failed(look, system)}"])
     if reshaped:
         return Evidence([], ["a refitted pressure takes in what it would do"])
