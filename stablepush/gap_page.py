@@ -12,7 +12,7 @@ import numpy as np
 
 from stablepush._arrays import FloatArray
 from stablepush.diagnosis import GapReport
-from stablepush.diagnosis.evidence import Evidence
+from stablepush.diagnosis.evidence import Evidence, readable
 from stablepush.diagnosis.shrink import percent
 from stablepush.plot import figure_png, plot_effects, plot_ends, plot_residuals, plot_residuals_against
 from stablepush.report import Section, render, script
@@ -45,8 +45,8 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     shrink = [
         (
             entry["channel"],
-            f"{_number(entry['before'])} {entry['unit'].removeprefix('1')} before, {_number(entry['after'])} after, "
-            f"floor {_number(entry['floor'])}; "
+            f"{readable(entry['before'])} {entry['unit'].removeprefix('1')} before, {readable(entry['after'])} after, "
+            f"floor {readable(entry['floor'])}; "
             f"closed {100 * entry['closed']:.0f} % ({percent(entry['ci95'][0])} to {percent(entry['ci95'][1])}), "
             f"{entry['held_out_trials']} held-out trials",
         )
@@ -211,16 +211,18 @@ def _rows(
 def _gap(entry: dict[str, Any]) -> str:
     """A channel of ``gap``."""
     unit, chance = f" {entry['unit']}".removesuffix(" 1"), entry["p_lack_of_fit"]
-    words = f"{_number(entry['nominal'])}{unit} from the nominal simulation, {_number(entry['refitted'])} with a refitted surface"
-    return f"{words}, floor {_number(entry['noise_floor'])}; p {f'{chance:.2g}' if chance > 1e-4 else 'below 0.0001'}"
+    nominal, refitted, floor = (readable(entry[key]) for key in ("nominal", "refitted", "noise_floor"))
+    words = f"{nominal}{unit} from the nominal simulation, {refitted} with a refitted surface, floor {floor}"
+    return f"{words}; p {f'{chance:.2g}' if chance > 1e-4 else 'below 0.0001'}"
 
 
 def _effect(entry: dict[str, Any], evidence: Evidence) -> str:
-    """An effect of the ranking: probability, parameters, and lines of what speaks for it and against it."""
+    """An effect of the ranking: probability, parameters, and what speaks for and against it by line; or why it is not seen."""
+    if evidence.unseen:
+        return evidence.unseen
     parameters = "; ".join(_parameter(name, p) for name, p in entry["parameters"].items())
     lines = [f"{entry['probability']:.2f}" + (f": {parameters}" if parameters and entry["identifiable"] else "")]
-    lines += [evidence.unseen] if evidence.unseen else []
-    lines += [f"for: {clause}" for clause in evidence.pro] + [f"against: {clause}" for clause in evidence.contra]
+    lines += [f"for: {clause}" for clause in evidence.supporting] + [f"against: {clause}" for clause in evidence.opposing]
     return "\n".join(lines)
 
 
@@ -228,7 +230,7 @@ def _parameter(name: str, found: dict[str, Any]) -> str:
     """A parameter with intervals and unit."""
     several = isinstance(found["estimate"], list)
     values = zip(found["estimate"], found["ci95"], strict=True) if several else [(found["estimate"], found["ci95"])]
-    numbers = ", ".join(f"{_number(value)} ({_number(low)} to {_number(high)})" for value, (low, high) in values)
+    numbers = ", ".join(f"{readable(value)} ({readable(low)} to {readable(high)})" for value, (low, high) in values)
     return f"{name} {numbers} {re.sub('^1(, | |$)', '', found['unit'])}".strip()
 
 
@@ -246,9 +248,3 @@ def _push(push: dict[str, Any]) -> str:
         f"{words}{push['expected_difference_N']:.2g} N in the load, {1000 * push['expected_difference_m']:.2g} mm in the gap "
         "between finger and outline"
     )
-
-
-def _number(value: object) -> str:
-    if isinstance(value, list):
-        return ", ".join(_number(v) for v in value)
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

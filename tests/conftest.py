@@ -190,13 +190,14 @@ def check_evidence(report):
     assert set(report.evidence) == set(CATALOGUE)
     for entry in report.ranking:
         id = entry["effect"]
-        pro, contra, unseen = report.evidence[id]
+        supporting, opposing, unseen = report.evidence[id]
         if id in report.named:
-            assert pro, (id, contra)
-            assert report.verdict == "ambiguous" or all("by chance" in clause for clause in contra), (id, contra)
+            assert supporting, (id, opposing)
+            assert report.verdict == "ambiguous" or all("by chance" in clause for clause in opposing), (id, opposing)
         elif unseen:
             assert not entry["identifiable"]
-            assert (pro, contra) == ([], []) and unseen == f"this log cannot show it: {entry['reason']}", (id, pro, contra)
+            assert (supporting, opposing) == ([], []), id
+            assert unseen == f"this log cannot show it: {entry['reason']}"
         else:
-            assert contra, (id, pro)
-            assert not pro or id == "model-capacity" or report.verdict == "unknown", (id, pro)
+            assert opposing, (id, supporting)
+            assert not supporting or id == "model-capacity" or report.verdict == "unknown", (id, supporting)

@@ -55,8 +55,8 @@ class ContactFriction:
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
-    """How an effect fared when the steps last looked at it, beside the effects ``given``.
+class Screening:
+    """How an effect fared when the steps last tested it, beside the effects ``given``.
 
     ``gain`` and ``statistic`` as in :class:`ScoreTest`; ``chance``: how often some effect does as well where there is none;
     ``possible``: whether sign and size make sense; ``better``: whether the log density rises by enough over the scatter of
@@ -78,7 +78,7 @@ class Attribution:
     ``chosen``: effects that act; ``rivals``: those that the log cannot tell from one of them, ``rivalled``;
     ``free``: whether the refitted pressure is needed; ``final``: the fit with all of it; ``tests`` of all effects, each given
     the others that are chosen; ``scores`` by name: held-out log densities (trials,) of the nominal simulation and its
-    refits; ``looks``: how effects fared that pressure cannot take in.
+    refits; ``screened``: how effects fared that pressure cannot take in.
     """
 
     chosen: list[str]
@@ -90,7 +90,7 @@ class Attribution:
     tests: dict[str, ScoreTest]
     scores: dict[str, FloatArray]
     contact: ContactFriction | None
-    looks: dict[str, Look]
+    screened: dict[str, Screening]
 
     @property
     def named(self) -> list[str]:
@@ -127,7 +127,7 @@ def held_out(system: System, effects: Sequence[str], free: bool, folds: np.ndarr
 
 def attribute(system: System, said: Callable[[str], None]) -> Attribution:
     """Find which effects act on a log."""
-    chosen, current, looks = _steps(system, said)
+    chosen, current, screened = _steps(system, said)
     rivalled, rivals = _rivals(system, chosen, current)
     scores: dict[str, FloatArray] = {}
     absorbed, free = False, True
@@ -159,13 +159,13 @@ def attribute(system: System, said: Callable[[str], None]) -> Attribution:
     if rivals:
         # each in the place of the cause that it cannot be told from
         tests |= system.tests(system.fit([e for e in chosen if e != rivalled], free), free, rivals)
-    return Attribution(chosen, rivals, rivalled, absorbed, free, final, tests, scores, slip_friction(system, final), looks)
+    return Attribution(chosen, rivals, rivalled, absorbed, free, final, tests, scores, slip_friction(system, final), screened)
 
 
-def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitted, dict[str, Look]]:
+def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitted, dict[str, Screening]]:
     """Effects of table, contact and sensors that act: steps forward, then back, the surface refitted in each."""
     chosen: list[str] = []
-    looks: dict[str, Look] = {}
+    screened: dict[str, Screening] = {}
     demands, current = system.demands, system.fit([], True)
     while len(chosen) < _MOST:
         said(f"effects: {', '.join(chosen) or 'none yet'}")
@@ -175,15 +175,15 @@ def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitt
         for id, test in tests.items():
             # times what an effect must do at least that it has to do, if it could be by chance
             times = 1.0 if chance[id] <= demands.chance else demands.sure
-            look = Look(tuple(chosen), test.gain, test.statistic, chance[id], _possible(id, test.estimate))
-            looks[id] = look
-            if min(look.gain, look.statistic) > demands.gain and times < np.inf and look.possible:
+            fared = Screening(tuple(chosen), test.gain, test.statistic, chance[id], _possible(id, test.estimate))
+            screened[id] = fared
+            if min(fared.gain, fared.statistic) > demands.gain and times < np.inf and fared.possible:
                 entering.append((test.gain, id, times))
         fits = []
         for _, id, times in sorted(entering, reverse=True)[:_TRIED]:
             fit = system.fit([*chosen, id], True)
-            looks[id] = replace(looks[id], better=system.better(fit.density, current.density, times=times))
-            fits += [(fit, [id])] if looks[id].better else []
+            screened[id] = replace(screened[id], better=system.better(fit.density, current.density, times=times))
+            fits += [(fit, [id])] if screened[id].better else []
         entered = fits or _masked(system, chosen, current)
         if not entered:
             break
@@ -198,8 +198,8 @@ def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitt
                 chosen.remove(id)
                 current = without
                 test = system.tests(without, True, [id])[id]
-                looks[id] = replace(looks[id], given=tuple(chosen), gain=test.gain, statistic=test.statistic, better=False)
-    return chosen, current, looks
+                screened[id] = replace(screened[id], given=tuple(chosen), gain=test.gain, statistic=test.statistic, better=False)
+    return chosen, current, screened
 
 
 def _masked(system: System, chosen: list[str], current: Fitted) -> list[tuple[Fitted, list[str]]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from stablepush.diagnosis.attribution import P_SLIP, Attribution, Look
+from stablepush.diagnosis.attribution import P_SLIP, Attribution, Screening
 from stablepush.diagnosis.system import System
 
 #: Contact friction that differs with so small a p-value does so clearly, though it need not be named.
@@ -15,12 +15,12 @@ _UNSURE = 0.02
 class Evidence(NamedTuple):
     """Clauses that speak for an effect, and against it; or why a log cannot show it."""
 
-    pro: list[str]
-    contra: list[str]
+    supporting: list[str]
+    opposing: list[str]
     unseen: str = ""
 
 
-def unseen(reason: str) -> Evidence:
+def cannot_show(reason: str) -> Evidence:
     """Evidence of an effect that a log cannot show."""
     return Evidence([], [], f"this log cannot show it: {reason}")
 
@@ -39,7 +39,7 @@ def evidence(
         id = entry["effect"]
         acts = id in (*found.named, *found.rivals)
         if not entry["identifiable"] and not acts:
-            said = unseen(entry["reason"])
+            said = cannot_show(entry["reason"])
         elif id == "contact-friction" and system.has_wrench:
             said = _of_slip(system, found)
         elif id == "model-capacity":
@@ -49,7 +49,7 @@ def evidence(
         else:
             said = _of_others(id, system, found, reshaped)
         if acts and id not in effects:
-            said.contra.append(why)
+            said.opposing.append(why)
         result[id] = said
     return result
 
@@ -78,43 +78,41 @@ def _of_acting(id: str, system: System, found: Attribution) -> Evidence:
     """Of an effect that acts, or may act in the place of one that does."""
     said = Evidence([], [])
     if id in found.scores:
-        said.pro.append(_of_held_out(id, found))
+        said.supporting.append(_of_held_out(id, found))
     else:
-        gain = _number(found.tests[id].gain)
+        gain = readable(found.tests[id].gain)
         if id in found.rivals:
-            said.pro.append(f"in the place of {found.rivalled}, {_FALLS} {gain}")
+            said.supporting.append(f"in the place of {found.rivalled}, {_FALLS} {gain}")
         else:
-            said.pro.append(f"{_beside([e for e in found.chosen if e != id])}{_FALLS} {gain}")
-            look = found.looks.get(id)
-            if look is not None and look.better:
-                sure = look.chance <= system.demands.chance
+            said.supporting.append(f"{_beside([e for e in found.chosen if e != id])}{_FALLS} {gain}")
+            fared = found.screened.get(id)
+            if fared is not None and fared.better:
+                sure = fared.chance <= system.demands.chance
                 times = "" if sure else f"{system.demands.sure:g} times "
-                said.pro.append(
+                said.supporting.append(
                     f"when it was found, the log density rose by more than {times}what its scatter between pushes asks for"
                 )
-                words = (
-                    f"when it was found, some effect did as well by chance in {_share(look.chance)} of logs that have no effect"
-                )
-                (said.pro if sure else said.contra).append(words)
+                words = f"when it was found, some effect did as well by chance in {_share(fared.chance)} of logs without any"
+                (said.supporting if sure else said.opposing).append(words)
     apart = (found.rivalled, *found.rivals)
     alike = [other for other in apart if other != id]
     if found.rivals and id in apart:
-        said.contra.append(f"{' and '.join(alike)} would explain the log about as well")
+        said.opposing.append(f"{' and '.join(alike)} would explain the log about as well")
     return said
 
 
 def _of_others(id: str, system: System, found: Attribution, reshaped: bool) -> Evidence:
     """Of an effect that is not found to act."""
-    look = found.looks.get(id)
+    fared = found.screened.get(id)
     if id in system.nuisance:
         return Evidence([], ["the rig does not say what it is: it is fitted along, and cannot be judged"])
     if id in found.scores:
         return Evidence([], [_of_held_out(id, found)])
-    if look is not None:
-        words = f"{_beside(look.given)}{_FALLS} {_number(look.gain)}"
+    if fared is not None:
+        words = f"{_beside(fared.given)}{_FALLS} {readable(fared.gain)}"
         if not found.free:
             words += " once the pressure takes what it can"
-        return Evidence([], [f"{words}: {_failed(look, system)}"])
+        return Evidence([], [f"{words}: {_failed(fared, system)}"])
     if reshaped:
         return Evidence([], ["a refitted pressure takes in what it would do"])
     return Evidence([], ["a refitted pressure predicts held-out pushes not clearly better than the nominal one"])
@@ -127,19 +125,19 @@ def _beside(others: Sequence[str]) -> str:
     return f"beside {' and '.join(others)}, " if others else ""
 
 
-def _failed(look: Look, system: System) -> str:
+def _failed(fared: Screening, system: System) -> str:
     """Why an effect did not enter, or did not stay."""
     least = system.demands.gain
-    if look.gain <= least:
+    if fared.gain <= least:
         return f"too little, {least:.3g} is the least"
-    if look.statistic <= least:
-        return f"but its statistic over pushes is {_number(look.statistic)}, {least:.3g} is the least"
-    if not look.possible:
+    if fared.statistic <= least:
+        return f"but its statistic over pushes is {readable(fared.statistic)}, {least:.3g} is the least"
+    if not fared.possible:
         return "but it is too small to matter, or of a sign that it cannot have"
-    if look.better is False:
+    if fared.better is False:
         return "but the log density rises by too little over its scatter between pushes"
-    if look.chance > system.demands.chance:
-        return f"but some effect does as well by chance in {_share(look.chance)} of logs that have no effect"
+    if fared.chance > system.demands.chance:
+        return f"but some effect does as well by chance in {_share(fared.chance)} of logs that have no effect"
     return "but others explain more"
 
 
@@ -148,8 +146,9 @@ def _share(chance: float) -> str:
     return "less than 0.2 %" if chance < 0.002 else f"{100 * chance:.{1 if chance < 0.1 else 0}f} %"
 
 
-def _number(value: float) -> str:
-    return f"{value:.3g}" if abs(value) < 999.5 else f"{value:.0f}"
+def readable(value: float) -> str:
+    """A number of a sentence."""
+    return f"{value:.4g}" if abs(value) < 9999.5 else f"{value:.0f}"
 
 
 def _of_held_out(id: str, found: Attribution) -> str:
@@ -163,4 +162,4 @@ def _held_out(found: Attribution, name: str, base: str = "") -> str:
     # trials at the end in which nothing moves have no density by the nominal simulation
     n = min(len(found.scores[name]), len(found.scores[base]))
     gain = float((found.scores[name][:n] - found.scores[base][:n]).sum())
-    return f"+{_number(gain)}" if gain > 0 else _number(gain)
+    return f"+{readable(gain)}" if gain > 0 else readable(gain)

@@ -11,7 +11,7 @@ import numpy as np
 from stablepush._arrays import FloatArray
 from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out, slip_friction
 from stablepush.diagnosis.equations import SIZES, usual
-from stablepush.diagnosis.evidence import Evidence, evidence, unseen
+from stablepush.diagnosis.evidence import Evidence, cannot_show, evidence
 from stablepush.diagnosis.motions import Motions, motions_of
 from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
@@ -242,7 +242,7 @@ def _too_little(log: PushLog, name: str) -> GapReport:
     after = {"separates": [], "pushes": [], "why": "more pushes in headings, places, speeds and faces that vary, in random order"}
     return GapReport(
         name, len(log), [], "none", [], [], [], ranking, [], [], after, f"{words[0].upper()}{words[1:]}.", [words], log.rig, None,
-        {}, {id: unseen(UNSEEN[id]) for id in CATALOGUE}, {}, {}, nothing, nothing, nothing, np.zeros(0), np.zeros(0),
+        {}, {id: cannot_show(UNSEEN[id]) for id in CATALOGUE}, {}, {}, nothing, nothing, nothing, np.zeros(0), np.zeros(0),
         np.zeros(0), [], [],
     )  # fmt: skip
 
