@@ -45,7 +45,7 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     shrink = [
         (
             entry["channel"],
-            f"{readable(entry['before'])} {entry['unit'].removeprefix('1')} before, {readable(entry['after'])} after, "
+            f"{readable(entry['before'])}{_unit(entry)} before, {readable(entry['after'])} after, "
             f"floor {readable(entry['floor'])}; "
             f"closed {100 * entry['closed']:.0f} % ({percent(entry['ci95'][0])} to {percent(entry['ci95'][1])}), "
             f"{entry['held_out_trials']} held-out trials",
@@ -72,7 +72,7 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     rows = [(entry["effect"], _effect(entry, report.evidence[entry["effect"]])) for entry in report.ranking]
     text = (
         "Probability of each effect of the catalogue given the others that are named, its parameters with 95 % intervals, and "
-        "what speaks for and against it."
+        "what speaks for and against it; or why this log cannot show it."
     )
     sections.append(Section.with_picture("Why", figure_png(plot_effects(report)), text, rows))
     after = report.next_experiment
@@ -210,14 +210,19 @@ def _rows(
 
 def _gap(entry: dict[str, Any]) -> str:
     """A channel of ``gap``."""
-    unit, chance = f" {entry['unit']}".removesuffix(" 1"), entry["p_lack_of_fit"]
+    unit, chance = _unit(entry), entry["p_lack_of_fit"]
     nominal, refitted, floor = (readable(entry[key]) for key in ("nominal", "refitted", "noise_floor"))
     words = f"{nominal}{unit} from the nominal simulation, {refitted} with a refitted surface, floor {floor}"
     return f"{words}; p {f'{chance:.2g}' if chance > 1e-4 else 'below 0.0001'}"
 
 
+def _unit(entry: dict[str, Any]) -> str:
+    """The unit of a channel, with the space before it; none for numbers."""
+    return f" {entry['unit']}".removesuffix(" 1")
+
+
 def _effect(entry: dict[str, Any], evidence: Evidence) -> str:
-    """An effect of the ranking: probability, parameters, and what speaks for and against it by line; or why it is not seen."""
+    """An effect of the ranking: probability, parameters, and what speaks for it and against it; or why it is not seen."""
     if evidence.unseen:
         return evidence.unseen
     parameters = "; ".join(_parameter(name, p) for name, p in entry["parameters"].items())

@@ -11,6 +11,7 @@ import pytest
 from conftest import FORCES, LOAD, MASS, edited, make_log, pressure, triangle
 
 import stablepush as sp
+from stablepush.diagnosis.evidence import readable
 from stablepush.gap_page import gap_html
 from stablepush.report import plan_html, push_html, region_html, slide_html, surface_html
 
@@ -85,6 +86,21 @@ def test_a_page_works_in_a_browser(page, tmp_path):
     assert "BROKEN" not in done.stdout.replace("'BROKEN '", "")
     state = re.search(r'<output id="state"[^>]*>(.*?)</output>', done.stdout, re.DOTALL).group(1)
     assert re.search(wanted, state), state
+
+
+def test_a_diagnosis_gives_no_probability_to_what_its_log_cannot_show(page):
+    kind, text = page
+    if kind == "ends":
+        assert re.search(r">drift</t[dh]><td>this log cannot show it: needs forces over many trials</td>", text)
+    elif kind == "diagnosis":
+        assert re.search(r">drift</t[dh]><td>0\.\d\d: rate [-\d.]+ ", text)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"), [(12345.6, "12346"), (9999.6, "10000"), (9999.4, "9999"), (-0.123456, "-0.1235"), (2, "2")]
+)
+def test_numbers_are_readable(value, words):
+    assert readable(value) == words
 
 
 def test_a_region_page_refuses_no_region():

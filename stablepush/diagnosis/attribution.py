@@ -175,9 +175,9 @@ def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitt
         for id, test in tests.items():
             # times what an effect must do at least that it has to do, if it could be by chance
             times = 1.0 if chance[id] <= demands.chance else demands.sure
-            fared = Screening(tuple(chosen), test.gain, test.statistic, chance[id], _possible(id, test.estimate))
-            screened[id] = fared
-            if min(fared.gain, fared.statistic) > demands.gain and times < np.inf and fared.possible:
+            screening = Screening(tuple(chosen), test.gain, test.statistic, chance[id], _possible(id, test.estimate))
+            screened[id] = screening
+            if min(screening.gain, screening.statistic) > demands.gain and times < np.inf and screening.possible:
                 entering.append((test.gain, id, times))
         fits = []
         for _, id, times in sorted(entering, reverse=True)[:_TRIED]:

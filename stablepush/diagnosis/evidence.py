@@ -55,11 +55,12 @@ def evidence(
 
 
 def _of_slip(system: System, found: Attribution) -> Evidence:
-    contact = found.contact
+    contact, nominal = found.contact, system.rig.contact_friction
     assert contact is not None
+    assert nominal is not None
     words = (
-        f"forces of {contact.trials} pushes whose fingers slip say {contact.estimate:.3g} "
-        f"where the rig has {system.rig.contact_friction:.3g}"
+        f"forces of {contact.trials} pushes whose fingers slip say {readable(contact.estimate)} "
+        f"where the rig has {readable(nominal)}"
     )
     if "contact-friction" in found.named:
         return Evidence([f"{words}, p {contact.p_value:.1g}"], [])
@@ -85,14 +86,15 @@ def _of_acting(id: str, system: System, found: Attribution) -> Evidence:
             said.supporting.append(f"in the place of {found.rivalled}, {_FALLS} {gain}")
         else:
             said.supporting.append(f"{_beside([e for e in found.chosen if e != id])}{_FALLS} {gain}")
-            fared = found.screened.get(id)
-            if fared is not None and fared.better:
-                sure = fared.chance <= system.demands.chance
+            screening = found.screened.get(id)
+            if screening is not None and screening.better:
+                sure = screening.chance <= system.demands.chance
                 times = "" if sure else f"{system.demands.sure:g} times "
                 said.supporting.append(
                     f"when it was found, the log density rose by more than {times}what its scatter between pushes asks for"
                 )
-                words = f"when it was found, some effect did as well by chance in {_share(fared.chance)} of logs without any"
+                share = _share(screening.chance)
+                words = f"when it was found, some effect did as well by chance in {share} of logs that have no effect"
                 (said.supporting if sure else said.opposing).append(words)
     apart = (found.rivalled, *found.rivals)
     alike = [other for other in apart if other != id]
@@ -103,16 +105,16 @@ def _of_acting(id: str, system: System, found: Attribution) -> Evidence:
 
 def _of_others(id: str, system: System, found: Attribution, reshaped: bool) -> Evidence:
     """Of an effect that is not found to act."""
-    fared = found.screened.get(id)
+    screening = found.screened.get(id)
     if id in system.nuisance:
         return Evidence([], ["the rig does not say what it is: it is fitted along, and cannot be judged"])
     if id in found.scores:
         return Evidence([], [_of_held_out(id, found)])
-    if fared is not None:
-        words = f"{_beside(fared.given)}{_FALLS} {readable(fared.gain)}"
+    if screening is not None:
+        words = f"{_beside(screening.given)}{_FALLS} {readable(screening.gain)}"
         if not found.free:
             words += " once the pressure takes what it can"
-        return Evidence([], [f"{words}: {_failed(fared, system)}"])
+        return Evidence([], [f"{words}: {_failed(screening, system)}"])
     if reshaped:
         return Evidence([], ["a refitted pressure takes in what it would do"])
     return Evidence([], ["a refitted pressure predicts held-out pushes not clearly better than the nominal one"])
@@ -125,19 +127,19 @@ def _beside(others: Sequence[str]) -> str:
     return f"beside {' and '.join(others)}, " if others else ""
 
 
-def _failed(fared: Screening, system: System) -> str:
+def _failed(screening: Screening, system: System) -> str:
     """Why an effect did not enter, or did not stay."""
     least = system.demands.gain
-    if fared.gain <= least:
-        return f"too little, {least:.3g} is the least"
-    if fared.statistic <= least:
-        return f"but its statistic over pushes is {readable(fared.statistic)}, {least:.3g} is the least"
-    if not fared.possible:
+    if screening.gain <= least:
+        return f"too little, {readable(least)} is the least"
+    if screening.statistic <= least:
+        return f"but its statistic over pushes is {readable(screening.statistic)}, {readable(least)} is the least"
+    if not screening.possible:
         return "but it is too small to matter, or of a sign that it cannot have"
-    if fared.better is False:
+    if screening.better is False:
         return "but the log density rises by too little over its scatter between pushes"
-    if fared.chance > system.demands.chance:
-        return f"but some effect does as well by chance in {_share(fared.chance)} of logs that have no effect"
+    if screening.chance > system.demands.chance:
+        return f"but some effect does as well by chance in {_share(screening.chance)} of logs that have no effect"
     return "but others explain more"
 
 
@@ -147,7 +149,7 @@ def _share(chance: float) -> str:
 
 
 def readable(value: float) -> str:
-    """A number of a sentence."""
+    """A number with four digits, or with all that stand before its point: 12345, not 1.234e+04."""
     return f"{value:.4g}" if abs(value) < 9999.5 else f"{value:.0f}"
 
 

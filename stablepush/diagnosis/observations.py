@@ -135,14 +135,13 @@ def observe(log: PushLog) -> Observations:
             continue
         # a log that only has the slider before and after the push: one row for all of it
         mine = np.flatnonzero((s["trial"] == names[k]) & np.isfinite(poses).all(axis=1) & np.isfinite(seconds))
-        mine = mine[np.argsort(seconds[mine], kind="stable")]
-        mine = mine[told_apart(seconds[mine])]
         if len(mine) >= 2:
+            mine = mine[np.argsort(seconds[mine], kind="stable")]
             first, last = mine[0], mine[-1]
             offset = compose(inverse(poses[first]), poses[last])
             offset[2] = wrap_angle(offset[2])
             spent = float(seconds[last] - seconds[first])
-            if np.abs(offset).max() > 0:
+            if told_apart(seconds[[first, last]]).all() and np.abs(offset).max() > 0:
                 whole[len(blocks)] = spent
                 ends[len(blocks)] = compose(poses[first], exp(log_of(offset) / 2)), log_of(offset) / spent
                 blocks.append((k, np.flatnonzero(s["trial"] == names[k])))

@@ -92,14 +92,16 @@ def plot_ends(report: GapReport) -> Figure:
 
 
 def plot_effects(report: GapReport) -> Figure:
-    """Draw how probable each effect of the catalogue is; those that the log cannot show are grey."""
+    """Draw how probable each effect of the catalogue is; those that the log cannot show have grey names and no bar."""
     figure, axes = canvas((8.0, 4.8), equal=False)
     entries = report.ranking[::-1]
-    colors = [
-        (COUNTER_CLOCKWISE if e["effect"] in report.named else CLOCKWISE) if e["identifiable"] else "#BBBBBB" for e in entries
-    ]
-    axes.barh([e["effect"] for e in entries], [e["probability"] for e in entries], color=colors)
+    unseen = [bool(report.evidence[entry["effect"]].unseen) for entry in entries]
+    colors = [COUNTER_CLOCKWISE if entry["effect"] in report.named else CLOCKWISE for entry in entries]
+    lengths = [0.0 if no else entry["probability"] for entry, no in zip(entries, unseen, strict=True)]
+    axes.barh([entry["effect"] for entry in entries], lengths, color=colors)
+    for label, no in zip(axes.get_yticklabels(), unseen, strict=True):
+        label.set_color("#999999" if no else "black")
     axes.set_xlim(0, 1)
     axes.set_xlabel("probability")
-    axes.set_title("Effects: named blue, others orange, not to be seen in this log grey")
+    axes.set_title("Effects: named blue, others orange; grey: this log cannot show it")
     return figure
