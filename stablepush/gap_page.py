@@ -72,7 +72,7 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     rows = [(entry["effect"], _effect(entry, report.evidence[entry["effect"]])) for entry in report.ranking]
     text = (
         "Probability of each effect of the catalogue given the others that are named, its parameters with 95 % intervals, and "
-        "what speaks for and against it; or why this log cannot show it."
+        "what speaks for and against it; or why this log cannot judge it."
     )
     sections.append(Section.with_picture("Why", figure_png(plot_effects(report)), text, rows))
     after = report.next_experiment
@@ -222,11 +222,11 @@ def _unit(entry: dict[str, Any]) -> str:
 
 
 def _effect(entry: dict[str, Any], evidence: Evidence) -> str:
-    """An effect of the ranking: probability, parameters, and what speaks for it and against it; or why it is not seen."""
+    """An effect: probability, parameters, and what speaks for it and against it; or why the log cannot judge it."""
+    parameters = "; ".join(_parameter(name, p) for name, p in entry["parameters"].items()) if entry["identifiable"] else ""
     if evidence.unseen:
-        return evidence.unseen
-    parameters = "; ".join(_parameter(name, p) for name, p in entry["parameters"].items())
-    lines = [f"{entry['probability']:.2f}" + (f": {parameters}" if parameters and entry["identifiable"] else "")]
+        return "\n".join(filter(None, (parameters, evidence.unseen)))
+    lines = [f"{entry['probability']:.2f}" + (f": {parameters}" if parameters else "")]
     lines += [f"for: {clause}" for clause in evidence.supporting] + [f"against: {clause}" for clause in evidence.opposing]
     return "\n".join(lines)
 

@@ -1,5 +1,6 @@
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,9 @@ from stablepush.diagnosis.shrink import HeldOut, explains_most
 from stablepush.diagnosis.system import System, pushes_of
 from stablepush.diagnosis.where import repeats_share
 from stablepush.effects import CATALOGUE
+from stablepush.gap_page import gap_html
 from stablepush.planar import point_velocity, twist_from_cor
+from stablepush.plot import plot_effects
 
 PRACTICE = Path(__file__).resolve().parents[2] / "shared" / "data" / "practice"
 #: Channel and covariate of what should stand out most.
@@ -218,7 +221,7 @@ def test_friction_of_the_fingers_that_the_rig_does_not_say_is_measured_not_judge
     report = sp.diagnose(edited(make_log(), contact_friction=None))
     check_schema(report)
     entry = next(e for e in report.ranking if e["effect"] == "contact-friction")
-    assert not entry["identifiable"] and "the rig not what it should be" in entry["reason"]
+    assert not entry["identifiable"] and re.search(r"needs the friction that the rig believes .* say 0\.\d+$", entry["reason"])
 
 
 def test_many_rows_are_averaged():
@@ -233,6 +236,9 @@ def test_logs_that_can_show_nothing():
     report = sp.diagnose(sp.PushLog(log.rig, log.trials, still))
     assert check_schema(report)["verdict"] == "none"
     assert "nothing can be said" in report.sentence
+    assert gap_html(report).count(">this log cannot show it: needs ") == len(CATALOGUE)
+    axes = plot_effects(report).axes[0]
+    assert [bar.get_width() for bar in axes.patches] == [0.0] * len(CATALOGUE)
     nothing = {**log.samples, **{name: np.zeros(len(log.samples["t"])) for name in ("fx", "fy", "tau")}}
     assert "wrench" not in check_schema(sp.diagnose(sp.PushLog(log.rig, log.trials, nothing)))["channels"]
 

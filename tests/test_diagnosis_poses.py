@@ -158,7 +158,9 @@ def test_more_effects_never_fit_worse_wherever_fits_begin(mu, effect):
 def test_fingers_of_unknown_friction_are_no_cause(seed):
     log = edited(make_log(count=24, seed=seed), FORCES, contact_friction=None)
     report = sp.diagnose(log)
+    check_schema(report)
     assert report.verdict in ("none", "absorbed") and not report.named
+    assert "cannot be judged" in report.evidence["contact-friction"].unseen
 
 
 def test_a_known_cause_closes_the_gap_without_forces():

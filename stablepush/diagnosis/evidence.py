@@ -13,7 +13,7 @@ _UNSURE = 0.02
 
 
 class Evidence(NamedTuple):
-    """Clauses that speak for an effect, and against it; or why a log cannot show it."""
+    """Clauses that speak for an effect, and against it; or why a log cannot judge it."""
 
     supporting: list[str]
     opposing: list[str]
@@ -107,7 +107,7 @@ def _of_others(id: str, system: System, found: Attribution, reshaped: bool) -> E
     """Of an effect that is not found to act."""
     screening = found.screened.get(id)
     if id in system.nuisance:
-        return Evidence([], ["the rig does not say what it is: it is fitted along, and cannot be judged"])
+        return Evidence([], [], "it is fitted along, since the rig does not say what it is, and cannot be judged")
     if id in found.scores:
         return Evidence([], [_of_held_out(id, found)])
     if screening is not None:

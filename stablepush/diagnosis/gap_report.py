@@ -347,5 +347,5 @@ def _notes(
             "the mended rig, whose fingers are alike, goes without"
         )
     if found.contact is not None:
-        notes.append(f"friction at the fingers from {found.contact.trials} trials that slip: {found.contact.estimate:.3f}")
+        notes.append(f"friction at the fingers from {found.contact.trials} trials that slip: {found.contact.estimate:.4g}")
     return notes

@@ -112,7 +112,8 @@ def _unseen(id: str, found: Attribution) -> str:
     """Why a log cannot show an effect."""
     contact = found.contact
     if id == "contact-friction" and contact is not None:
-        return f"forces of {contact.trials} pushes whose fingers slip say {contact.estimate:.3g}, the rig not what it should be"
+        slip = f"forces of {contact.trials} pushes whose fingers slip say {contact.estimate:.4g}"
+        return f"needs the friction that the rig believes the fingers have; {slip}"
     return UNSEEN[id]
 
 

@@ -13,6 +13,9 @@ from stablepush.se2 import rotate_vectors
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: Names of effects that a log cannot judge; still read on white.
+_HIDDEN = "#767676"
+
 
 def plot_residuals(report: GapReport) -> Figure:
     """Draw the forces that the nominal simulation lacks, as arrows over the table, with what is left after mending."""
@@ -92,16 +95,16 @@ def plot_ends(report: GapReport) -> Figure:
 
 
 def plot_effects(report: GapReport) -> Figure:
-    """Draw how probable each effect of the catalogue is; those that the log cannot show have grey names and no bar."""
+    """Draw how probable each effect of the catalogue is; those that the log cannot judge have grey names and no bar."""
     figure, axes = canvas((8.0, 4.8), equal=False)
     entries = report.ranking[::-1]
     unseen = [bool(report.evidence[entry["effect"]].unseen) for entry in entries]
     colors = [COUNTER_CLOCKWISE if entry["effect"] in report.named else CLOCKWISE for entry in entries]
-    lengths = [0.0 if no else entry["probability"] for entry, no in zip(entries, unseen, strict=True)]
+    lengths = [0.0 if hidden else entry["probability"] for entry, hidden in zip(entries, unseen, strict=True)]
     axes.barh([entry["effect"] for entry in entries], lengths, color=colors)
-    for label, no in zip(axes.get_yticklabels(), unseen, strict=True):
-        label.set_color("#999999" if no else "black")
+    for label, hidden in zip(axes.get_yticklabels(), unseen, strict=True):
+        label.set_color(_HIDDEN if hidden else "black")
     axes.set_xlim(0, 1)
     axes.set_xlabel("probability")
-    axes.set_title("Effects: named blue, others orange; grey: this log cannot show it")
+    axes.set_title("Effects: named blue, others orange; grey: this log cannot judge it")
     return figure
