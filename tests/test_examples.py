@@ -1,11 +1,13 @@
 """Every example runs alone, from any folder, and so does the Python of README and documentation."""
 
+import importlib
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import stablepush as sp
@@ -47,6 +49,32 @@ def test_study(name, tmp_path):
     arguments, files = STUDIES[name]
     assert run(ROOT / "examples" / "paper" / name, arguments, tmp_path).strip()
     assert sorted(f.name for f in (tmp_path / "paper").iterdir()) == files
+
+
+def test_a_campaign_of_diagnoses_is_counted_and_drawn(tmp_path, monkeypatch):
+    """What each log has and is called; of the probabilities near 0.3 one of two acts, of those near 1 both."""
+    rows = """effect,truth,seed,share,kind,verdict,named,closed,covered,seconds,probabilities
+none,,0,0.15,one,absorbed,,0,,1,drift=0.300 tilt=0.010
+drift,drift:rate=0.1,1,0.35,one,named,drift tilt,1,1,1,drift=0.990 tilt=0.300
+tilt,tilt:slope=0.1/0,2,0.6,one,none,,0,,1,tilt=0.310 drift=0.010
+checkerboard,,3,1,one,unknown,,0,,1,drift=0.990 tilt=0.990
+pair,drift:rate=0.1 tilt:slope=0.1/0,4,0.15,one,named,drift tilt,1,1 1,1,drift=0.990 tilt=0.980
+poses:drift,drift:rate=0.1,5,0.15,one,none,,0,,1,drift=0.310 tilt=0.020
+"""
+    (tmp_path / "rows.csv").write_text(rows, encoding="utf-8")
+    folder = ROOT / "examples" / "diagnosis"
+    run(folder / "campaign_figures.py", ["rows.csv", "-o", "figures"], tmp_path)
+    assert sorted(f.name for f in (tmp_path / "figures").iterdir()) == ["confusion.png", "reliability.png"]
+    monkeypatch.syspath_prepend(folder)
+    campaign, figures = importlib.import_module("campaign"), importlib.import_module("campaign_figures")
+    logs = campaign.read_rows(tmp_path / "rows.csv")
+    counts = figures.confusion(logs)
+    matrix = [(figures.TRUTHS[i], figures.CALLED[j], int(counts[i, j])) for i, j in np.argwhere(counts)]
+    bins = [(round(said, 3), share, number) for said, share, _, _, number in figures.reliability(logs)]
+    assert matrix == [
+        ("drift", "drift", 1), ("drift", "tilt", 1), ("tilt", "none", 1), ("none", "absorbed", 1), ("checkerboard", "unknown", 1)
+    ]  # fmt: skip
+    assert bins == [(0.01, 0.0, 2), (0.02, 0.0, 1), (0.305, 0.5, 4), (0.987, 1.0, 3)]
 
 
 def test_the_readme_s_python_runs(tmp_path):

@@ -11,6 +11,7 @@ import argparse
 import csv
 import time
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,8 @@ OF_BARE = tuple(id for id in MOVING if not id.startswith("contact"))
 PAIRED = tuple(id for id in LARGEST if not id.startswith(("pressure", "model", "anisotropy-object", "inertia")))
 #: Side of the squares in m, and how far (relatively) their friction is from the mean.
 SQUARE, CONTRAST = 0.05, 0.2
+#: Levels between which probabilities are counted together.
+LEVELS = (0, 0.02, 0.05, 0.2, 0.5, 0.8, 0.95, 1.01)
 FIELDS = (*("effect", "truth", "seed", "share", "kind", "verdict", "named", "closed", "covered", "seconds", "probabilities"),)
 
 
@@ -162,14 +165,36 @@ def one(name: str, seed: int, pushes: int) -> dict[str, object]:
     }  # fmt: skip
 
 
-def interval(count: int, total: int) -> str:
-    """Clopper and Pearson's 95 % interval, in percent."""
+def bounds(count: int, total: int) -> tuple[float, float]:
+    """Clopper and Pearson's 95 % interval of a share."""
     low, high = beta.ppf((0.025, 0.975), (count, count + 1), (total - count + 1, total - count))
-    return f"{100 * (0 if count == 0 else low):.1f} to {100 * (1 if count == total else high):.1f} %"
+    return (0.0 if count == 0 else float(low)), (1.0 if count == total else float(high))
+
+
+def interval(count: int, total: int) -> str:
+    """The same in percent."""
+    low, high = bounds(count, total)
+    return f"{100 * low:.1f} to {100 * high:.1f} %"
 
 
 def acting_in(row: dict[str, str]) -> set[str]:
     return {part.partition(":")[0] for part in row["truth"].split()}
+
+
+def probabilities(rows: list[dict[str, str]]) -> tuple[np.ndarray, np.ndarray]:
+    """Probabilities said of every effect in every log, and whether it acts; friction in squares is no effect."""
+    pairs = [
+        (float(p), name in acting_in(r))
+        for r in rows
+        if r["effect"] != "checkerboard"
+        for name, p in (part.split("=") for part in r["probabilities"].split())
+    ]
+    return np.array([p for p, _ in pairs]), np.array([acts for _, acts in pairs])
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def summary(rows: list[dict[str, str]]) -> None:
@@ -213,20 +238,14 @@ def summary(rows: list[dict[str, str]]) -> None:
     if inside:
         hold = inside.count("1")
         print(f"intervals of 95 % that hold the truth: {hold} of {len(inside)} ({interval(hold, len(inside))})")
-    pairs = []
-    for r in rows:
-        if r["effect"] != "checkerboard":
-            true = acting_in(r)
-            pairs += [(float(p), name in true) for name, p in (part.split("=") for part in r["probabilities"].split())]
-    values, truths = np.array([p for p, _ in pairs]), np.array([t for _, t in pairs])
+    said, acts = probabilities(rows)
     print("probability said: share that act (number)")
-    for low, high in ((0, 0.02), (0.02, 0.05), (0.05, 0.2), (0.2, 0.5), (0.5, 0.8), (0.8, 0.95), (0.95, 1.01)):
-        here = (values >= low) & (values < high)
+    for low, high in pairwise(LEVELS):
+        here = (said >= low) & (said < high)
         if here.any():
-            said, act = values[here].mean(), truths[here].mean()
-            print(f"  {low:.2f} to {min(high, 1):.2f}: said {said:.3f}, act {act:.3f} ({here.sum()})")
-    base = truths.mean() * (1 - truths.mean())
-    print(f"Brier score {np.mean((values - truths) ** 2):.4f}; of always saying the share that act {base:.4f}")
+            print(f"  {low:.2f} to {min(high, 1):.2f}: said {said[here].mean():.3f}, act {acts[here].mean():.3f} ({here.sum()})")
+    base = acts.mean() * (1 - acts.mean())
+    print(f"Brier score {np.mean((said - acts) ** 2):.4f}; of always saying the share that act {base:.4f}")
     print(f"seconds a log: median {np.median([float(r['seconds']) for r in rows]):.1f}")
 
 
@@ -244,8 +263,7 @@ def main() -> None:
     options = parser.parse_args()
     rows: list[dict[str, str]] = []
     if options.output.exists():
-        with options.output.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
+        rows = read_rows(options.output)
     done = {(r["effect"], int(r["seed"])) for r in rows}
     jobs = [("none", options.first_seed + seed, options.pushes) for seed in range(options.clean)]
     counts = dict.fromkeys((*LARGEST, *OTHERS[1:]), options.per_effect)
