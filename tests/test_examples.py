@@ -52,7 +52,7 @@ def test_study(name, tmp_path):
 
 
 def test_a_campaign_of_diagnoses_is_counted_and_drawn(tmp_path, monkeypatch):
-    """What each log has and is called; of the probabilities near 0.3 one of two acts, of those near 1 both."""
+    """What each log has and is called; of the probabilities near 0.3 half act, of those near 1 all."""
     rows = """effect,truth,seed,share,kind,verdict,named,closed,covered,seconds,probabilities
 none,,0,0.15,one,absorbed,,0,,1,drift=0.300 tilt=0.010
 drift,drift:rate=0.1,1,0.35,one,named,drift tilt,1,1,1,drift=0.990 tilt=0.300

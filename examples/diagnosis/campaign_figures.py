@@ -33,7 +33,10 @@ def confusion(rows: list[dict[str, str]]) -> np.ndarray:
 
 
 def reliability(rows: list[dict[str, str]]) -> list[tuple[float, float, float, float, int]]:
-    """Between two levels each: mean probability said, share that act, its 95 % interval (Clopper and Pearson), number."""
+    """Between two levels each: mean probability said, share that act, its 95 % interval, number.
+
+    Clopper and Pearson's intervals, as if the effects of a log were independent.
+    """
     said, acts = campaign.probabilities(rows)
     found = []
     for low, high in pairwise(campaign.LEVELS):
@@ -45,6 +48,7 @@ def reliability(rows: list[dict[str, str]]) -> list[tuple[float, float, float, f
 
 
 def draw_confusion(counts: np.ndarray) -> Figure:
+    """Counts, the darker the larger the share of their row."""
     figure = Figure(figsize=(10.0, 9.0), layout="constrained")
     axes = figure.add_subplot()
     shares = counts / np.maximum(1, counts.sum(axis=1, keepdims=True))
@@ -77,7 +81,7 @@ def draw_reliability(found: list[tuple[float, float, float, float, int]]) -> Fig
     axes.set_aspect("equal")
     axes.set_xlabel("probability said")
     axes.set_ylabel("share that act")
-    axes.set_title("All effects in all logs: 95 % intervals, and how many there are")
+    axes.set_title("Effects of all logs but squares: 95 % intervals, numbers")
     return figure
 
 
@@ -86,7 +90,11 @@ def main() -> None:
     parser.add_argument("rows", type=Path, help="CSV that campaign.py wrote")
     parser.add_argument("-o", "--output", type=Path, default=Path(), help="folder for confusion.png and reliability.png")
     options = parser.parse_args()
+    if not options.rows.is_file():
+        parser.error(f"{options.rows}: expected a CSV that campaign.py wrote")
     rows = campaign.read_rows(options.rows)
+    if not campaign.probabilities(rows)[0].size:
+        parser.error(f"{options.rows}: expected logs with probabilities, there are none")
     options.output.mkdir(parents=True, exist_ok=True)
     save_figure(draw_confusion(confusion(rows)), options.output / "confusion.png")
     save_figure(draw_reliability(reliability(rows)), options.output / "reliability.png")
