@@ -10,7 +10,7 @@ FIND_PYTHON := for p in python3 python3.13 python3.12 python3.11 python; do \
 TRY := .try
 PYTHON := $(shell $(FIND_PYTHON))
 
-.PHONY: demo test lint docs test-wheel test-lowest clean
+.PHONY: demo test lint docs test-cpu test-cpu-quick test-wheel test-lowest clean
 
 demo: $(VENV)/.installed
 	$(BIN)/stablepush demo
@@ -27,6 +27,15 @@ lint: $(VENV)/.installed-test
 # warnings are errors; the pages are in docs/_build
 docs: $(VENV)/.installed-docs
 	$(BIN)/sphinx-build --quiet --fail-on-warning --builder html docs docs/_build
+
+# what is decided, as on other processors: two of the settings, in less than two minutes
+test-cpu-quick: $(VENV)/.installed-test
+	$(BIN)/python tests/processors.py --only native old
+
+# the whole suite under every setting, some 8 minutes each; make test-cpu SETTINGS="old portable" for some of them
+test-cpu: $(VENV)/.installed-test
+	$(BIN)/python tests/processors.py
+	$(BIN)/python tests/processors.py --suite $(if $(SETTINGS),--only $(SETTINGS))
 
 # the tests from an installed wheel, built from the sdist, in a folder without the package: make test-wheel PYTHON=python3.12
 test-wheel:

@@ -18,8 +18,11 @@ if TYPE_CHECKING:
     from stablepush.errors import (
         ConvergenceError,
         InputError,
+        PlanWarning,
+        PlausibilityWarning,
         SolverError,
         StablepushError,
+        StablepushWarning,
         UnsupportedContactError,
     )
     from stablepush.execution import execute_closed_loop, execute_plan, plan_commands
@@ -54,7 +57,7 @@ if TYPE_CHECKING:
     from stablepush.oracle import StabilityOracle
     from stablepush.parallel import run_parallel
     from stablepush.path import PlanResult, Push, Transfer, load_plan, save_plan
-    from stablepush.planning import plan, planner_names
+    from stablepush.planning import least_probability, plan, planner_names
     from stablepush.probability import ProbabilityMap, chance_region, probability_map
     from stablepush.problem import PlanningProblem, load_scene, save_scene
     from stablepush.pushing import PushAnswer, Pusher, PushTrace, TableFriction, push_twist, simulate_push
@@ -80,7 +83,10 @@ _HOMES = {
     "contact_choice": ("RankedContact", "rank_contacts"),
     "diagnosis": ("GapReport", "diagnose"),
     "effects": ("CATALOGUE", "Effect", "EffectKind", "parse_effect"),
-    "errors": ("ConvergenceError", "InputError", "SolverError", "StablepushError", "UnavailableError", "UnsupportedContactError"),
+    "errors": (
+        *("ConvergenceError", "InputError", "PlanWarning", "PlausibilityWarning", "SolverError", "StablepushError"),
+        *("StablepushWarning", "UnavailableError", "UnsupportedContactError"),
+    ),
     "execution": ("execute_closed_loop", "execute_plan", "plan_commands"),
     "formats": ("load_contact", "load_model", "load_slider", "save_model"),
     "identify": (
@@ -106,7 +112,7 @@ _HOMES = {
     "oracle": ("StabilityOracle",),
     "path": ("PlanResult", "Push", "Transfer", "load_plan", "save_plan"),
     "options": ("PlanOptions",),
-    "planning": ("plan", "planner_names"),
+    "planning": ("least_probability", "plan", "planner_names"),
     "problem": ("PlanningProblem", "load_scene", "save_scene"),
     "probability": ("ProbabilityMap", "chance_region", "probability_map"),
     "pushing": ("PushAnswer", "PushTrace", "Pusher", "TableFriction", "push_twist", "simulate_push"),
@@ -145,7 +151,9 @@ __all__ = [
     "OnlineIdentifier",
     "PlanOptions",
     "PlanResult",
+    "PlanWarning",
     "PlanningProblem",
+    "PlausibilityWarning",
     "Poke",
     "PolynomialLimitSurface",
     "ProbabilityMap",
@@ -164,6 +172,7 @@ __all__ = [
     "StabilityOracle",
     "StableRegion",
     "StablepushError",
+    "StablepushWarning",
     "SupportDistribution",
     "TableFriction",
     "Trajectory",
@@ -189,6 +198,7 @@ __all__ = [
     "execute_plan",
     "fit_limit_surface",
     "fit_pressure_grid",
+    "least_probability",
     "load_contact",
     "load_model",
     "load_movingai_map",

@@ -87,6 +87,24 @@ def check_sense(sense: ArrayLike) -> FloatArray:
     return array
 
 
+def order_with_ties(values: ArrayLike, tolerance: float) -> NDArray[np.intp]:
+    """Return the order (n,) that sorts values, the least first; those within ``tolerance`` of a neighbour keep the order given.
+
+    Which of two equal candidates comes first must not hang on rounding, which differs from processor to processor.
+    """
+    v = np.asarray(values, dtype=np.float64)
+    order = np.argsort(v, kind="stable")
+    with np.errstate(invalid="ignore"):  # infinity less infinity
+        group = np.concatenate(((0,), np.cumsum(np.diff(v[order]) > tolerance)))[: len(v)]
+    return order[np.lexsort((order, group))]
+
+
+def first_least(values: ArrayLike, tolerance: float) -> int:
+    """Return the first index whose value is within ``tolerance`` of the least; NaN counts for infinity."""
+    v = np.nan_to_num(np.asarray(values, dtype=np.float64), nan=np.inf, posinf=np.inf, neginf=-np.inf)
+    return int(np.argmax(v <= v.min() + tolerance))
+
+
 def read_only(array: FloatArray) -> FloatArray:
     """Return a copy of ``array`` that cannot be written."""
     frozen = np.array(array, dtype=np.float64, copy=True)

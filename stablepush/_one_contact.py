@@ -164,7 +164,8 @@ def one_contact(table, at, px, py, nx, ny, ux, uy, mu, guess, length, sliding, t
     if math.isnan(w):
         return -1
     normal, across = nx * load[0] + ny * load[1], tx * load[0] + ty * load[1]
-    if abs(across) <= mu * normal * (1.0 + 1e-12):
+    # also without friction, where a push through the centre needs none but for rounding
+    if abs(across) <= mu * normal + 1e-12 * math.hypot(load[0], load[1]):
         twist[0], twist[1], twist[2] = ux + w * py, uy - w * px, w
         return STICKING
     if not sliding:

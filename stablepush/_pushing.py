@@ -20,6 +20,8 @@ _DEEP = 2e-4
 _SHALLOW = 1e-6
 #: How far (m) beyond its ends a flat pusher is touched by corners, and how far from corners its ends touch edges.
 _OVERLAP = 1e-9
+#: Depths (m) that differ by less are the same.
+_SAME = 1e-9
 
 
 class Pusher(NamedTuple):
@@ -78,7 +80,7 @@ def find_touch(outline, pusher, x, y, c, s, qx, qy, qc, qs, pushed, reach, touch
             away = (cx - ax) * ey - (cy - ay) * ex
             gap = away - radius
             near = overlap <= along <= length - overlap and deepest < gap <= reach
-            if near and (gap > -_SHALLOW or (gap >= shallowest and ex * uy - ey * ux > 0.0)):
+            if near and (gap > -_SHALLOW or (gap >= shallowest - _SAME and ex * uy - ey * ux > 0.0)):
                 _add(touch, ax + along * ex, ay + along * ey, -ey, ex, gap, k)
             # the corner at the end of this edge, if it sticks out; the corners of a flat edge meet edges, or are met by them
             if radius == 0.0:

@@ -170,7 +170,7 @@ def load_on_line(table, at, line, s, twist, load):  # type: ignore[no-untyped-de
 def _sliding_edge(touch, m, slip, tiny, mu, length, work, e):  # type: ignore[no-untyped-def]
     """Fill row ``e`` of ``work.rays`` with the edge of the cone of a contact that slips, against the slip, and note its mode."""
     _edge(touch, m, 0.0 if abs(slip) <= tiny else (-mu if slip > 0.0 else mu), length, work.rays, e)
-    work.mode[m] = LEFT if slip > 0.0 else RIGHT
+    work.mode[m] = STICKING if abs(slip) <= tiny else (LEFT if slip > 0.0 else RIGHT)
 
 
 @inner
@@ -242,6 +242,11 @@ def _both_slip(table, at, touch, i, j, origin, way, span, speed, mu, length, dt,
                 clear_forces(work.force)
                 for q in range(2):
                     work.force[i, q], work.force[j, q] = first * rays[0, q], second * rays[1, q]
+                # what slips by rounding only, as without friction where nothing drives the slip, sticks
+                if abs(_slip(touch, i, line, origin + way * slip)) <= 1e-9 * speed:
+                    work.mode[i] = STICKING
+                if abs(_slip(touch, j, line, origin + way * slip)) <= 1e-9 * speed:
+                    work.mode[j] = STICKING
                 return True
         behind, f_behind = ahead, f_ahead
     return False
@@ -263,6 +268,9 @@ def two_slide(table, at, touch, i, j, mu, length, dt, slack, work):  # type: ign
             return True
     first = second if math.isnan(first) else first
     second = first if math.isnan(second) else second
+    if not apart:
+        # one place: what slips could begin between two that differ by rounding
+        first = second = 0.5 * (first + second)
     if math.isnan(first):
         first = second = 0.0
     low, high = min(first, second), max(first, second)

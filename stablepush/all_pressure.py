@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import BoolArray, FloatArray, check_array, check_number, read_only
+from stablepush._arrays import BoolArray, FloatArray, check_array, check_number, first_least, read_only
 from stablepush._chart import Rings, hemisphere, new_places, rings_from_disc, whole_disc
 from stablepush.contact import PushContact
 from stablepush.errors import ConvergenceError, InputError
@@ -18,6 +18,8 @@ from stablepush.slider import Slider
 
 #: A load may leave the cone by this much, for a friction load of one, and still count as on its boundary.
 CERTIFICATE_TOLERANCE = 1e-10
+#: Shares of a worst pressure below this are rounding.
+_NO_SHARE = 1e-12
 _FIRST_AZIMUTHS = 65
 #: The boundary of one facet is refined where the load is no farther than this (of the friction load) outside the others, and
 #: everywhere to gaps (rad) in which it does not change by as much.
@@ -103,7 +105,8 @@ class _Support:
             corners = v[[0, i, i + 1]]
             shares = np.linalg.solve(np.vstack((corners.T, np.ones(3))), np.append(self.coms[0], 1.0))
             found.append((float(shares.min()), i))
-        i = max(found)[1]
+        # of triangles that hold it as well as each other, the first
+        i = 1 + first_least([-share for share, _ in found], CERTIFICATE_TOLERANCE)
         return np.ascontiguousarray(v[[0, i, i + 1]])
 
     def normalized(self, twists: FloatArray) -> FloatArray:
@@ -223,12 +226,12 @@ def worst_pressure(
     for facet in support.facets:
         columns, weights = np.empty((4, 4)), np.empty(4)
         lower, upper = envelope(support.vertices, support.coms, support.first, facet, v, False, 0.0, columns, weights)
-        if best is None or lower < best[0]:
+        if best is None or lower < best[0] - CERTIFICATE_TOLERANCE:
             best = (lower, upper, facet, columns, weights)
     assert best is not None
     lower, upper, facet, columns, weights = best
-    used = (columns[:, 3] == 1) & (weights > 0)
-    points, shares = columns[used, :2], weights[used]
+    used = (columns[:, 3] == 1) & (weights > _NO_SHARE)
+    points, shares = columns[used, :2], weights[used] / weights[used].sum()
     velocity = np.stack((v[0] - v[2] * points[:, 1], v[1] + v[2] * points[:, 0]), axis=-1)
     harm = -np.stack((facet[0] - facet[2] * points[:, 1], facet[1] + facet[2] * points[:, 0]), axis=-1)
     rests = np.linalg.norm(velocity, axis=1) <= 1e-11 * abs(v[2])

@@ -20,6 +20,7 @@ from stablepush.se2 import compose, exp, transform_points, wrap_angle
 
 #: Poses and sums must agree to this (m, rad, s), and bodies may overlap by it (m): touching is no collision.
 TOLERANCE = 1e-6
+_STILL = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +168,11 @@ def _check_transfer(problem: PlanningProblem, transfer: Transfer, pose: FloatArr
     rings = _shrunk(problem.pusher)
     for i, (a, b) in enumerate(pairwise(path)):
         step = np.array((*(b[:2] - a[:2]), float(wrap_angle(b[2] - a[2]))))
+        # motions of less than this (m) are rounding
+        if np.hypot(*step[:2]) < _STILL:
+            step[:2] = 0.0
+        if abs(step[2]) * radius < _STILL:
+            step[2] = 0.0
         if step[:2].any() and step[2]:
             clear = _motion_is_clear(problem, blocked, a, step, radius)
         else:

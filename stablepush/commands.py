@@ -15,6 +15,7 @@ from stablepush.contact import PushContact
 from stablepush.errors import InputError
 from stablepush.logs.table import IS_POSITIVE, IS_SENSE, Column, read_table
 from stablepush.planar import transport_twist, twist_from_cor
+from stablepush.plausibility import note_cors, note_headings, note_push_speed, note_scene
 from stablepush.problem import PlanningProblem
 from stablepush.pushing import Pusher
 from stablepush.se2 import compose, inverse, transform_points
@@ -24,6 +25,8 @@ from stablepush.slider import Slider
 AWAY = 2e-3
 #: Way (m) of a poke that does not say.
 _WAY = 0.03
+#: Slack at the ends of an edge, as a share of its length, and of motions at right angles to the normal.
+_END = 1e-9
 _POKES, _ROTATIONS = ("edge", "along"), ("cor_x", "cor_y", "sense", "angle")
 
 
@@ -98,7 +101,7 @@ def poke(
         raise InputError(f"edge: expected one from 0 to {len(slider.vertices) - 1}, got {edge!r}")
     a, b = slider.edge(edge)
     length = float(np.linalg.norm(b - a))
-    if not 0 <= check_number(along, "along") <= length:
+    if not -_END * length <= check_number(along, "along") <= (1 + _END) * length:
         raise InputError(f"along: expected a place on edge {edge}, from 0 to {length:.6g} m, got {along:.6g}")
     way, speed = check_number(way, "way", positive=True), check_number(speed, "speed", positive=True)
     tangent = (b - a) / length
@@ -108,12 +111,12 @@ def poke(
     if cor is None:
         direction = check_number(direction, "direction")
         twist, center = np.array((math.cos(direction), math.sin(direction), 0.0)), None
-        if twist[0] <= 0:
+        if twist[0] <= _END:
             raise InputError(f"direction: expected one towards the slider, within pi/2 of the normal, got {direction:.6g} rad")
     else:
         twist = twist_from_cor(check_array(cor, "cor", (2,)), sense)
         center = transform_points(docked, np.reshape(cor, (1, 2)))[0]
-        if (twist[0] - twist[2] * pusher.fingers[:, 1]).max() <= 0:
+        if (twist[0] - twist[2] * pusher.fingers[:, 1]).max() <= _END * _fastest(pusher, twist):
             raise InputError("cor: expected a turn that moves a finger towards the slider")
     twist = twist * (speed / _fastest(pusher, twist))
     time = way / speed
@@ -273,6 +276,7 @@ def read_commands(path: str | Path, problem: PlanningProblem, radius: float) -> 
             raise InputError(f"{path}: line 1: column {name}: not known for {'rotations' if turning else 'pokes'}")
     if not lines:
         raise InputError(f"{path}: expected at least one push")
+    _doubt(table, problem, str(path))
     commands = []
     for row, line in enumerate(lines):
         try:
@@ -280,6 +284,24 @@ def read_commands(path: str | Path, problem: PlanningProblem, radius: float) -> 
         except InputError as error:
             raise InputError(f"{path}: line {line}: {error}") from None
     return commands
+
+
+def _doubt(table: dict[str, Column], problem: PlanningProblem, path: str) -> None:
+    """Note what looks like another unit."""
+    for name, judge in (
+        ("angle", note_headings),
+        ("theta", note_headings),
+        ("x", note_scene),
+        ("y", note_scene),
+        ("way", note_scene),
+    ):
+        if name in table:
+            judge(np.nan_to_num(table[name]), f"{path}: column {name}")
+    if "speed" in table:
+        note_push_speed(float(np.nanmax(table["speed"], initial=0.0)), f"{path}: column speed")
+    if "cor_x" in table:
+        cors = np.stack((table["cor_x"], table["cor_y"]), axis=-1)
+        note_cors(cors, problem.surface.characteristic_length, f"{path}: columns cor_x, cor_y")
 
 
 def _cell(table: dict[str, Column], name: str, row: int, otherwise: float) -> float:

@@ -45,7 +45,7 @@ def compare_regions(
     for region in REGIONS:
         said = None if progress is None else lambda words, region=region: progress(f"{region}: {words}")  # type: ignore[misc]
         try:
-            result = plan(problem, planner, time_limit, seed, region=region, improve=improve, progress=said)
+            result = plan(problem, planner, time_limit, seed, region=region, probability=0.0, improve=improve, progress=said)
         except UnsupportedContactError as error:
             result = PlanResult("no-path", planner, message=str(error))
         found.append(RegionPlan(region, result, certified_share(problem, result)))

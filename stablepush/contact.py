@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_array, check_number, read_only
+from stablepush._arrays import LEAST_POSITIVE, FloatArray, check_array, check_number, read_only
 from stablepush.errors import InputError
 from stablepush.planar import unit, wrench_from_force
+from stablepush.plausibility import note_friction
 from stablepush.slider import Slider
 
 #: Rounding slack on the inner product of unit vectors when facets of a cone are found.
 _FACET_SLACK = 1e-12
 #: Rays that are this close (rad) to a plane or to each other span no more than it: friction this small is none.
 _FLAT = 1e-7
+#: Mean normals shorter than this are rounding.
+_CANCELLED = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,13 +51,14 @@ class PushContact:
         if len(n) != len(p):
             raise InputError(f"contact.normals: expected {len(p)} normals, one a point, got {len(n)}")
         for i, j in combinations(range(len(p)), 2):
-            if (p[i] == p[j]).all():
+            if np.abs(p[i] - p[j]).max() < LEAST_POSITIVE:
                 raise InputError(f"contact.points: expected distinct points, points {i} and {j} are equal")
-        if (np.linalg.norm(n, axis=1) == 0).any():
+        if (np.abs(n).max(axis=1) < LEAST_POSITIVE).any():
             raise InputError("contact.normals: expected normals of positive length")
         object.__setattr__(self, "points", read_only(p))
         object.__setattr__(self, "normals", read_only(unit(n)))
         object.__setattr__(self, "mu", check_number(mu, "contact.mu", at_least=0.0))
+        note_friction(self.mu, "contact.mu")
 
     @classmethod
     def on_edge(cls, slider: Slider, edge: int, center: float, width: float, mu: float) -> PushContact:
@@ -79,8 +84,12 @@ class PushContact:
 
     @property
     def frame(self) -> FloatArray:
-        """Pose (3,) of the pusher frame in B: origin midway between the points, x axis along the mean inward normal."""
-        normal = unit(self.normals.mean(axis=0))
+        """Pose (3,) of the pusher frame in B: origin midway between the points, x axis along the mean inward normal.
+
+        Along the first point's normal where the normals cancel out, as those of fingers that hold the slider between them do.
+        """
+        mean = self.normals.mean(axis=0)
+        normal = unit(mean) if np.linalg.norm(mean) > _CANCELLED else self.normals[0]
         return np.array((*self.points.mean(axis=0), np.arctan2(normal[1], normal[0])))
 
     @property
@@ -173,6 +182,24 @@ class WrenchCone:
             return False
         axis = self.normals.sum(axis=0)
         return bool((self.facets @ axis > _FACET_SLACK).all())
+
+    @property
+    def widest_margin(self) -> float:
+        """Largest margin (rad) of any wrench: the angular radius of the largest circle that the facets leave on the unit sphere.
+
+        Its middle is as far from two facets as from each other, or from three; 0 for a flat cone, pi/2 for the whole space.
+        """
+        if len(self.normals) == 0:
+            return math.pi / 2
+        candidates = [self.normals, self.rays]
+        for count in (2, 3):
+            for group in combinations(self.normals, count):
+                # the point of the group's span that is equally far from each of them
+                equal = np.linalg.lstsq(np.array(group), np.ones(count), rcond=_FLAT)[0]
+                candidates.append(equal[None])
+        points = np.concatenate(candidates)
+        points = points[np.linalg.norm(points, axis=1) > _FLAT]
+        return max(0.0, float(self.margin(points).max()))
 
     def arcs(self) -> ConeArcs:
         """Return the arcs on the unit sphere that bound the cone, head to tail with the cone on the left; a flat cone's own."""

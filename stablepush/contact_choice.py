@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_array, check_count, check_number
+from stablepush._arrays import FloatArray, check_array, check_count, check_number, order_with_ties
 from stablepush.all_pressure import all_pressure_region
 from stablepush.contact import PushContact
 from stablepush.errors import InputError
@@ -21,6 +21,9 @@ from stablepush.slider import Slider
 #: What contacts may be ranked by: their attribute, and the sign that puts the best first.
 MEASURES = {"area": ("area", -1.0), "tightest-turn": ("tightest_turn", 1.0), "margin": ("margin", -1.0)}
 _DIRECTIONS = 181
+#: Fingers as far apart as an edge is long, to this share of it, stand on its ends; contacts whose measures differ by no more than
+#: this share are as good as each other, and stay in the order of edge, width and centre.
+_FULL, _ALIKE = 1e-9, 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,9 +119,12 @@ def rank_contacts(
         slider.edge(edge)
         for width in spacings:
             room = lengths[edge] - width
-            if room >= 0:
+            if room > _FULL * lengths[edge]:
                 centers = width / 2 + room * (np.arange(places) + 0.5) / places
                 settings += [(edge, float(center), float(width)) for center in centers]
+            elif room > -_FULL * lengths[edge]:
+                # fingers on both ends of the edge: one place
+                settings.append((edge, lengths[edge] / 2, float(width)))
     if not settings:
         raise InputError(f"widths: expected fingers that fit on an edge, the longest is {max(lengths):g} m")
     found = []
@@ -131,7 +137,9 @@ def rank_contacts(
         if progress is not None:
             progress(done + 1, len(settings))
     attribute, sign = MEASURES[measure]
-    return sorted(found, key=lambda one: sign * getattr(one, attribute))
+    values = sign * np.array([getattr(one, attribute) for one in found], dtype=np.float64)
+    finite = np.abs(values[np.isfinite(values)])
+    return [found[i] for i in order_with_ties(values, _ALIKE * float(finite.max(initial=0.0)))]
 
 
 def _radius(cor: FloatArray | None) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 
 from stablepush._arrays import LARGEST_MAGNITUDE, check_number
 from stablepush.errors import InputError
+from stablepush.plausibility import note_quantity
 
 #: Speed (m/s) at which friction that depends on speed is nominal.
 REFERENCE_SPEED = 0.02
@@ -231,9 +232,16 @@ def parse_effect(text: str) -> Effect:
         except ValueError:
             raise InputError(f"effect {id}: {name}: expected numbers separated by '/', got {numbers!r}") from None
     effect = Effect(id, values)
+    for parameter in CATALOGUE[id].parameters:
+        for value in values.get(parameter.name, ()):
+            # frames follow the unit: rad in W
+            note_quantity(value, parameter.unit.partition(" ")[0], f"effect {id}: {parameter.name}")
     if not values:
-        known = ", ".join(p.name for p in CATALOGUE[id].parameters)
-        raise InputError(f"effect {id}: expected values for {known}, as in {id}:{known.split(',')[0]}=0.1")
+        parameters = CATALOGUE[id].parameters
+        example = "/".join(f"{parameters[0].high:.3g}" for _ in range(parameters[0].size))
+        raise InputError(
+            f"effect {id}: expected values for {', '.join(p.name for p in parameters)}, as in {id}:{parameters[0].name}={example}"
+        )
     return effect
 
 

@@ -7,6 +7,18 @@ class StablepushError(Exception):
     """Root of every error that the library raises on purpose."""
 
 
+class StablepushWarning(UserWarning):
+    """Root of every warning that the library gives on purpose."""
+
+
+class PlausibilityWarning(StablepushWarning):
+    """Input that is valid and looks like a mistake: another unit, a key that nothing reads; the message names the place."""
+
+
+class PlanWarning(StablepushWarning):
+    """A plan that is less certain than was asked for; the message gives the number."""
+
+
 class InputError(StablepushError, ValueError):
     """Input that breaks a format or a physical rule; the message names the place and what was expected."""
 

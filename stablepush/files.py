@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import math
 import os
 import shutil
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -14,12 +16,14 @@ from pathlib import Path
 from typing import Any, NoReturn, TextIO, TypeVar
 
 from stablepush._arrays import FloatArray, check_array, check_number, check_zero_or_positive
-from stablepush.errors import InputError
+from stablepush.errors import InputError, PlausibilityWarning
 
 _T = TypeVar("_T")
 
 #: A JSON file larger than this is not one of ours; refusing it keeps memory bounded.
 _LARGEST_FILE = 512 * 1024 * 1024
+#: Keys that are alike by this ratio of difflib are meant to be the same.
+_CLOSE = 0.75
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +60,17 @@ class Node:
         if not isinstance(self.value, dict):
             self.fail(f"expected an object, got {describe(self.value)}")
         return self.value  # type: ignore[no-any-return]
+
+    def expect_keys(self, *known: str) -> None:
+        """Refuse a key that is close to a known one, which it likely was to be; note any other that nothing reads."""
+        for key in self.object():
+            if key in known:
+                continue
+            close = difflib.get_close_matches(_plain(key), [_plain(k) for k in known], 1, _CLOSE)
+            if close:
+                meant = next(k for k in known if _plain(k) == close[0])
+                self._child(key, None).fail(f'unknown key, did you mean "{meant}"?')
+            warnings.warn(PlausibilityWarning(f"{self.file}: {self._child(key, None).place}: this key is not used"), stacklevel=3)
 
     def items(self) -> Iterator[Node]:
         """The entries of a list."""
@@ -116,7 +131,28 @@ class Node:
             message = str(error).removeprefix(": ")
             if message.startswith(self.file):
                 raise
+            head, colon, rest = message.partition(": ")
+            if colon and self.place and head.rpartition(".")[2] == self.place.rpartition(".")[2]:
+                # the constructor names the same key
+                message = rest
             raise InputError(f"{self.file}: {self.place or 'top level'}: {message}") from None
+
+    def built(self, build: Callable[[], _T]) -> _T:
+        """Run a constructor as :meth:`checked` does, and put the file before what it doubts."""
+        with warnings.catch_warnings(record=True) as doubts:
+            warnings.simplefilter("always")
+            result = self.checked(build)
+        for doubt in doubts:
+            message = str(doubt.message)
+            if issubclass(doubt.category, PlausibilityWarning) and not message.startswith(self.file):
+                message = f"{self.file}: {message}"
+            warnings.warn(message, doubt.category, stacklevel=3)
+        return result
+
+
+def _plain(key: str) -> str:
+    """A key as it is compared: in small letters, words joined by an underscore."""
+    return key.strip().lower().replace("-", "_").replace(" ", "_")
 
 
 def describe(value: Any) -> str:

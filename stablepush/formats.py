@@ -28,16 +28,18 @@ from stablepush.support import SupportDistribution
 def slider_from_node(node: Node) -> Slider:
     """Read the value of a ``slider/1``."""
     node["format"].text(("slider/1",))
+    node.expect_keys("format", "vertices", "mass", "support")
     vertices = node["vertices"].array(None, 2)
-    mass = None if node["mass"].value is None else node["mass"].zero_or_positive()
+    mass = None if node["mass"].value is None else node["mass"].number(positive=True)
     support_node = node["support"]
     support = None
     if support_node.value is not None:
+        support_node.expect_keys("points", "weights")
         points = support_node["points"].array(None, 2)
         weights = support_node["weights"].array(None)
         support = support_node.checked(lambda: SupportDistribution(points, weights))
-    node["vertices"].checked(lambda: Slider(vertices))
-    return node.checked(lambda: Slider(vertices, mass, support))
+    # all that is left to refuse is about the outline
+    return node["vertices"].built(lambda: Slider(vertices, mass, support))
 
 
 def slider_to_json(slider: Slider) -> dict[str, Any]:
@@ -58,10 +60,11 @@ def load_slider(path: str | Path) -> Slider:
 
 def contact_from_node(node: Node) -> PushContact:
     """Read the value of a ``contact``."""
+    node.expect_keys("format", "points", "normals", "mu")
     points = node["points"].array(None, 2)
     normals = node["normals"].array(None, 2)
     mu = node["mu"].number(at_least=0.0)
-    return node.checked(lambda: PushContact(points, normals, mu))
+    return node.built(lambda: PushContact(points, normals, mu))
 
 
 def contact_to_json(contact: PushContact) -> dict[str, Any]:
@@ -74,11 +77,19 @@ def load_contact(path: str | Path) -> PushContact:
     return contact_from_node(read_json(path))
 
 
+#: Keys of a polynomial, besides those of every model and the unit, which may be left out.
+_OF_POLYNOMIAL = (
+    *("degree", "characteristic_length", "exponents", "coefficients"),
+    *("certificate", "covariance", "ensemble", "provenance"),
+)
+
+
 def model_from_node(node: Node) -> LimitSurface:
     """Read the value of a ``model/1``."""
     node["format"].text(("model/1",))
     kind = node["kind"].text(("polynomial", "support", "gp"))
     if kind == "support":
+        node.expect_keys("format", "kind", "points", "loads", "characteristic_length")
         points = node["points"].array(None, 2)
         loads = node["loads"].array(None)
         if (loads < 0).any():
@@ -90,6 +101,7 @@ def model_from_node(node: Node) -> LimitSurface:
         return node.checked(lambda: IdealLimitSurface(SupportDistribution(points, loads), float(loads.sum()), given))
     if kind == "gp":
         return _gaussian_process(node)
+    node.expect_keys("format", "kind", "force_unit", *_OF_POLYNOMIAL)
     degree = node["degree"].integer(at_least=2)
     if degree not in (2, 4, 6, 8, 10):
         node["degree"].fail(f"expected an even number from 2 to 10, got {describe(degree)}")
@@ -121,9 +133,11 @@ _KERNEL_SUMS = {"slip": 3, "log_size": 1, "load": 3}
 
 
 def _gaussian_process(node: Node) -> GaussianProcessSurface:
+    node.expect_keys("format", "kind", "characteristic_length", "mean_size", "provenance", *_KERNEL_SUMS)
     sums: dict[str, KernelSum] = {}
     for name, width in _KERNEL_SUMS.items():
         entry = node[name]
+        entry.expect_keys("inputs", "coefficients", "length")
         inputs, coefficients = entry["inputs"].array(None, 3), entry["coefficients"].array(None, width)
         length = entry["length"].number(positive=True)
         sums[name] = entry.checked(partial(KernelSum, inputs, coefficients, length))

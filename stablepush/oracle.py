@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from stablepush._arrays import BoolArray, FloatArray
 from stablepush.contact import PushContact, WrenchCone
-from stablepush.models import LimitSurface, PolynomialLimitSurface
+from stablepush.models import LimitSurface, ensemble_of
 from stablepush.planar import normalize_wrench, twist_from_cor
 
 #: Stable sets are closed; a margin (rad) this far below zero is on the boundary, to the accuracy of H_inv.
@@ -47,7 +47,7 @@ class StabilityOracle:
 
     def probability(self, twists: ArrayLike) -> FloatArray | None:
         """Return the share (...) of the surface's ensemble that calls body twists (..., 3) stable; None without an ensemble."""
-        members = self.surface.members() if isinstance(self.surface, PolynomialLimitSurface) else []
+        members = ensemble_of(self.surface)
         if not members:
             return None
         votes = [StabilityOracle(member, self.contact).is_stable(twists) for member in members]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -156,6 +156,7 @@ def save_plan(result: PlanResult, path: str | Path) -> None:
 def load_plan(path: str | Path) -> PlanResult:
     """Read a ``plan/1`` file. Whether the plan is right is for :func:`stablepush.check_plan` to say."""
     root = read_json(path, "plan/1")
+    root.expect_keys("format", *(f.name for f in fields(PlanResult)))
     bound = root["lower_bound"]
     return PlanResult(
         status=root["status"].text(),
@@ -180,12 +181,14 @@ def _any_integer(node: Node, largest: float = LARGEST_MAGNITUDE) -> int:
 
 def _segment_from_node(node: Node) -> Push | Transfer:
     if node["kind"].text(("push", "transfer")) == "transfer":
+        node.expect_keys("kind", "from", "to", "pusher_path", "duration")
         return Transfer(
             _any_integer(node["from"]),
             _any_integer(node["to"]),
             read_only(node["pusher_path"].array(None, 3)),
             node["duration"].number(),
         )
+    node.expect_keys("kind", *(f.name for f in fields(Push)))
     return Push(
         _any_integer(node["contact"]),
         read_only(node["twist"].array(3)),

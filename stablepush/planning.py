@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import entry_points
@@ -14,10 +15,17 @@ import numpy as np
 from stablepush._arrays import LARGEST_MAGNITUDE, check_number
 from stablepush.check import check_plan
 from stablepush.deadline import Deadline, within
-from stablepush.errors import InputError
+from stablepush.errors import InputError, PlanWarning
+from stablepush.feasibility import infeasibility
+from stablepush.models import ensemble_of
 from stablepush.options import PlanOptions
+from stablepush.oracle import StabilityOracle
 from stablepush.path import PlanResult
 from stablepush.problem import PlanningProblem
+
+#: Least probability of stability of each push that a plan has by default: the quickest plans lie on the edge of the stable set,
+#: and the least error of the surface makes them lose the object.
+DEFAULT_PROBABILITY = 0.98
 
 
 class Planner(Protocol):
@@ -49,10 +57,11 @@ def plan(
     seed: int | None = None,
     *,
     region: str = "model",
-    probability: float = 0.0,
+    probability: float | None = None,
     margin_weight: float = 0.0,
     cor_rate: float = math.inf,
     improve: float = 20_000,
+    stop: Callable[[], bool] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> PlanResult:
     """Plan a path of stable pushes.
@@ -67,8 +76,15 @@ def plan(
         building compiled code does not count.
     seed : int, optional
         Seed of planners that draw random numbers; 0 if not given.
-    region, probability, margin_weight, cor_rate, improve
-        How sure and how good the plan is to be: see :class:`PlanOptions`.
+    probability : float, optional
+        Least probability of stability of each push, by the surface's ensemble; 0 gives the quickest plan. If not given,
+        :data:`DEFAULT_PROBABILITY` where the surface has an ensemble. When no such plan is found in half of the time, the
+        quickest one comes with a :class:`~stablepush.errors.PlanWarning`, which gives the probability of its least certain push.
+    region, margin_weight, cor_rate, improve
+        How certain and how good the plan is to be: see :class:`PlanOptions`.
+    stop : callable, optional
+        Asked now and then; once it returns true, the search ends with the best plan found so far, or with the status
+        ``"interrupted"``.
     progress : callable, optional
         Called now and then with a line on the state of the search.
 
@@ -76,27 +92,69 @@ def plan(
     -------
     PlanResult
         Solved plans have passed :func:`check_plan`; one that the check refuses comes back as ``"rejected"``, without its path.
+        A problem that :func:`~stablepush.feasibility.infeasibility` shows to have no plan is ``"no-path"`` at once.
     """
     started = time.perf_counter()
     limit = check_number(time_limit, "time_limit", at_least=0.0)
-    options = PlanOptions(region, probability, margin_weight, cor_rate, improve)
+    given = DEFAULT_PROBABILITY if probability is None and ensemble_of(problem.surface) else probability or 0.0
+    options = PlanOptions(region, given, margin_weight, cor_rate, improve)
     found = {entry.name: entry for entry in entry_points(group="stablepush.planners")}
     if planner not in found:
         raise InputError(f"planner: expected one of {', '.join(sorted(found)) or 'none installed'}, got {planner!r}")
     run: Planner = found[planner].load()
 
     number = 0 if seed is None else int(seed)
-    with within(limit) as deadline:
-        result = run(problem, deadline=deadline, seed=number, options=options, progress=progress)
+    with within(limit, stop) as deadline:
+        reason = infeasibility(problem)
+        if reason:
+            return PlanResult("no-path", planner, seed=number, message=reason, planning_time=time.perf_counter() - started)
+        optional = probability is None and given > 0
+        first = deadline.sooner(limit / 2) if optional else deadline
+        result = run(problem, deadline=first, seed=number, options=options, progress=progress)
+        if optional and not result.solved and not deadline.stopped:
+            quickest = replace(options, probability=0.0)
+            result = run(problem, deadline=deadline, seed=number, options=quickest, progress=progress)
+            if result.solved:
+                result = _with_warning(problem, result, given)
+        if deadline.stopped and not result.solved:
+            result = PlanResult("interrupted", planner, seed=number, message="stopped before a path was found")
     if result.solved:
-        report = check_plan(problem, result)
-        objection = report.objections[0] if report.objections else ""
-        fastest = max((float(np.abs(push.twist).max()) for push in result.pushes), default=0.0)
-        if max(result.duration, result.length, fastest) > LARGEST_MAGNITUDE:
-            objection = (
-                f"a plan/1 file holds numbers up to {LARGEST_MAGNITUDE:g} (SI units), this plan takes {result.duration:g} s "
-                f"for {result.length:g} m, with twists up to {fastest:g}"
-            )
+        objection = _objection(problem, result)
         if objection:
             result = PlanResult("rejected", planner, seed=result.seed, message=objection)
     return replace(result, planning_time=time.perf_counter() - started)
+
+
+def least_probability(problem: PlanningProblem, result: PlanResult) -> float | None:
+    """Return the least probability of stability of any push of a plan, by the surface's ensemble; None without one."""
+    if not result.pushes or not ensemble_of(problem.surface):
+        return None
+    least = 1.0
+    for number in {push.contact for push in result.pushes}:
+        twists = np.array([push.twist for push in result.pushes if push.contact == number])
+        shares = StabilityOracle(problem.surface, problem.contacts[number]).probability(twists)
+        least = min(least, 1.0 if shares is None else float(shares.min()))
+    return least
+
+
+def _with_warning(problem: PlanningProblem, result: PlanResult, asked: float) -> PlanResult:
+    """The quickest plan, which says how likely it is to fail."""
+    least = least_probability(problem, result)
+    words = (
+        f"no plan was found whose pushes are all stable with probability {asked:g}; "
+        f"this one is the quickest, and one of its pushes is stable with probability {least:.2g}"
+    )
+    warnings.warn(PlanWarning(words), stacklevel=3)
+    return replace(result, message="; ".join(filter(None, (result.message, words))))
+
+
+def _objection(problem: PlanningProblem, result: PlanResult) -> str:
+    """What is wrong with a plan; empty if nothing is."""
+    report = check_plan(problem, result)
+    fastest = max((float(np.abs(push.twist).max()) for push in result.pushes), default=0.0)
+    if max(result.duration, result.length, fastest) > LARGEST_MAGNITUDE:
+        return (
+            f"a plan/1 file holds numbers up to {LARGEST_MAGNITUDE:g} (SI units), this plan takes {result.duration:g} s "
+            f"for {result.length:g} m, with twists up to {fastest:g}"
+        )
+    return report.objections[0] if report.objections else ""

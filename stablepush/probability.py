@@ -11,9 +11,9 @@ from stablepush._arrays import BoolArray, FloatArray, check_count, check_number,
 from stablepush._chart import Rings, add_coverage, grid_places, only_polygons, rings_from_disc
 from stablepush.contact import PushContact
 from stablepush.errors import InputError
-from stablepush.models import LimitSurface, PolynomialLimitSurface
+from stablepush.models import LimitSurface, ensemble_of
 from stablepush.oracle import StabilityOracle
-from stablepush.region import EXTENT_RADII, Interval, StableRegion, stable_region
+from stablepush.region import EXTENT_RADII, Interval, StableRegion, stable_region, widest_first
 
 #: Slack of a share of surfaces: k of n must pass for p = k/n.
 _SLACK = 1e-9
@@ -100,7 +100,7 @@ def chance_region(surface: LimitSurface, contact: PushContact, probability: floa
 
 
 def _member_regions(surface: LimitSurface, contact: PushContact) -> list[StableRegion]:
-    members = surface.members() if isinstance(surface, PolynomialLimitSurface) else []
+    members = ensemble_of(surface)
     if not members:
         raise InputError("surface: expected one with an ensemble, as a convex fit gives it")
     return [stable_region(member, contact) for member in members]
@@ -147,4 +147,4 @@ def _common(intervals: list[tuple[Interval, ...]], needed: int) -> tuple[Interva
             found[-1] = (found[-1][0], high)
         else:
             found.append((low, high))
-    return tuple(sorted(found, key=lambda interval: interval[0] - interval[1]))
+    return widest_first(found)

@@ -23,6 +23,7 @@ from stablepush.formats import (
     slider_to_json,
 )
 from stablepush.models import LimitSurface
+from stablepush.plausibility import note_contact, note_heading, note_margin, note_push_speed, note_scene, note_tolerance
 from stablepush.slider import Slider, check_simple_polygon
 
 
@@ -108,6 +109,24 @@ class PlanningProblem:
         object.__setattr__(self, "speed", check_number(speed, "speed", positive=True))
         object.__setattr__(self, "switch_cost", check_number(switch_cost, "switch_cost", at_least=0.0))
         object.__setattr__(self, "min_margin", check_number(min_margin, "min_margin"))
+        self._doubt()
+
+    def _doubt(self) -> None:
+        """Note what looks like another unit."""
+        for name in ("start", "goal"):
+            pose = getattr(self, name)
+            note_scene(pose[:2], name)
+            note_heading(float(pose[2]), f"{name}[2]")
+        if self.bounds is not None:
+            note_scene(self.bounds, "bounds")
+        if self.obstacles:
+            note_scene(np.concatenate(self.obstacles), "obstacles")
+        note_scene(self.tolerance[:1], "tolerance[0]")
+        note_tolerance(self.tolerance[1], "tolerance[1]")
+        note_push_speed(self.speed, "speed")
+        note_margin(self.min_margin, "min_margin")
+        for i, contact in enumerate(self.contacts):
+            note_contact(contact.points, self.slider.radius, f"contacts[{i}].points")
 
     def push_speed(self, twists: ArrayLike) -> FloatArray:
         """Return the speed (...) in m/s of the fastest point of the slider's outline at body twists (..., 3)."""
@@ -116,9 +135,16 @@ class PlanningProblem:
         return np.asarray(np.hypot(v[..., 0] - v[..., 2] * p[:, 1], v[..., 1] + v[..., 2] * p[:, 0]).max(axis=-1))
 
 
+_OF_SCENE = (
+    *("format", "slider", "model", "contacts", "pusher", "obstacles", "bounds", "start", "goal"),
+    *("tolerance", "speed", "switch_cost", "min_margin"),
+)
+
+
 def load_scene(path: str | Path) -> PlanningProblem:
     """Read a ``scene/1`` file; a model given as a path is relative to it."""
     root = read_json(path, "scene/1")
+    root.expect_keys(*_OF_SCENE)
     slider = slider_from_node(root["slider"])
     surface = _model(root["model"], Path(path).parent)
     contacts = [contact_from_node(node) for node in root["contacts"].items()]
@@ -127,6 +153,7 @@ def load_scene(path: str | Path) -> PlanningProblem:
     pusher_node = root["pusher"] if root["pusher"].value is not None else None
     pusher = None
     if pusher_node is not None:
+        pusher_node.expect_keys("outline")
         outline_node = pusher_node["outline"]
         pusher = outline_node.array(None, 2)
         outline_node.checked(lambda: check_simple_polygon(pusher, ""))
@@ -144,7 +171,7 @@ def load_scene(path: str | Path) -> PlanningProblem:
     speed = root["speed"].number(positive=True)
     switch_cost = root["switch_cost"].number(at_least=0.0)
     min_margin = root["min_margin"].number()
-    return root.checked(
+    return root.built(
         lambda: PlanningProblem(
             slider,
             surface,

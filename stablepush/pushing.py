@@ -68,7 +68,7 @@ class Pusher:
         places = check_array(fingers, "pusher.fingers", (None, 2))
         if not 1 <= len(places) <= 2:
             raise InputError(f"pusher.fingers: expected one or two, got {len(places)}")
-        if flat and (len(places) != 2 or radius != 0 or places[:, 0].any() or abs(places[:, 1].sum()) > 1e-12):
+        if flat and (len(places) != 2 or radius != 0 or np.abs(places[:, 0]).max() > 1e-9 or abs(places[:, 1].sum()) > 1e-9):
             raise InputError("pusher: expected two ends of no radius, at (0, y) and (0, -y), for a flat edge")
         object.__setattr__(self, "fingers", read_only(places))
         object.__setattr__(self, "radius", check_number(radius, "pusher.radius", at_least=0.0))

@@ -16,7 +16,16 @@ import shapely
 import shapely.geometry
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import BoolArray, FloatArray, check_count, check_number, check_sense, check_vectors, read_only
+from stablepush._arrays import (
+    BoolArray,
+    FloatArray,
+    check_count,
+    check_number,
+    check_sense,
+    check_vectors,
+    order_with_ties,
+    read_only,
+)
 from stablepush._chart import (
     Rings,
     add_coverage,
@@ -35,6 +44,7 @@ from stablepush.errors import InputError, UnsupportedContactError
 from stablepush.models import GaussianProcessSurface, LimitSurface
 from stablepush.oracle import StabilityOracle
 from stablepush.planar import cor_from_twist, normalize_twist, twist_from_cor
+from stablepush.se2 import wrap_angle
 
 #: Largest angle (rad) on the sphere of unit twists between the boundary and the polygon that stands for it.
 BOUNDARY_TOLERANCE = 2e-5
@@ -163,6 +173,10 @@ class StableRegion:
         twist = twists_from_disc(nearest, sign) / (1.0, 1.0, self.characteristic_length)
         return np.asarray(cor_from_twist(twist)[0]) if abs(twist[2]) * self.characteristic_length > _STILL else None
 
+    def boundary_twists(self, sense: int) -> list[FloatArray]:
+        """Return the boundary of one sense as rings (n, 3) of body twists, unit in ``(vx, vy, rho*omega)``."""
+        return [ring / (1.0, 1.0, self.characteristic_length) for polygon in self._rings_of(sense) for ring in polygon]
+
     def _rings_of(self, sense: int) -> Rings:
         sign = _one_sense(sense)
         if sign not in self._known:
@@ -206,6 +220,8 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
             "surface: expected a limit surface; the slip and the loads of a Gaussian process do not agree, so it has no stable "
             "region (ask StabilityOracle about single motions)"
         )
+    # a surface on which motions have no load is refused here, too, though its boundary needs none
+    surface.wrench(np.eye(3))
     oracle = StabilityOracle(surface, contact)
     rho = surface.characteristic_length
     cone, extent = oracle.cone, EXTENT_RADII * max(contact.radius, rho)
@@ -307,7 +323,13 @@ def translation_intervals(loop: FloatArray) -> tuple[Interval, ...]:
     middles = (angles + ends) / 2
     stable = encloses(loop, np.stack((np.cos(middles), np.sin(middles), np.zeros_like(middles)), axis=-1))
     found = [(float(low), float(high)) for low, high, good in zip(angles, ends, stable, strict=True) if good]
-    return tuple(sorted(found, key=lambda interval: interval[0] - interval[1]))
+    return widest_first(found)
+
+
+def widest_first(intervals: list[Interval]) -> tuple[Interval, ...]:
+    """Intervals in the order of their width; of those as wide as each other the one that begins first, from -pi on."""
+    ordered = sorted(intervals, key=lambda interval: float(wrap_angle(interval[0] + 1e-9)))
+    return tuple(ordered[k] for k in order_with_ties([low - high for low, high in ordered], 1e-9))
 
 
 def _crossings(curve: FloatArray) -> tuple[Interval, ...]:
@@ -322,7 +344,7 @@ def _crossings(curve: FloatArray) -> tuple[Interval, ...]:
     a, b = curve[crossing], curve[crossing + 1]
     at = a + (a[:, 2] / (a[:, 2] - b[:, 2]))[:, None] * (b - a) if len(crossing) else a
     found += [(float(angle), float(angle)) for angle in np.arctan2(at[:, 1], at[:, 0])]
-    return tuple(sorted(found, key=lambda interval: interval[0] - interval[1]))
+    return widest_first(found)
 
 
 def regions_to_json(regions: Sequence[StableRegion], extent: float | None = None) -> dict[str, Any]:

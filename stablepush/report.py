@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stablepush import __version__
-from stablepush._arrays import FloatArray
+from stablepush._arrays import FloatArray, first_least
 from stablepush.contact import PushContact
 from stablepush.errors import InputError
 from stablepush.models import LimitSurface
@@ -182,7 +182,9 @@ def region_html(
         entries.append({"name": region.name, "rings": rings})
     # begin at a stable turn, if there is one
     inside = [(p.area, *p.representative_point().coords[0], sense) for sense in (1, -1) for p in regions[0].polygons(sense, size)]
-    start = max(inside)[1:] if inside else (0.0, 0.5 * size, 1)
+    # of areas alike, as a symmetric slider has them, the counter-clockwise one
+    largest = first_least([-area for area, *_ in inside], 1e-9 * size**2) if inside else 0
+    start = inside[largest][1:] if inside else (0.0, 0.5 * size, 1)
     data = {
         "extent": size, "cells": _CELLS, "margins": margins, "regions": entries, "cor": start,
         "contacts": contact.points.tolist(), "slider": None if slider is None else slider.vertices.tolist(),

@@ -13,9 +13,12 @@ from stablepush._arrays import FloatArray
 
 
 def wrap_angle(angle: ArrayLike) -> FloatArray:
-    """Return the angle (rad) moved by full turns into (-pi, pi]."""
-    angle = np.asarray(angle, dtype=np.float64)
-    return np.asarray(np.pi - np.mod(np.pi - angle, 2 * np.pi))
+    """Return the angle (rad) moved by full turns into (-pi, pi].
+
+    Angles up to 1e-9 rad above -pi become pi, and as much more than it: half a turn is one to the left, whatever its rounding.
+    """
+    turn = np.mod(np.pi - np.asarray(angle, dtype=np.float64), 2 * np.pi)
+    return np.asarray(np.pi - np.where(turn > 2 * np.pi - 1e-9, turn - 2 * np.pi, turn))
 
 
 def compose(first: ArrayLike, second: ArrayLike) -> FloatArray:

@@ -8,9 +8,16 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import LEAST_POSITIVE, FloatArray, check_array, check_zero_or_positive, read_only
+from stablepush._arrays import LEAST_POSITIVE, FloatArray, check_array, check_count, check_number, read_only
 from stablepush.errors import InputError
+from stablepush.plausibility import note_mass, note_size
 from stablepush.support import SupportDistribution
+
+#: Least radius (m) of a slider: poses and overlaps are told apart to 1e-6 m, and pushes are simulated in steps of 1/400 of it.
+_LEAST_RADIUS = 1e-5
+#: Least distance of the origin of B from the edges of the outline's hull, in radii of the slider: nearer to an edge, all of the
+#: pressure would have to be on it, and the friction of the others could not be computed.
+_LEAST_INSIDE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,11 +27,17 @@ class Slider:
     Parameters
     ----------
     vertices : array-like, shape (n, 2)
-        Outline in the body frame B (m), counter-clockwise; the origin of B is the projection of the centre of mass.
+        Outline in the body frame B (m), counter-clockwise. The origin of B is the projection of the centre of mass, so it lies
+        inside the outline's hull; :meth:`centered` moves an outline there.
     mass : float, optional
         Mass in kg.
     support : SupportDistribution, optional
         Pressure that is believed to act under the slider.
+
+    Raises
+    ------
+    InputError
+        For an outline that is no simple counter-clockwise polygon about the origin, or a mass that is not positive.
     """
 
     vertices: FloatArray
@@ -32,9 +45,40 @@ class Slider:
     support: SupportDistribution | None
 
     def __init__(self, vertices: ArrayLike, mass: float | None = None, support: SupportDistribution | None = None) -> None:
-        object.__setattr__(self, "vertices", read_only(check_outline(vertices, "slider.vertices")))
-        object.__setattr__(self, "mass", None if mass is None else check_zero_or_positive(mass, "slider.mass"))
+        outline = check_outline(vertices, "slider.vertices")
+        radius = float(np.linalg.norm(outline, axis=1).max())
+        if radius < _LEAST_RADIUS:
+            raise InputError(f"slider.vertices: expected a radius of at least {_LEAST_RADIUS:g} m, got {radius:g} m")
+        _require_origin(outline, "slider.vertices")
+        object.__setattr__(self, "vertices", read_only(outline))
+        object.__setattr__(self, "mass", None if mass is None else check_number(mass, "slider.mass", positive=True))
         object.__setattr__(self, "support", support)
+        note_size(self.radius, "slider.vertices")
+        if self.mass is not None:
+            note_mass(self.mass, self.polygon.convex_hull.area, "slider.mass")
+
+    @classmethod
+    def centered(cls, vertices: ArrayLike, mass: float | None = None) -> Slider:
+        """Return a slider whose outline (n, 2), in m in any frame of the user's, is moved until its centroid is the origin of B.
+
+        The centroid of the area is the centre of mass of a flat body of even thickness and density.
+        """
+        outline = check_outline(vertices, "vertices")
+        return cls(outline - shapely.get_coordinates(shapely.Polygon(outline).centroid)[0], mass)
+
+    @classmethod
+    def rectangle(cls, width: float, height: float, mass: float | None = None) -> Slider:
+        """Return a rectangle about the origin, ``width`` along x and ``height`` along y (m); edge 0 is the lower one."""
+        half = np.array((check_number(width, "width", positive=True), check_number(height, "height", positive=True))) / 2
+        return cls(half * ((-1, -1), (1, -1), (1, 1), (-1, 1)), mass)
+
+    @classmethod
+    def regular_polygon(cls, n: int, radius: float, mass: float | None = None) -> Slider:
+        """Return a regular polygon of ``n`` vertices on a circle of ``radius`` (m) about the origin, the first on the x axis."""
+        if check_count(n, "n", most=10_000) < 3:
+            raise InputError(f"n: expected at least 3 vertices, got {n}")
+        angles = 2 * np.pi * np.arange(n) / n
+        return cls(check_number(radius, "radius", positive=True) * np.stack((np.cos(angles), np.sin(angles)), axis=-1), mass)
 
     @property
     def polygon(self) -> shapely.Polygon:
@@ -73,7 +117,7 @@ class Slider:
     def characteristic_length(self) -> float:
         """``rho`` (m): the radius of gyration of the nominal pressure, of an even one over the outline if unknown."""
         rho = self.radius_of_gyration if self.support is None else self.support.characteristic_length
-        return rho if rho > 0 else self.radius_of_gyration
+        return rho if rho >= LEAST_POSITIVE else self.radius_of_gyration
 
     def edge(self, index: int) -> tuple[FloatArray, FloatArray]:
         """Return the ends (2,), (2,) of an edge: from vertex ``index`` to the next, in B."""
@@ -81,6 +125,20 @@ class Slider:
         if not 0 <= index < n:
             raise InputError(f"edge: expected 0 to {n - 1}, got {index}")
         return self.vertices[index], self.vertices[(index + 1) % n]
+
+
+def _require_origin(outline: FloatArray, name: str) -> None:
+    """Refuse an outline (n, 2) whose hull does not hold the origin."""
+    hull = shapely.get_coordinates(shapely.orient_polygons(shapely.convex_hull(shapely.MultiPoint(outline))))
+    along = np.diff(hull, axis=0)
+    # the distance of the origin from each edge's line, positive to the left of it
+    inside = (along[:, 1] * hull[:-1, 0] - along[:, 0] * hull[:-1, 1]) / np.linalg.norm(along, axis=1)
+    if inside.min() < _LEAST_INSIDE * np.linalg.norm(outline, axis=1).max():
+        x, y = shapely.get_coordinates(shapely.Polygon(outline).centroid)[0]
+        raise InputError(
+            f"{name}: expected the origin, which is the centre of mass, inside the outline's hull; for an even thickness take "
+            f"({x:.6g}, {y:.6g}) off all vertices, as Slider.centered does"
+        )
 
 
 def check_outline(vertices: ArrayLike, name: str) -> FloatArray:
@@ -96,14 +154,17 @@ def check_simple_polygon(vertices: ArrayLike, name: str) -> FloatArray:
     outline = check_array(vertices, name, (None, 2))
     if len(outline) < 3:
         raise InputError(f"{name}: expected at least 3 vertices, got {len(outline)}")
+    too_small = f"{name}: expected an area of at least {LEAST_POSITIVE**2:g} m^2, and {LEAST_POSITIVE:g} m times the way round it"
+    if np.ptp(outline, axis=0).prod() < LEAST_POSITIVE**2:
+        raise InputError(too_small)
     lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
-    if (lengths == 0).any():
+    if (lengths < LEAST_POSITIVE).any():
         edge = int(np.argmin(lengths))
         raise InputError(f"{name}: expected distinct neighbouring vertices, edge {edge} has zero length")
     if not shapely.LinearRing(outline).is_simple:
         raise InputError(f"{name}: expected edges that do not cross or touch")
-    if abs(signed_area(outline)) < LEAST_POSITIVE**2:
-        raise InputError(f"{name}: expected an area of at least {LEAST_POSITIVE**2:g} m^2")
+    if abs(signed_area(outline)) < max(LEAST_POSITIVE**2, LEAST_POSITIVE * lengths.sum()):
+        raise InputError(too_small)
     return outline
 
 

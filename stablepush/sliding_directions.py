@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import BoolArray, FloatArray, check_array
+from stablepush._arrays import BoolArray, FloatArray, check_array, order_with_ties
 from stablepush._inertia import Body
 from stablepush.models import LimitSurface
 from stablepush.planar import unit
@@ -88,9 +88,11 @@ def eigen_directions(surface: LimitSurface, slider: Slider, *, mu: float | None 
         if complete:
             break
         count *= 4
+    # mirrored directions have the same power: the stable first, then by their angle
+    found.sort(key=lambda one: (one[1], *np.round(np.arctan2(one[0][[1, 2]], one[0][[0, 0]]), 6)))
     directions = np.array([u for u, _ in found]).reshape(-1, 3)
     power = (body.pull(directions) * directions).sum(axis=1) if len(directions) else np.zeros(0)
-    order = np.argsort(power, kind="stable")
+    order = order_with_ties(power, 1e-9 * float(np.abs(power).max(initial=0.0)))
     rho = surface.characteristic_length
     twists = unit(directions / body.roots * (1, 1, rho)) / (1, 1, rho)
     return EigenDirections(twists[order], [found[i][1] for i in order], power[order], translations, complete)

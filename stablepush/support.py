@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_array, check_number, read_only
+from stablepush._arrays import LEAST_POSITIVE, FloatArray, check_array, check_number, read_only
 from stablepush.errors import InputError
 
 
@@ -36,8 +36,8 @@ class SupportDistribution:
             raise InputError(f"support.weights: expected {len(p)} weights, one a point, got {len(w)}")
         if (w < 0).any():
             raise InputError(f"support.weights: expected weights >= 0, got {w.min():g}")
-        if w.sum() <= 0:
-            raise InputError("support.weights: expected a positive sum")
+        if w.sum() < LEAST_POSITIVE:
+            raise InputError(f"support.weights: expected a positive sum, at least {LEAST_POSITIVE:g}, got {w.sum():g}")
         object.__setattr__(self, "points", read_only(p))
         object.__setattr__(self, "weights", read_only(w / w.sum()))
 
@@ -58,7 +58,8 @@ class SupportDistribution:
         corners = low + np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1).reshape(-1, 2) * step
         cells = shapely.intersection(shapely.box(*corners.T, *(corners + step).T), polygon)
         area = shapely.area(cells)
-        inside = area > 0
+        # slivers that rounding leaves along the outline carry nothing
+        inside = area > 1e-9 * area.max()
         return cls(shapely.get_coordinates(shapely.centroid(cells[inside])), area[inside])
 
     @classmethod

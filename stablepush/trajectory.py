@@ -73,7 +73,8 @@ def sample_plan(
     parts: list[FloatArray] = []
     for number, segment in enumerate(result.segments):
         end = float(law.ends[number])
-        samples = max(1, math.ceil((end - begin) * hertz))
+        # a whole number of steps, also when it is more by rounding
+        samples = max(1, math.ceil((end - begin) * hertz - 1e-9))
         # the first sample of a segment is the last of the one before
         t = np.linspace(begin, end, samples + 1)[0 if number == 0 else 1 :]
         rows = np.empty((len(t), 9))

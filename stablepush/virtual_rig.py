@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import shapely
 
-from stablepush._arrays import FloatArray, check_number, check_seed
+from stablepush._arrays import LEAST_POSITIVE, FloatArray, check_number, check_seed
 from stablepush._log_book import LogBook
 from stablepush.commands import AWAY, Command
 from stablepush.effects import REFERENCE_SPEED, Effect, principal
@@ -265,7 +265,8 @@ class VirtualRig:
         if "pressure-shift" in by_id:
             offset = np.array(by_id["pressure-shift"].vector("offset"))
             points = points + offset
-            if not shapely.Polygon(self.slider.vertices).convex_hull.contains(shapely.Point(center + offset)):
+            hull = shapely.Polygon(self.slider.vertices).convex_hull
+            if not hull.buffer(-LEAST_POSITIVE).contains(shapely.Point(center + offset)):
                 raise EffectError("effect pressure-shift: offset: expected a centre of pressure that stays under the slider")
         if points is support.points:
             return surface
@@ -410,7 +411,7 @@ def _from_outside(
         return command.place, command.motion
     reach = 2 * slider.radius + 2 * float(np.abs(pusher.fingers).max()) + pusher.radius
     back = np.arange(0.0, reach + float(np.hypot(*(command.place[:2] - start[:2]))), _BACK_STEP)
-    inside = np.flatnonzero(depth(back) > 0)
+    inside = np.flatnonzero(depth(back) > _DEEP)
     clear = float(back[inside[-1]]) + AWAY if len(inside) else AWAY
     first = np.asarray(command.motion[0][0])
     x, y = pusher.fingers.T

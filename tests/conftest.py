@@ -100,13 +100,17 @@ def small_scene(**changes: object) -> sp.PlanningProblem:
 @pytest.fixture(scope="session")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Files for all commands; tests copy what they break."""
+    return make_files(tmp_path_factory.mktemp("rig with ünicode"))
+
+
+def make_files(folder: Path) -> Path:
+    """Make files for all commands with the commands themselves."""
     from stablepush.cli import main
     from stablepush.demo import demo_pokes, demo_slider
     from stablepush.files import write_json
     from stablepush.formats import contact_to_json, slider_to_json
     from stablepush.problem import save_scene
 
-    folder = tmp_path_factory.mktemp("rig with ünicode")
     sp.write_pushlog(demo_pokes(12), folder / "log")
     assert main(["fit", str(folder / "log"), "-o", str(folder / "model.json")]) == 0
     contact = sp.PushContact.on_edge(demo_slider(), 0, 0.16 / 3, 0.05, 0.9)

@@ -2,8 +2,10 @@
 
 import json
 import re
+import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -344,3 +346,77 @@ def test_pictures_are_the_same_for_the_same_plan():
     problem = small_scene()
     result = sp.plan(problem, time_limit=30)
     assert figure_png(plot_plan(problem, result)) == figure_png(plot_plan(problem, result))
+
+
+def interrupted(arguments, wait, times=1):
+    """Run the program, and press Ctrl-C once it is busy; exit code, standard output and error, seconds from the last Ctrl-C."""
+    run = subprocess.Popen(
+        [sys.executable, "-m", "stablepush", *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    began = time.perf_counter()
+    while not wait() and run.poll() is None and time.perf_counter() - began < 120:
+        time.sleep(0.05)
+    for _ in range(times):
+        run.send_signal(signal.SIGINT)
+        last = time.perf_counter()
+        time.sleep(0.3)
+    out, err = run.communicate(timeout=120)
+    return run.returncode, out, err, time.perf_counter() - last
+
+
+def test_ctrl_c_keeps_the_best_plan(rig, tmp_path, capsys, monkeypatch):
+    """Pressed once the search says that it looks for better plans."""
+    from stablepush.cli import common, plans
+
+    heard = []
+    describe = common.Progress.describe
+
+    def listen(self, text):
+        heard.append(text)
+        if "weight 1.5" in text and not pressed:
+            pressed.append(text)
+            signal.raise_signal(signal.SIGINT)
+        describe(self, text)
+
+    pressed: list[str] = []
+    monkeypatch.setattr(plans.Progress, "describe", listen)
+    output = tmp_path / "plan.json"
+    code = main(["plan", str(rig / "scene.json"), "-o", str(output), "--improve", "inf", "--time-limit", "600"])
+    out, err = capsys.readouterr()
+    assert pressed and code == 130, heard
+    assert err == f"stablepush: interrupted; {output} holds the best plan found so far\n"
+    assert "solved" in out
+    assert main(["check", str(rig / "scene.json"), str(output)]) == 0
+    assert [p.name for p in tmp_path.iterdir()] == ["plan.json"]
+    # the next one is an ordinary one
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_a_second_ctrl_c_ends_at_once():
+    from stablepush.cli.common import interruptible
+
+    with interruptible() as interrupted:
+        assert not interrupted()
+        signal.raise_signal(signal.SIGINT)
+        assert interrupted()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+
+def test_ctrl_c_before_there_is_a_plan_leaves_nothing(rig, tmp_path):
+    scene = json.loads((rig / "scene.json").read_text())
+    # a gap that is too narrow, which a planner that draws random numbers cannot show
+    low, high = [[0.45, 0.0], [0.55, 0.0], [0.55, 0.48], [0.45, 0.48]], [[0.45, 0.56], [0.55, 0.56], [0.55, 1], [0.45, 1]]
+    scene["obstacles"] = [low, high]
+    (tmp_path / "scene.json").write_text(json.dumps(scene))
+    output = tmp_path / "plan.json"
+    arguments = ["plan", tmp_path / "scene.json", "-o", output, "--planner", "ompl-rrtstar", "--time-limit", "600"]
+    for times in (1, 2):
+        began = time.perf_counter()
+        code, out, err, seconds = interrupted(arguments, lambda start=began: time.perf_counter() - start > 8, times)
+        # a second one may meet the program on its way out
+        assert code == 130 or (times == 2 and code == -signal.SIGINT)
+        assert (out, err) == ("", "stablepush: interrupted\n")
+        assert seconds < 20
+        assert [p.name for p in tmp_path.iterdir()] == ["scene.json"]

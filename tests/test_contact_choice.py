@@ -14,7 +14,10 @@ def test_the_best_contact_comes_first(measure):
     ranked = sp.rank_contacts(triangle(), FEET, 0.6, measure=measure, widths=(0.03, 0.06), places=4)
     assert len(ranked) == 3 * 2 * 4
     values = [{"area": -c.area, "tightest-turn": c.tightest_turn, "margin": -c.margin}[measure] for c in ranked]
-    assert values == sorted(values)
+    # contacts that are as good as each other to 1e-6 stand in the order of the edges
+    finite = np.array(values)[np.isfinite(values)]
+    assert np.isinf(values[len(finite) :]).all()
+    assert (np.diff(finite) >= -1e-6 * np.abs(finite).max()).all()
     assert np.isfinite(values[0])
     for choice in (ranked[0], ranked[-1]):
         region = sp.stable_region(FEET, choice.contact)

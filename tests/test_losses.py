@@ -147,9 +147,9 @@ def test_hold_out_chooses_the_weights_and_is_not_fitted():
     assert fit.validation_error == pytest.approx(min(errors))
     best = estimator.candidates[int(np.argmin(errors))]
     assert (fit.weights["w_force"], fit.weights["w_reg"]) == (best.w_force, best.w_reg)
-    np.testing.assert_allclose(
-        fit.surface.coefficients, estimator.solve(part, best).coefficients / p.force_scale**4, rtol=1e-6, atol=1e-12
-    )
+    # the fit leaves a millionth of the largest coefficient for a proof of convexity
+    expected = estimator.solve(part, best).coefficients / p.force_scale**4
+    np.testing.assert_allclose(fit.surface.coefficients, expected, atol=1e-5 * np.abs(expected).max())
     assert len(fit.angle_errors) == 20
 
 
@@ -191,6 +191,7 @@ def test_shrinkage_to_the_ellipsoid_vanishes_there_and_only_there():
     def penalty(a):
         return a @ part.stiffness @ a - 2 * part.pull @ a + part.pull_constant
 
+    # zero by construction: sums of 15 terms, of which rounding leaves 1e-14 on any processor
     assert penalty(power) == pytest.approx(0, abs=1e-9 * part.pull_constant)
     assert penalty(power * 1.1) > 1e-3 and penalty(sphere_power(4)) > 1e-3
     np.testing.assert_allclose(part.stiffness @ power, part.pull, atol=1e-9 * np.abs(part.pull).max())

@@ -28,7 +28,8 @@ def test_an_update_is_the_fit_to_all_pokes_with_faded_weights():
     norms = bombieri_norms(4)
     quadratic, linear = np.diag(norms) + 7 * moments.slip + 3 * moments.level, norms * sphere_power(4) + 3 * moments.target
     whole = squared_program(4).solve(quadratic, linear).coefficients / scale**4
-    np.testing.assert_allclose(estimate.surface.coefficients, whole, rtol=1e-6, atol=1e-9 * np.abs(whole).max())
+    # one program, solved from the same numbers to 1e-15 of them: the solver's own tolerance of 1e-8 is the difference
+    np.testing.assert_allclose(estimate.surface.coefficients, whole, rtol=1e-6, atol=1e-7 * np.abs(whole).max())
     assert estimate.memory == pytest.approx((1 - 0.8**12) / 0.2)
 
 

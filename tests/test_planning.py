@@ -1,10 +1,11 @@
+import math
 import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
-from conftest import small_scene, three_feet, triangle
+from conftest import random_twists, small_scene, three_feet, triangle
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stablepush_planners.distance_field import DistanceField
@@ -415,3 +416,63 @@ def test_scenes_survive_their_file(tmp_path):
     assert again.tolerance == problem.tolerance
     with pytest.raises(sp.InputError, match="bounds"):
         save_scene(small_scene(bounds=None), tmp_path / "open.json")
+
+
+def identified(pokes=8):
+    """A surface with an ensemble, from a few pokes of the triangle."""
+    truth = sp.IdealLimitSurface(three_feet(), 5.0)
+    twists = random_twists(pokes, 0.05)
+    return sp.fit_limit_surface(truth.wrench(twists), twists, slider=triangle()).surface
+
+
+def test_plans_of_an_identified_surface_are_likely_to_hold_by_default():
+    problem = small_scene(surface=identified(), min_margin=0.0)
+    default = sp.plan(problem, time_limit=60, improve=2000)
+    quickest = sp.plan(problem, time_limit=60, improve=2000, probability=0)
+    assert default.solved and quickest.solved
+    assert sp.least_probability(problem, default) >= 0.98
+    assert sp.least_probability(problem, quickest) < 0.9
+    assert quickest.duration < default.duration < 1.2 * quickest.duration
+    # without an ensemble there is nothing to count
+    plain = small_scene()
+    result = sp.plan(plain, time_limit=60, improve=0)
+    assert result.solved and sp.least_probability(plain, result) is None
+
+
+def test_without_a_likely_plan_the_quickest_comes_with_a_warning():
+    surface = identified()
+    # half of the surfaces are of a body whose feet are far to one side: what holds it does not hold the other
+    aside = sp.IdealLimitSurface(sp.SupportDistribution(np.add(three_feet().points, (0.5, 0.0)), np.ones(3)), 5.0)
+    twists = random_twists(20, 0.05)
+    rho = surface.characteristic_length
+    other = sp.fit_limit_surface(aside.wrench(twists), twists, characteristic_length=rho).surface
+    skewed = sp.PolynomialLimitSurface(
+        surface.coefficients, 4, rho, ensemble=np.concatenate((surface.ensemble[:25], other.ensemble[:25]))
+    )
+    problem = small_scene(surface=skewed, min_margin=0.0)
+    with pytest.warns(sp.PlanWarning, match="no plan was found whose pushes are all stable") as told:
+        result = sp.plan(problem, time_limit=60, improve=0)
+    assert result.solved
+    least = sp.least_probability(problem, result)
+    assert least <= 0.5
+    assert f"one of its pushes is stable with probability {least:.2g}" in str(told[0].message)
+    assert str(told[0].message) in result.message
+    with pytest.warns(sp.PlanWarning):
+        assert sp.plan(problem, time_limit=60, improve=0).duration == result.duration
+    assert not sp.plan(problem, time_limit=60, improve=0, probability=0.98).solved
+
+
+def test_a_search_can_be_stopped():
+    """What was found by then is the answer; before that there is none."""
+    problem = small_scene()
+    result = sp.plan(problem, time_limit=60, stop=lambda: True)
+    assert result.status == "interrupted"
+    said = []
+    asked = iter([False] * 200)
+
+    def stop():
+        return len(said) > 3 and next(asked, True)
+
+    full = sp.plan(problem, time_limit=60, improve=math.inf, stop=stop, progress=said.append)
+    assert full.solved
+    assert sp.check_plan(problem, full).valid

@@ -31,12 +31,11 @@ def test_bad_outlines_are_refused(vertices, message):
         sp.Slider(vertices)
 
 
-@pytest.mark.parametrize("mass", [1e-320, 9e-10, -1.0, 1e7, np.nan, "1"])
+@pytest.mark.parametrize("mass", [0, 1e-320, 9e-10, -1.0, 1e7, np.nan, "1"])
 def test_masses_that_are_none_are_refused(mass):
-    """Forces are divided by them. A mass of zero says that there is no inertia."""
+    """Forces are divided by them."""
     with pytest.raises(sp.InputError, match="mass: expected"):
         sp.Slider(SQUARE, mass)
-    assert sp.Slider(SQUARE, 0).mass == 0
     assert sp.Slider(SQUARE, 1e-9).mass == 1e-9
 
 

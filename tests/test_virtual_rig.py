@@ -213,6 +213,7 @@ def test_logs_are_read_back_and_repeat_for_a_seed(tmp_path):
 def test_a_batch_is_the_same_for_any_number_of_processes():
     noisy = rig("drift:rate=-0.1", noise=sp.Noise(0.03, 1e-4, 2e-3))
     jobs = [(noisy, campaign(count=5), seed) for seed in range(3)]
+    # equal to the last digit: the same compiled code in every process of one machine
     alone, together = sp.execute_batch(jobs, workers=1), sp.execute_batch(jobs, workers=2)
     for a, b in zip(alone, together, strict=True):
         for name, values in a.log.samples.items():

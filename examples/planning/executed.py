@@ -22,11 +22,11 @@ from stablepush.demo import demo_pokes, demo_slider
 
 SCENES = Path(__file__).parents[1] / "scenes"
 ASKED: dict[str, dict] = {
-    "quickest": {},
-    "margin weight 2": {"margin_weight": 2.0},
+    "quickest": {"probability": 0.0},
+    "margin weight 2": {"probability": 0.0, "margin_weight": 2.0},
     "chance 0.90": {"probability": 0.9},
     "chance 0.98": {"probability": 0.98},
-    "all-pressure": {"region": "all-pressure"},
+    "all-pressure": {"probability": 0.0, "region": "all-pressure"},
 }
 
 

@@ -5,11 +5,17 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from stablepush._arrays import FloatArray
 from stablepush._compiled import compiled, inner
 from stablepush._sweep import push_is_free
 from stablepush._twist import way_of
 from stablepush_planners.dubins import CURVATURES, dubins_lengths
+
+#: Costs (s) below this are of no path, turns (rad) below this none, and costs that differ by this share are the same: which of
+#: two mirrored paths is taken must not hang on rounding.
+_NO_COST, _NO_TURN, _ALIKE = 1e-9, 1e-9, 1e-9
 
 
 class Connections(NamedTuple):
@@ -47,24 +53,35 @@ def connect(connections, world, body, contact, x, y, theta, gx, gy, gt, most, le
     x0, y0 = x + c0 * frame[0] - s0 * frame[1], y + s0 * frame[0] + c0 * frame[1]
     x1, y1 = gx + c1 * frame[0] - s1 * frame[1], gy + s1 * frame[0] + c1 * frame[1]
     best = math.inf
-    tried = 1e-9
-    # words in the order of their cost; each is looked at once
+    radii = connections.radii.shape[1]
+    costs = np.full((radii, 6), math.inf)
+    straight = False
+    for r in range(radii):
+        radius = connections.radii[contact, r]
+        if radius <= 0.0:
+            continue
+        dubins_lengths(x0, y0, theta + frame[2], x1, y1, gt + frame[2], radius, lengths)
+        for w in range(6):
+            if CURVATURES[w, 1] == 0.0 and lengths[w, 0] + lengths[w, 2] <= _NO_TURN:
+                # one line, whatever the radius and the turns that it is without
+                if straight:
+                    continue
+                straight = True
+            cost = 0.0
+            for p in range(3):
+                cost += lengths[w, p] * radius * connections.prices[contact, r, int(1 - CURVATURES[w, p])]
+            if cost > _NO_COST:
+                costs[r, w] = cost
+    # the cheapest first, of those as cheap as each other the tighter turns and the earlier word
     for _ in range(4):
-        found, word, which = math.inf, -1, -1
-        for r in range(connections.radii.shape[1]):
-            radius = connections.radii[contact, r]
-            if radius <= 0.0:
-                continue
-            dubins_lengths(x0, y0, theta + frame[2], x1, y1, gt + frame[2], radius, lengths)
+        found, word, which = most, -1, -1
+        for r in range(radii):
             for w in range(6):
-                cost = 0.0
-                for p in range(3):
-                    cost += lengths[w, p] * radius * connections.prices[contact, r, int(1 - CURVATURES[w, p])]
-                if tried < cost < min(found, most):
-                    found, word, which = cost, w, r
+                if costs[r, w] < found * (1.0 - _ALIKE):
+                    found, word, which = costs[r, w], w, r
         if word < 0:
             break
-        tried = found
+        costs[which, word] = math.inf
         radius = connections.radii[contact, which]
         dubins_lengths(x0, y0, theta + frame[2], x1, y1, gt + frame[2], radius, lengths)
         px, py, pt = x, y, theta

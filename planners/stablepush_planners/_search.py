@@ -101,10 +101,16 @@ def _dequeue(tree):  # type: ignore[no-untyped-def]
 
 
 @inner
+def in_ticks(lattice, cost):  # type: ignore[no-untyped-def]
+    """A cost (s) as a whole multiple of the tick."""
+    return math.floor(cost / lattice.tick + 0.5) * lattice.tick
+
+
+@inner
 def _settled(tree, node, cost, weight):  # type: ignore[no-untyped-def]
     """Whether a node is not worth reaching again. Greedy searches expand no pose twice: costs that grow a little weigh less than
     a search that takes many times as long."""
-    return cost >= tree.cost[node] - 1e-12 or (weight > 1.0 and tree.closed[node])
+    return cost >= tree.cost[node] or (weight > 1.0 and tree.closed[node])
 
 
 @compiled
@@ -116,15 +122,15 @@ def reach(lattice, goal, tree, key, cost, parent, via, weight, limit):  # type: 
         contact, heading, i, j = parts_of(key)
         x, y = place_of(lattice, i, j)
         least = least_time(goal, x, y, lattice.cos[heading], lattice.sin[heading])
-        if least == math.inf or cost + least >= limit:
+        if least == math.inf or cost + least >= limit - 0.5 * lattice.tick:
             return
         node = tree.counts[0]
         tree.counts[0] += 1
         tree.table[at] = node
         tree.key[node] = key
         tree.least[node] = least
-        tree.guess[node] = guessed_time(goal, contact, heading, i, j, least)
-    elif _settled(tree, node, cost, weight) or cost + tree.least[node] >= limit:
+        tree.guess[node] = in_ticks(lattice, guessed_time(goal, contact, heading, i, j, least))
+    elif _settled(tree, node, cost, weight) or cost + tree.least[node] >= limit - 0.5 * lattice.tick:
         return
     tree.cost[node], tree.parent[node], tree.via[node], tree.closed[node] = cost, parent, via, False
     _enqueue(tree, cost + weight * tree.guess[node], node)
@@ -152,9 +158,9 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
                 return EXHAUSTED
             value = tree.queue[0]
             node = _dequeue(tree)
-            if not tree.closed[node] and value <= tree.cost[node] + weight * tree.guess[node] + 1e-12:
+            if not tree.closed[node] and value <= tree.cost[node] + weight * tree.guess[node] + 0.5 * lattice.tick:
                 break
-        if tree.cost[node] + tree.least[node] >= limit:
+        if tree.cost[node] + tree.least[node] >= limit - 0.5 * lattice.tick:
             tree.closed[node] = True
             continue
         if tree.via[node] == CONNECTION:
@@ -172,7 +178,7 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
         body = body_at(graph.bodies, contact)
         cost = tree.cost[node]
         # near the goal every pose is joined to it, far away now and then
-        interval = 1 + int(_INTERVAL * tree.least[node] / max(tree.least[0], 1e-9))
+        interval = 1 + int(_INTERVAL * tree.least[node] / max(tree.least[0], 1e-9) + 1e-9)
         if graph.connections.radii[contact, 0] > 0.0 and (tree.counts[2] == 1 or tree.counts[2] % interval == 0):
             most = limit - cost
             goal = tree.counts[3]
@@ -181,6 +187,7 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
             g = graph.goal.pose
             time = connect(graph.connections, world, body, contact, x, y, theta, g[0], g[1], g[2], most, lengths, pieces)
             if time < most:
+                time = in_ticks(lattice, time)
                 # connections are nodes of their own, one at most is of use
                 if goal < 0:
                     goal = tree.counts[0]

@@ -37,6 +37,8 @@ RADII = (1.0, 2.0, 4.0, 8.0)
 TABLE_REACH = 20
 #: Poses spread along a path between which the way is shortened, in the rounds of shortening.
 PIECES = (24, 40, 60)
+#: Halves are rounded up, also those that are less by rounding.
+_UP = 0.5 + 1e-9
 #: Contacts that a search can tell apart.
 _MOST_CONTACTS = 200
 
@@ -78,9 +80,6 @@ class PlanningContext:
         if refused is not None and not self.stable:
             raise refused
         self.steerings: dict[int, Steering] = {}
-        if not self.bodies[0].free(problem.start)[0]:
-            self.hopeless = "the start pose is in collision or out of bounds"
-            return
         for i, stable in self.stable.items():
             found = steering(problem, stable)
             if found is not None:
@@ -92,20 +91,19 @@ class PlanningContext:
         if math.isinf(self.bound):
             self.hopeless, self.bound = "obstacles close off the goal", 0.0
 
-    def graph(self, lattice: Lattice) -> Graph:
-        """Return what a search on a lattice runs on."""
+    def graph(self, lattice: Lattice, transfers: Transfers | None = None) -> Graph:
+        """Return what a search on a lattice runs on; ``transfers``: the changes of contact that it may make, if not all known."""
         problem, contacts = self.problem, len(self.problem.contacts)
         theta = float(problem.start[2])
         turn = np.array(((math.cos(theta), math.sin(theta)), (-math.sin(theta), math.cos(theta))))
-        there = np.rint(turn @ (problem.goal[:2] - problem.start[:2]) / lattice.cell).astype(np.int64)
-        heading = round((float(problem.goal[2]) - theta) / (2 * math.pi) * lattice.headings) % lattice.headings
+        there = np.floor(turn @ (problem.goal[:2] - problem.start[:2]) / lattice.cell + _UP).astype(np.int64)
+        heading = math.floor((float(problem.goal[2]) - theta) / (2 * math.pi) * lattice.headings + _UP) % lattice.headings
+        change = round(problem.switch_cost / lattice.tick) * lattice.tick
         size = 2 * TABLE_REACH + 1
         table = np.zeros((contacts, lattice.headings, size, size))
-        unobstructed_times(
-            lattice.first, lattice.steps, lattice.costs, lattice.headings, contacts, problem.switch_cost, heading, size, table
-        )
+        unobstructed_times(lattice.first, lattice.steps, lattice.costs, lattice.headings, contacts, change, heading, size, table)
         goal = self.goal._replace(table=table, at=there)
-        return Graph(lattice, self._docked, goal, self.connections, self.transfers)
+        return Graph(lattice, self._docked, goal, self.connections, (transfers or self.transfers)._replace(cost=change))
 
     def _goal(self) -> Goal:
         problem = self.problem

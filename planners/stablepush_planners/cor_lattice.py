@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from stablepush.deadline import Deadline
-from stablepush.errors import OutOfTimeError
+from stablepush.errors import ConvergenceError, OutOfTimeError
 from stablepush.options import PlanOptions
 from stablepush.path import PlanResult
 from stablepush.problem import PlanningProblem
@@ -34,6 +34,8 @@ LADDER = ((16, 0.25), (24, 0.125), (32, 0.0625))
 WEIGHTS = (3.0, 1.5, 1.0)
 #: A lattice path is of use if it costs less than this, in times of the best plan: shortening may make it the better one.
 WORTH = 1.05
+#: A plan is better than another if it costs less by this share: two searches that find the same path differ by rounding.
+_GAIN = 1e-9
 #: Nodes expanded between looks at the clock.
 _QUOTA = 500
 #: Nodes that the first tree has room for.
@@ -109,7 +111,7 @@ class _Planner:
             if rung not in self._lattices:
                 self._lattices[rung] = make_lattice(context.problem, context.stable, headings, cell)
             useful = useful or len(self._lattices[rung].durations) > 0
-            graph = context.graph(self._lattices[rung])._replace(transfers=transfers)
+            graph = context.graph(self._lattices[rung], transfers)
             limit = math.inf
             for weight in WEIGHTS:
                 words = f"{headings} headings, cells of {1000 * cell:.3g} mm, weight {weight:g}"
@@ -153,7 +155,7 @@ class _Planner:
         context, tree = self._context, _empty_tree(_FIRST_SIZE)
         for contact in context.stable:
             if contact == 0 or context.problem.pusher is None:
-                cost = 0.0 if contact == 0 else context.problem.switch_cost
+                cost = 0.0 if contact == 0 else graph.transfers.cost
                 key = _search.key_of(contact, 0, 0, 0)
                 _search.reach(graph.lattice, graph.goal, tree, key, cost, -1, _search.START, weight, limit)
         return tree
@@ -189,9 +191,10 @@ class _Planner:
             if via >= 0:
                 pushes = [(graph.lattice.twists[via].copy(), float(graph.lattice.durations[via]))]
             else:
-                most = 1e-6 + float(tree.cost[child] - tree.cost[parent]) * (1 + 1e-6)
+                most = 2 * graph.lattice.tick + float(tree.cost[child] - tree.cost[parent]) * (1 + 1e-6)
                 connection = self._context.connect(contact, pose, self._context.problem.goal, most)
-                assert connection is not None
+                if connection is None:
+                    raise ConvergenceError("connection to the goal: the path that the search found is not free by rounding")
                 pushes = connection
             stretches[-1][1].extend(pushes)
             pose = end_of(pose, pushes)
@@ -200,7 +203,7 @@ class _Planner:
     def _take(self, stretches: list[Stretch], words: str) -> None:
         """Keep a path if it is the best so far."""
         cost = self._context.cost(stretches)
-        if cost < self.cost:
+        if cost < self.cost * (1 - _GAIN):
             self.best, self.cost = stretches, cost
             ratio = f", cost {cost / self._context.bound:.3g} times the lower bound" if self._context.bound > 1e-3 else ""
             self.found_by = f"{words}{ratio}"

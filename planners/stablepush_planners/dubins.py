@@ -16,6 +16,9 @@ CURVATURES = np.array([[{"L": 1.0, "S": 0.0, "R": -1.0}[letter] for letter in wo
 _TURN = 2 * math.pi
 #: Turns (rad) this close to a full one are rounding of none.
 _ROUNDING = 1e-9
+#: Slack of what must not be negative, and squared distance of the middles of two turning circles that are one, in radii: where
+#: a goal lies exactly on a turn, rounding must not decide which words lead there.
+_SLACK, _SAME_CIRCLE = 1e-12, 1e-12
 
 
 @compiled
@@ -33,31 +36,35 @@ def dubins_lengths(x0, y0, t0, x1, y1, t1, radius, lengths):  # type: ignore[no-
     sa, ca, sb, cb = math.sin(a), math.cos(a), math.sin(b), math.cos(b)
     cab = math.cos(a - b)
     square = 2 + d * d - 2 * cab + 2 * d * (sa - sb)
-    if square >= 0:
+    if square >= _SAME_CIRCLE:
         t = math.atan2(cb - ca, d + sa - sb)
         lengths[0, 0], lengths[0, 1], lengths[0, 2] = _mod(t - a), math.sqrt(square), _mod(b - t)
+    else:
+        lengths[0, 0], lengths[0, 1], lengths[0, 2] = _mod(b - a), 0.0, 0.0
     square = 2 + d * d - 2 * cab + 2 * d * (sb - sa)
-    if square >= 0:
+    if square >= _SAME_CIRCLE:
         t = math.atan2(ca - cb, d - sa + sb)
         lengths[1, 0], lengths[1, 1], lengths[1, 2] = _mod(a - t), math.sqrt(square), _mod(t - b)
+    else:
+        lengths[1, 0], lengths[1, 1], lengths[1, 2] = _mod(a - b), 0.0, 0.0
     square = d * d - 2 + 2 * cab + 2 * d * (sa + sb)
-    if square >= 0:
-        p = math.sqrt(square)
+    if square >= -_SLACK:
+        p = math.sqrt(max(0.0, square))
         t = math.atan2(-ca - cb, d + sa + sb) - math.atan2(-2.0, p)
         lengths[2, 0], lengths[2, 1], lengths[2, 2] = _mod(t - a), p, _mod(t - b)
     square = d * d - 2 + 2 * cab - 2 * d * (sa + sb)
-    if square >= 0:
-        p = math.sqrt(square)
+    if square >= -_SLACK:
+        p = math.sqrt(max(0.0, square))
         t = math.atan2(ca + cb, d - sa - sb) - math.atan2(2.0, p)
         lengths[3, 0], lengths[3, 1], lengths[3, 2] = _mod(a - t), p, _mod(b - t)
     cosine = (6 - d * d + 2 * cab + 2 * d * (sa - sb)) / 8
-    if abs(cosine) <= 1:
-        p = _TURN - math.acos(cosine)
+    if abs(cosine) <= 1 + _SLACK:
+        p = _TURN - math.acos(min(1.0, max(-1.0, cosine)))
         t = _mod(a - math.atan2(ca - cb, d - sa + sb) + p / 2)
         lengths[4, 0], lengths[4, 1], lengths[4, 2] = t, p, _mod(a - b - t + p)
     cosine = (6 - d * d + 2 * cab + 2 * d * (sb - sa)) / 8
-    if abs(cosine) <= 1:
-        p = _TURN - math.acos(cosine)
+    if abs(cosine) <= 1 + _SLACK:
+        p = _TURN - math.acos(min(1.0, max(-1.0, cosine)))
         t = _mod(-a - math.atan2(ca - cb, d + sa - sb) + p / 2)
         lengths[5, 0], lengths[5, 1], lengths[5, 2] = t, p, _mod(b - a - t + p)
 

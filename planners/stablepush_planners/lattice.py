@@ -25,6 +25,8 @@ from stablepush_planners.stable_set import StableSet
 _REACH, _LARGEST_TURN = 9, math.pi / 2
 #: An edge is left out if others lead to its end for at most this much more.
 _SPARE = 0.03
+#: The time in which a push at the speed limit crosses a cell has two to so many ticks.
+_TICKS = 24
 
 
 class Lattice(NamedTuple):
@@ -46,7 +48,9 @@ class Lattice(NamedTuple):
     twists : array, shape (n, 3)
         Body twists (m/s, rad/s) at the speed limit.
     durations, costs : array, shape (n,)
-        In s.
+        In s. Costs are whole multiples of ``tick``.
+    tick : float
+        Unit (s) of all costs of a search, a power of two: their sums are exact, so paths that cost the same are found to.
     """
 
     origin: FloatArray
@@ -59,6 +63,7 @@ class Lattice(NamedTuple):
     twists: FloatArray
     durations: FloatArray
     costs: FloatArray
+    tick: float
 
 
 def make_lattice(problem: PlanningProblem, stable: Mapping[int, StableSet], headings: int, cell: float) -> Lattice:
@@ -74,6 +79,7 @@ def make_lattice(problem: PlanningProblem, stable: Mapping[int, StableSet], head
             first += [count] * headings
     angles = float(problem.start[2]) + 2 * np.pi / headings * np.arange(headings)
     steps, twists, durations, costs = (np.concatenate(column) for column in zip(*found, strict=True))
+    tick = 2.0 ** (round(math.log2(cell / problem.speed)) - _TICKS)
     return Lattice(
         origin=np.array(problem.start),
         cell=cell,
@@ -84,7 +90,8 @@ def make_lattice(problem: PlanningProblem, stable: Mapping[int, StableSet], head
         steps=np.ascontiguousarray(steps, dtype=np.int64),
         twists=np.ascontiguousarray(twists),
         durations=np.ascontiguousarray(durations),
-        costs=np.ascontiguousarray(costs),
+        costs=np.ascontiguousarray(np.round(costs / tick) * tick),
+        tick=tick,
     )
 
 

@@ -91,7 +91,8 @@ def _divided(start: FloatArray, pushes: list[TimedTwist], pieces: int) -> tuple[
     total = sum(d for _, d in pushes)
     poses, legs = [start], []
     for twist, duration in pushes:
-        parts = max(1, round(pieces * duration / total))
+        # halves are rounded up, also those that are less by rounding
+        parts = max(1, math.floor(pieces * duration / total + 0.5 + 1e-9))
         first = poses[-1]
         poses += [compose(first, exp(twist * (duration * (k + 1) / parts))) for k in range(parts)]
         legs += [(twist, duration / parts)] * parts

@@ -9,7 +9,7 @@ from stablepush.all_pressure import all_pressure_region
 from stablepush.conservative import lynch_mason_region
 from stablepush.deadline import Deadline
 from stablepush.errors import InputError, OutOfTimeError
-from stablepush.models import PolynomialLimitSurface
+from stablepush.models import ensemble_of
 from stablepush.options import PlanOptions
 from stablepush.oracle import StabilityOracle
 from stablepush.problem import PlanningProblem
@@ -45,7 +45,7 @@ class StableSet:
         self._members: list[StabilityOracle] = []
         self._votes = asked.probability
         if asked.probability > 0:
-            members = problem.surface.members() if isinstance(problem.surface, PolynomialLimitSurface) else []
+            members = ensemble_of(problem.surface)
             if not members:
                 raise InputError("probability: expected a limit surface with an ensemble, as a fit leaves it")
             self._members = [StabilityOracle(member, problem.contacts[contact]) for member in members]

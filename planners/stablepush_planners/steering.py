@@ -25,6 +25,10 @@ _OFFSETS = np.linspace(-2.0, 2.0, 9)
 _PLACES = np.sinh(np.linspace(-np.arcsinh(500.0), np.arcsinh(500.0), 121)) / 10.0
 
 
+#: A turn is tighter than another if its radius is less by this share; of equal ones the first line that is looked at stays.
+_GAIN = 1e-9
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Steering:
     """How one contact steers: a reference frame in B whose origin moves like a Dubins vehicle along its x axis.
@@ -68,7 +72,7 @@ def steering(problem: PlanningProblem, stable: StableSet) -> Steering | None:
             break
         direction, offset, left, right = found
         radius = (left - right) / 2
-        if best is None or radius < best.radius:
+        if best is None or radius < best.radius * (1 - _GAIN):
             along = np.array((np.cos(direction), np.sin(direction)))
             middle = offset * along + (left + right) / 2 * np.array((-along[1], along[0]))
             best = Steering(np.array((*middle, direction)), radius)
@@ -102,7 +106,7 @@ def _tightest(
                 continue
             s_left = _refine(accept, offset * d, normal, 1.0, places, i, i - 1)
             s_right = _refine(accept, offset * d, normal, -1.0, places, j, j + 1)
-            if s_left > s_right and (best is None or s_left - s_right < best[2] - best[3]):
+            if s_left > s_right and (best is None or s_left - s_right < (best[2] - best[3]) * (1 - _GAIN)):
                 best = (float(direction), float(offset), s_left, s_right)
     return best
 

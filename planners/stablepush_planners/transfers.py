@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from stablepush._arrays import FloatArray
+from stablepush._arrays import FloatArray, first_least, order_with_ties
 from stablepush._sweep import line_is_free
 from stablepush.collision import body_of, world_of
 from stablepush.problem import PlanningProblem
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 #: The pusher keeps this far (m) from what it goes round.
 CLEARANCE = 2e-6
+#: Paths whose lengths (m) differ by no more are as long as each other.
+_ALIKE = 1e-9
 #: Sides of a quarter circle when outlines are widened.
 _QUARTER = 4
 #: The pusher backs off in steps of this share of its radius, at most so many.
@@ -78,10 +80,10 @@ def routes_of(problem: PlanningProblem) -> Routes:
             found = (np.zeros((0, 2)),) * 2
             if i != j and min(retreats[i], retreats[j]) >= 0:
                 found = _both_ways(around, backed_off(docks[i], retreats[i])[:2], backed_off(docks[j], retreats[j])[:2])
-            # the shorter one first; one that is not there has no points
-            for line in sorted(found, key=_length):
-                points.append(line)
-                first.append(first[-1] + len(line))
+            # the shorter one first, of two alike the counter-clockwise one; one that is not there has no points
+            for k in order_with_ties([_length(line) for line in found], _ALIKE):
+                points.append(found[k])
+                first.append(first[-1] + len(found[k]))
     return Routes(radius, docks, retreats, np.array(first), np.ascontiguousarray(np.concatenate(points)))
 
 
@@ -109,7 +111,7 @@ def contact_graph(problem: PlanningProblem) -> nx.DiGraph:
                 paths = [docking_path((routes.docks[i], routes.docks[j]), way) for way in ways if len(way)]
                 lengths = [float(np.hypot(*np.diff(path[:, :2], axis=0).T).sum()) for path in paths]
                 if paths:
-                    k = int(np.argmin(lengths))
+                    k = first_least(lengths, _ALIKE)
                     graph.add_edge(i, j, length=lengths[k], path=paths[k])
     return graph
 
@@ -125,6 +127,8 @@ def docking_path(docks: tuple[FloatArray, FloatArray], way: FloatArray) -> Float
     turn = float(wrap_angle(end[2] - start[2]))
     steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
     share = np.concatenate(((0.0,), np.cumsum(steps))) / max(float(steps.sum()), 1e-12)
+    # a path that ends by rounding before its end would still turn while it docks
+    share[-1] = 1.0
     along = np.column_stack((way, start[2] + share * turn))
     return np.concatenate((start[None], along, (end[0], end[1], start[2] + turn) * np.ones((1, 3))))
 
@@ -163,7 +167,7 @@ def way_among_obstacles(
     seen = ~shapely.intersects(inner, lines)
     graph = nx.Graph()
     graph.add_nodes_from(range(len(places)))
-    lengths = np.linalg.norm(places[i] - places[j], axis=1)
+    lengths = np.round(np.linalg.norm(places[i] - places[j], axis=1) / _ALIKE) * _ALIKE
     graph.add_weighted_edges_from(zip(i[seen].tolist(), j[seen].tolist(), lengths[seen].tolist(), strict=True))
     try:
         return places[nx.shortest_path(graph, 0, 1, weight="weight")]

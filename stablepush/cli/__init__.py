@@ -6,10 +6,17 @@ import io
 import os
 import sys
 import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 #: Time limits count from here: the first thing that the program does, or the call of :func:`main` from Python.
 STARTED = time.perf_counter()
+#: Exit codes, besides 0 and 1, a negative answer.
+BAD_INPUT, INTERRUPTED = 2, 130
+#: What a command ends with that was interrupted, and has said what it kept.
+INTERRUPTED_AND_TOLD = -INTERRUPTED
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -20,7 +27,6 @@ def main(arguments: list[str] | None = None) -> int:
     import typer
 
     from stablepush.cli.app import app
-    from stablepush.errors import StablepushError
 
     # the class that all argument errors derive from is not a public name of every typer
     usage_error: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
@@ -28,8 +34,24 @@ def main(arguments: list[str] | None = None) -> int:
         # names of files and words of plans may hold what the terminal's encoding cannot show
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+    with _notes() as notes:
+        code = _run(app, arguments, usage_error)
+    if code != BAD_INPUT:
+        for note in notes:
+            print(note, file=sys.stderr)
+    if arguments is None:
+        sys.exit(code)
+    return code
+
+
+def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
+    import typer
+
+    from stablepush.errors import StablepushError
+
     code: object
     try:
+        _require_values(sys.argv[1:] if arguments is None else arguments)
         code = app(args=arguments, prog_name="stablepush", standalone_mode=False)
         sys.stdout.flush()
     except typer.Exit as stop:
@@ -39,20 +61,60 @@ def main(arguments: list[str] | None = None) -> int:
     except usage_error as error:
         code = _complain(error.format_message())  # type: ignore[attr-defined]
     except (KeyboardInterrupt, typer.Abort):
-        print("stablepush: interrupted", file=sys.stderr)
-        code = 130
+        code = INTERRUPTED
     except BrokenPipeError:
         # whoever read the output has gone; the interpreter must not complain when it closes the stream
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
     except MemoryError:
         code = _complain("out of memory")
-    result = code if isinstance(code, int) else 0
-    if arguments is None:
-        sys.exit(result)
-    return result
+    if code == INTERRUPTED:
+        # from here, or from typer: newer versions turn a Ctrl-C into this code themselves
+        print("stablepush: interrupted", file=sys.stderr)
+    elif code == INTERRUPTED_AND_TOLD:
+        code = INTERRUPTED
+    return code if isinstance(code, int) else 0
+
+
+def _require_values(arguments: list[str]) -> None:
+    """Refuse empty arguments, which an unset variable of a shell leaves: as a path they would mean the current folder."""
+    from stablepush.errors import InputError
+
+    for before, argument in zip(("", *arguments), arguments, strict=False):
+        name, equals, value = argument.partition("=")
+        if argument == "" or (name.startswith("--") and equals and value == ""):
+            place = name or (before if before.startswith("-") else "arguments")
+            raise InputError(f'{place}: expected a value, got ""')
+
+
+@contextmanager
+def _notes() -> Iterator[list[str]]:
+    """Collect, as lines to be printed, what the library warns of in a block: each value once, however often it is looked at."""
+    from stablepush.errors import PlausibilityWarning, StablepushWarning
+
+    lines: list[str] = []
+    said: set[tuple[str, str]] = set()
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", StablepushWarning)
+        others = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *rest: Any, **named: Any) -> None:
+            if not issubclass(category, StablepushWarning):
+                others(message, category, *rest, **named)
+                return
+            # the same doubt may come from a file and from what was made of it: its place differs, its words do not
+            words = str(message).rpartition(": ")[2]
+            place = str(message).rpartition(": ")[0].rpartition(": ")[2].rpartition(".")[2]
+            if (place, words) not in said:
+                said.add((place, words))
+                lines.append(
+                    f"{'note' if issubclass(category, PlausibilityWarning) else 'warning'}: {' '.join(str(message).split())}"
+                )
+
+        warnings.showwarning = show
+        yield lines
 
 
 def _complain(message: str) -> int:
     print(f"stablepush: error: {' '.join(message.split())}", file=sys.stderr)
-    return 2
+    return BAD_INPUT

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -67,6 +68,28 @@ def about(path: Path, contact: Path | None = None) -> Iterator[None]:
         if str(error).startswith(str(file)):
             raise
         raise InputError(f"{file}: {error}") from None
+
+
+@contextmanager
+def interruptible() -> Iterator[Callable[[], bool]]:
+    """Let a block end by itself at the first Ctrl-C, of which the callable given tells; the second ends it at once."""
+    told = False
+
+    def tell(number: int, frame: object) -> None:
+        nonlocal told
+        if told:
+            raise KeyboardInterrupt
+        told = True
+
+    try:
+        before = signal.signal(signal.SIGINT, tell)
+    except ValueError:  # not in the main thread, where nobody can press it
+        yield lambda: False
+        return
+    try:
+        yield lambda: told
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def require_outside(path: Path, folder: Path) -> None:

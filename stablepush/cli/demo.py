@@ -17,7 +17,7 @@ from stablepush.formats import load_model, save_model
 from stablepush.identify import fit_limit_surface
 from stablepush.logs import read_pushlog, write_pushlog
 from stablepush.path import load_plan, save_plan
-from stablepush.planning import plan
+from stablepush.planning import least_probability, plan
 from stablepush.plot import figure_png, plot_plan, plot_regions
 from stablepush.probability import probability_map
 from stablepush.problem import load_scene, save_scene
@@ -58,7 +58,8 @@ def run_demo(folder: Path, seed: int) -> int:
     report = check_plan(scene, load_plan(folder / "plan.json"))
     if result.solved:
         verdict = "check: valid" if report.valid else f"check: {report.objections[0]}"
-        print(f"{folder / 'plan.json'}: {len(result.pushes)} pushes, {result.duration:.1f} s, {verdict}")
+        likely = f"each stable with probability {least_probability(scene, result) or 0:.2f} or more"
+        print(f"{folder / 'plan.json'}: {len(result.pushes)} pushes, {likely}, {result.duration:.1f} s, {verdict}")
     else:
         print(f"{folder / 'plan.json'}: {result.status}: {result.message}")
     plan_png = figure_png(plot_plan(scene, result))
@@ -102,6 +103,7 @@ def run_demo(folder: Path, seed: int) -> int:
                 ("duration", f"{result.duration:.1f} s; no plan can take less than {result.lower_bound or 0:.1f} s"),
                 ("length", f"{result.length:.2f} m"),
                 ("least margin", f"{np.degrees(result.min_margin):.2f}°"),
+                ("least probability that a push is stable", f"{least_probability(scene, result) or 0:.2f}"),
                 ("planning time", f"{result.planning_time:.2f} s"),
                 ("independent check", "valid" if report.valid else "; ".join(report.objections)),
             ],

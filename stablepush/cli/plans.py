@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stablepush.cli.common import Output, Progress, about, number, require_files, require_seed, whole_number
+from stablepush.cli.common import Output, Progress, about, interruptible, number, require_files, require_seed, whole_number
 from stablepush.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,8 +45,13 @@ def plan(
     seed: Seed = 0,
     region: Annotated[str, typer.Option(help="Rotation centres to use: model, all-pressure or conservative.")] = "model",
     probability: Annotated[
-        float, typer.Option(parser=number, metavar="P", help="Least probability of stability of each push, by the ensemble.")
-    ] = 0.0,
+        float | None,
+        typer.Option(
+            parser=number,
+            metavar="P",
+            help="Least probability that a push is stable, by the model's ensemble (0.98 if it has one; 0: the quickest plan).",
+        ),
+    ] = None,
     margin_weight: Annotated[
         float, typer.Option(parser=number, metavar="W", help="How much more a push with no margin costs than the safest.")
     ] = 0.0,
@@ -59,17 +65,18 @@ def plan(
 ) -> None:
     """Plan a path of stable pushes."""
     from stablepush._arrays import LARGEST_MAGNITUDE, LEAST_POSITIVE
-    from stablepush.cli import STARTED
+    from stablepush.cli import INTERRUPTED_AND_TOLD, STARTED
     from stablepush.files import write_atomically
     from stablepush.options import REGIONS
     from stablepush.path import save_plan
+    from stablepush.planning import least_probability
     from stablepush.planning import plan as make_plan
     from stablepush.problem import load_scene
 
     _require_search(planner, time_limit, seed, improve)
     if region not in REGIONS:
         raise InputError(f"--region: expected {' or '.join(REGIONS)}, got {region!r}")
-    if not 0 <= probability <= 1:
+    if probability is not None and not 0 <= probability <= 1:
         raise InputError(f"--probability: expected a number from 0 to 1, got {probability:g}")
     if not (math.isfinite(margin_weight) and 0 <= margin_weight <= 1e6):
         raise InputError(f"--margin-weight: expected a number >= 0, got {margin_weight:g}")
@@ -80,7 +87,7 @@ def plan(
     require_files(output, view, picture, read=(scene,))
     problem = load_scene(scene)
     left = max(0.0, time_limit - (time.perf_counter() - STARTED))
-    with Progress("plan") as step, about(scene):
+    with Progress("plan") as step, about(scene), interruptible() as interrupted:
         result = make_plan(
             problem,
             planner,
@@ -91,8 +98,11 @@ def plan(
             margin_weight=margin_weight,
             cor_rate=cor_rate,
             improve=improve,
+            stop=interrupted,
             progress=step.describe,
         )
+    if interrupted() and not result.solved:
+        raise KeyboardInterrupt
     save_plan(result, output)
     if view is not None:
         from stablepush.report import plan_html
@@ -102,7 +112,10 @@ def plan(
         from stablepush.plot import plot_plan, save_figure
 
         save_figure(plot_plan(problem, result), picture)
-    print(f"{output}: {_plan_line(result)}")
+    print(f"{output}: {_plan_line(result, least_probability(problem, result))}")
+    if interrupted():
+        print(f"stablepush: interrupted; {output} holds the best plan found so far", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED_AND_TOLD)
     raise typer.Exit(0 if result.solved else 1)
 
 
@@ -195,7 +208,7 @@ def trajectory(
     print(f"{output}: {len(samples.t)} samples over {samples.t[-1]:.2f} s")
 
 
-def _plan_line(result: PlanResult) -> str:
+def _plan_line(result: PlanResult, probability: float | None) -> str:
     if not result.solved:
         return f"{result.status}: {result.message}"
     bound = "" if result.lower_bound is None else f" (at least {result.lower_bound:.1f} s)"
@@ -203,4 +216,5 @@ def _plan_line(result: PlanResult) -> str:
         f"solved in {result.planning_time:.2f} s: {len(result.pushes)} pushes, {result.length:.3f} m, "
         f"{result.duration:.1f} s{bound}, {result.switches} changes of contact, "
         f"least margin {math.degrees(result.min_margin):.2f} deg"
+        + ("" if probability is None else f", each push stable with probability {probability:.2f} or more")
     )

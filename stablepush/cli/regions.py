@@ -26,12 +26,14 @@ def classify(
     from stablepush.logs.table import IS_SENSE, read_table, table_text
     from stablepush.oracle import BOUNDARY_SLACK, StabilityOracle
     from stablepush.planar import twist_from_cor
+    from stablepush.plausibility import note_cors
 
     require_files(output, read=(model, contact, cors))
     columns = ("cor_x", "cor_y", "sense")
     oracle = StabilityOracle(load_model(model), load_contact(contact))
     table, _ = read_table(cors, required=columns, numbers=columns, filled=columns, rules={"sense": IS_SENSE})
     centers = np.stack((table["cor_x"], table["cor_y"]), axis=-1).reshape(-1, 2)
+    note_cors(centers, oracle.surface.characteristic_length, f"{cors}: cor_x, cor_y")
     twists = twist_from_cor(centers, table["sense"])
     with about(model):
         margins, shares = oracle.margin(twists), oracle.probability(twists)
@@ -70,7 +72,7 @@ def draw_map(
     from stablepush.conservative import lynch_mason_region
     from stablepush.files import write_atomically, write_json
     from stablepush.formats import load_contact, load_model, load_slider
-    from stablepush.models import PolynomialLimitSurface
+    from stablepush.models import ensemble_of
     from stablepush.plot import figure_png, plot_margins, plot_regions, plot_twist_sphere
     from stablepush.probability import chance_region, probability_map
     from stablepush.region import regions_to_json, stable_region
@@ -93,10 +95,10 @@ def draw_map(
     with about(model, contact):
         regions = [stable_region(surface, fingers)]
         if probability is not None:
-            if not (isinstance(surface, PolynomialLimitSurface) and surface.members()):
+            if not ensemble_of(surface):
                 raise InputError("--probability: expected a model with an ensemble, as fit leaves it")
             regions.append(chance_region(surface, fingers, probability))
-        if isinstance(surface, PolynomialLimitSurface) and surface.members() and regions[0].curve is None:
+        if ensemble_of(surface) and regions[0].curve is None:
             size = 5 * max(fingers.radius, 0.0 if body is None else body.radius) if extent is None else extent
             shading = probability_map(surface, fingers, size)
     if body is not None and slider is not None:

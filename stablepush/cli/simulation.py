@@ -72,6 +72,7 @@ def simulate(
     from stablepush.execution import execute_closed_loop, execute_plan, require_contacts
     from stablepush.logs import Noise, write_pushlog
     from stablepush.path import load_plan
+    from stablepush.plausibility import note_finger, note_friction
     from stablepush.problem import load_scene
     from stablepush.pushing import Pusher
     from stablepush.virtual_rig import VirtualRig
@@ -90,6 +91,8 @@ def simulate(
     for option, positive in (("--mu", mu), ("--replan", replan)):
         if positive is not None:
             check_number(positive, option, positive=True)
+    note_finger(finger_radius, "--finger-radius")
+    note_friction(mu or 0.0, "--mu")
     effects = [parse_effect(text) for text in effect or []]
     require_folder(output)
     require_files(view, read=(scene, plan_file))
@@ -193,20 +196,24 @@ def slide(
     from stablepush.files import write_atomically
     from stablepush.formats import load_model, load_slider
     from stablepush.logs.table import table_text
+    from stablepush.plausibility import note_friction, note_gravity, note_slide
     from stablepush.sliding import simulate_free_sliding
 
     first = numbers("--twist", ("VX", "VY", "OMEGA"), twist)
     if mu is not None:
         check_zero_or_positive(mu, "--mu")
     check_number(gravity, "--gravity", positive=True)
+    note_slide(first, "--twist")
+    note_gravity(gravity, "--gravity")
+    note_friction(mu or 0.0, "--mu")
     if duration is not None:
         check_number(duration, "--duration", positive=True)
     if not 2 <= samples <= 1_000_000:
         raise InputError(f"--samples: expected a whole number from 2 to 1000000, got {samples}")
     require_files(output, picture, view, read=(model, slider_file))
     surface, slider = load_model(model), load_slider(slider_file)
-    if slider.mass is None or slider.mass == 0:
-        raise InputError(f"{slider_file}: mass: expected a mass > 0 in kg, got {slider.mass}")
+    if slider.mass is None:
+        raise InputError(f"{slider_file}: mass: expected a mass > 0 in kg, got null")
     if mu is None and surface.force_unit == "mu*N":
         raise InputError(f"--mu: expected the friction of the support, since the forces of {model} are in units of mu*N")
     with about(model):

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 from scipy.stats import t as student
 
-from stablepush._arrays import FloatArray
+from stablepush._arrays import FloatArray, first_least, order_with_ties
 from stablepush.diagnosis.equations import OF_BODY, OF_PRESSURE, RANGES, SIZES, Fitted, ScoreTest, Values
 from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.system import IN_GAPS, System
@@ -23,6 +23,8 @@ _LEAST = 0.03
 _LEAST_OF: Mapping[str, float] = {"anisotropy-world": 0.12, "anisotropy-object": 0.12}
 #: Effects that may act together, and that are fitted in a step.
 _MOST, _TRIED = 4, 4
+#: Gains and scores (in log density) that differ by no more are alike.
+_ALIKE = 1e-6
 #: Alternatives are looked at if they gain at least this share of what the chosen effect gains.
 _RIVAL = 0.5
 #: An alternative that needs values beyond this many times half of their plausible range is none.
@@ -180,14 +182,16 @@ def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitt
             if min(screening.gain, screening.statistic) > demands.gain and times < np.inf and screening.possible:
                 entering.append((test.gain, id, times))
         fits = []
-        for _, id, times in sorted(entering, reverse=True)[:_TRIED]:
+        # of effects that explain as much, which are one on this log, the first of the catalogue
+        order = order_with_ties([-gain for gain, *_ in entering], _ALIKE)
+        for _, id, times in [entering[k] for k in order[:_TRIED]]:
             fit = system.fit([*chosen, id], True)
             screened[id] = replace(screened[id], better=system.better(fit.density, current.density, times=times))
             fits += [(fit, [id])] if screened[id].better else []
         entered = fits or _masked(system, chosen, current)
         if not entered:
             break
-        current, added = max(entered, key=lambda one: one[0].score)
+        current, added = entered[first_least([-fit.score for fit, _ in entered], _ALIKE)]
         chosen += added
         system.settle(current)
         current = system.fit(chosen, True)

@@ -15,6 +15,8 @@ from stablepush.diagnosis.forward import PARAMETERS
 
 #: Degrees of freedom of the row errors (Student): rows that are far off count less.
 _TAIL = 5.0
+#: Directions of parameters whose information is this share of the greatest are not determined.
+_RANK = 1e-9
 #: Shares of a Gauss-Newton step that are tried until it helps.
 _SHARES = (1.0, 0.5, 0.25, 0.1, 0.02)
 #: Median of the squares of unit Gaussian noise.
@@ -119,7 +121,7 @@ def statistics(pulls: FloatArray, scores: FloatArray) -> FloatArray:
     d = pulls.shape[1]
     active = np.maximum(2, (np.abs(scores).max(axis=2) > 0).sum(axis=1))
     spread = np.einsum("nti,ntj->nij", scores, scores) * (active / np.maximum(1, active - d))[:, None, None]
-    return np.asarray(np.einsum("ni,nij,nj->n", pulls, np.linalg.pinv(spread, hermitian=True), pulls))
+    return np.asarray(np.einsum("ni,nij,nj->n", pulls, np.linalg.pinv(spread, rcond=_RANK, hermitian=True), pulls))
 
 
 class Equations(ABC):
@@ -234,7 +236,7 @@ class Equations(ABC):
             mine = weights[rows, None] * design[rows]
             pull = mine.T @ residual[rows]
             if pull.any():
-                moved = np.linalg.lstsq(hessian - slope * (mine.T @ design[rows]), pull, rcond=1e-12)[0]
+                moved = np.linalg.lstsq(hessian - slope * (mine.T @ design[rows]), pull, rcond=_RANK)[0]
                 total += np.outer(moved, moved)
                 count += 1
         return np.asarray(total * (count - 1) / max(1, count))
@@ -295,8 +297,8 @@ class Equations(ABC):
 
 
 def _scale(residual: FloatArray) -> float:
-    """Robust mean square of residuals."""
-    return max(1e-12, float(usual(residual**2))) if len(residual) else 1.0
+    """Robust mean square of residuals, in units of the noise: at least a hundredth of it, below which residuals are rounding."""
+    return max(1e-4, float(usual(residual**2))) if len(residual) else 1.0
 
 
 def usual(squares: FloatArray, axis: int | None = None) -> Any:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import BoolArray, FloatArray
+from stablepush._arrays import BoolArray, FloatArray, first_least
 from stablepush.diagnosis.equations import SIZES, Demands, Fitted, Values, usual
 from stablepush.diagnosis.observations import Observations
 from stablepush.diagnosis.replay import MOVING, Replay, misses
@@ -77,7 +77,7 @@ class Motions(System):
         """Friction of the fingers with which the nominal simulation is nearest to the ends: where fits of it begin."""
         surface, slider = self.surface(self.nominal), self.rig.slider
         missed = [np.linalg.norm(misses(pushes, surface, slider, mu, self.moving_weight, {}), axis=1) for mu in _GRIPS]
-        return _GRIPS[int(np.argmin([np.nan_to_num(m, nan=10 * self.rho).sum() for m in missed]))]
+        return _GRIPS[first_least([np.nan_to_num(m, nan=10 * self.rho).sum() for m in missed], 1e-6 * len(pushes))]
 
     def surface(self, loads: FloatArray) -> IdealLimitSurface:
         """Return the nominal pressure moved and stretched."""
@@ -188,7 +188,7 @@ def _coarse(support: SupportDistribution) -> SupportDistribution:
     if len(points) <= _CELLS**2:
         return support
     low = points.min(axis=0)
-    cells = np.minimum((points - low) / np.maximum(np.ptp(points, axis=0), 1e-9) * _CELLS, _CELLS - 1).astype(int)
+    cells = np.minimum((points - low) / np.maximum(np.ptp(points, axis=0), 1e-9) * _CELLS + 1e-9, _CELLS - 1).astype(int)
     _, cell = np.unique(cells @ (_CELLS, 1), return_inverse=True)
     total = np.bincount(cell, weights)
     centers = np.stack([np.bincount(cell, weights * points[:, k]) / total for k in range(2)], axis=-1)
@@ -207,7 +207,8 @@ def motions_of(observations: Observations, rig: Rig, pushes: list[Replay]) -> Mo
     plain = system.fit([], True)
     left = plain.residual[: 3 * len(system.pushes)] * system.spread
     reach, noise = system.reach, system.end_noise.ravel()
-    stuck = reach <= np.median(reach)
+    # ends that the surface moves by a thousandth of their noise it does not move
+    stuck = reach <= np.maximum(np.median(reach), 1e-3 * noise)
     still = noise * max(1.0, float(np.sqrt(usual((left[stuck] / noise[stuck]) ** 2))))
     moved = np.maximum(left[~stuck] ** 2 - still[~stuck] ** 2, 0.0) / np.maximum(reach[~stuck], 1e-12) ** 2
     share = np.sqrt(usual(moved)) if len(moved) else 0.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from stablepush._arrays import BoolArray, FloatArray
+from stablepush._arrays import LEAST_POSITIVE, BoolArray, FloatArray
 from stablepush.logs import PushLog
 from stablepush.logs.pushlog import told_apart
 from stablepush.se2 import compose, exp, inverse, rotate_vectors, transform_points, wrap_angle
@@ -115,7 +115,7 @@ def observe(log: PushLog) -> Observations:
     rho = log.rig.slider.characteristic_length
     size = np.linalg.norm(twists * (1, 1, rho), axis=1)
     if usable.any():
-        usable &= size > _REST * np.median(size[usable])
+        usable &= size > max(_REST * float(np.median(size[usable])), LEAST_POSITIVE)
     names = [str(name) for name in log.trials["trial"]]
     rows_of = {name: np.flatnonzero((s["trial"] == name) & usable) for name in names}
     seconds = np.asarray(s["t"], dtype=np.float64)
@@ -141,7 +141,7 @@ def observe(log: PushLog) -> Observations:
             offset = compose(inverse(poses[first]), poses[last])
             offset[2] = wrap_angle(offset[2])
             spent = float(seconds[last] - seconds[first])
-            if told_apart(seconds[[first, last]]).all() and np.abs(offset).max() > 0:
+            if told_apart(seconds[[first, last]]).all() and np.abs(offset).max() > LEAST_POSITIVE:
                 whole[len(blocks)] = spent
                 ends[len(blocks)] = compose(poses[first], exp(log_of(offset) / 2)), log_of(offset) / spent
                 blocks.append((k, np.flatnonzero(s["trial"] == names[k])))
@@ -372,7 +372,7 @@ def nearest(outline: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatA
     # at an edge its normal; at corners the direction to the centre
     lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
     ends = np.cumsum(lengths)
-    edge = np.clip(np.searchsorted(ends, where, side="right"), 0, len(outline) - 1)
+    edge = np.clip(np.searchsorted(ends, where + 1e-9, side="right"), 0, len(outline) - 1)
     along = (np.roll(outline, -1, axis=0) - outline) / lengths[:, None]
     inward = np.stack((-along[edge, 1], along[edge, 0]), axis=-1)
     start = ends[edge] - lengths[edge]

@@ -135,7 +135,8 @@ def _of_fit(id: str, system: System, found: Attribution, effects: list[str]) -> 
     """An effect that is fitted, or tested beside those that are."""
     test, size = found.tests[id], SIZES[id]
     values = np.linalg.eigvalsh(test.information)
-    deviation = np.full(size, 1 / math.sqrt(values[0]) if values[0] > 0 else RANGES[id])
+    # vaguer than any value of the effect is the same as not known at all
+    deviation = np.full(size, 1 / math.sqrt(max(values[0], RANGES[id] ** -2)))
     blind = bool(deviation[0] > _BLIND * RANGES[id])
     estimate = test.estimate
     if id in found.final.values:

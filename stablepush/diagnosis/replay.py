@@ -206,7 +206,8 @@ def _knots(rows: np.ndarray, pushers: FloatArray, phases: np.ndarray | None) -> 
     way = np.concatenate(([0.0], np.cumsum(np.hypot(*steps[:, :2].T) + _ARM * np.abs(wrap_angle(steps[:, 2])))))
     if len(rows) <= _MOST_PIECES + 1 or way[-1] == 0:
         return rows
-    at = np.searchsorted(way, np.linspace(0, way[-1], _MOST_PIECES + 1), side="right") - 1
+    # a row that is at one of the places but for rounding is the one
+    at = np.searchsorted(way - 1e-9, np.linspace(0, way[-1], _MOST_PIECES + 1), side="right") - 1
     return rows[np.unique(np.append(at, len(rows) - 1))]
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from stablepush._arrays import first_least
 from stablepush.diagnosis.candidates import Candidates, ends_of, loads_of
 from stablepush.diagnosis.equations import SIZES, Fitted
 from stablepush.diagnosis.motions import Motions
@@ -39,7 +40,7 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict
         slopes.append(np.stack([(candidates.readings(id, fitted, s) - predicted[-1]) / s.max() for s in small], axis=-1))
         at = sum(SIZES[k] for k in list(fitted.values)[: list(fitted.values).index(id)])
         spread = fitted.covariance[at : at + size, at : at + size]
-        known.append(np.linalg.pinv(spread, hermitian=True))
+        known.append(np.linalg.pinv(spread, rcond=1e-9, hermitian=True))
     # what cannot be simulated with either effect, or with a little more of it, tells nothing
     numbers = [part.reshape(len(part), -1) for part in (*predicted, *slopes)]
     usable = np.flatnonzero(np.isfinite(np.column_stack(numbers)).all(axis=1))
@@ -54,10 +55,11 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict
         left = np.full(len(squares), np.inf)
         for pull, gram, b, a in zip(pulls, grams, pulled, informed, strict=True):
             slope, information = b + _TIMES * pull, a + _TIMES * gram
-            taken = np.einsum("nd,nde,ne->n", slope, np.linalg.pinv(information, hermitian=True), slope)
+            taken = np.einsum("nd,nde,ne->n", slope, np.linalg.pinv(information, rcond=1e-9, hermitian=True), slope)
             left = np.minimum(left, total + _TIMES * squares - taken)
         left[chosen] = -np.inf
-        best = int(left.argmax())
+        # pushes that tell as much, as those at mirrored places do: the first
+        best = first_least(-left, 1e-6 * max(float(left.max()), _TOLD))
         told = float(left[best])
         chosen.append(best)
         total += _TIMES * float(squares[best])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from stablepush._arrays import FloatArray
+from stablepush._arrays import FloatArray, order_with_ties
 from stablepush.diagnosis.equations import usual
 from stablepush.diagnosis.observations import heading
 from stablepush.diagnosis.system import System
@@ -109,7 +109,10 @@ def localise(system: System, residuals: Residuals, seed: int = 0) -> list[Findin
     for rank, finding in enumerate(found, start=1):
         if finding.p_value <= _FALSE * rank / len(found):
             kept = rank
-    return sorted((f for f in found[:kept] if f.share > 0), key=lambda f: (f.component in ENDS, -f.strength))
+    shown = sorted((f for f in found[:kept] if f.share > 0), key=lambda f: f.component in ENDS)
+    # findings as strong as each other, of covariates that are one on this log, stay in the order in which they were looked for
+    last = 1 + max((f.strength for f in shown), default=0.0)
+    return [shown[k] for k in order_with_ties([last * (f.component in ENDS) - f.strength for f in shown], 1e-9 * last)]
 
 
 def _findings(rows: np.ndarray, features: Mapping[str, FloatArray], residuals: Residuals, seed: int) -> list[Finding]:
@@ -164,7 +167,7 @@ def repeats_share(system: System, white: FloatArray) -> tuple[float, float]:
     groups = np.array([g if t in set(o.trial) else "" for t, g in enumerate(o.group)], dtype=object)
     between = within = 0.0
     shared = own = 0
-    for name in set(groups) - {""}:
+    for name in dict.fromkeys(group for group in groups if group):
         mine = means[groups == name]
         if len(mine) > 1:
             between += float(len(mine) * (mine.mean(axis=0) ** 2).sum())

@@ -8,13 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_seed, check_vectors, read_only
+from stablepush._arrays import FloatArray, check_seed, check_vectors, first_least, read_only
 from stablepush.errors import InputError
 from stablepush.identify.fit import MODELS, fit_limit_surface
 from stablepush.identify.pairs import Pairs
 from stablepush.parallel import run_parallel
 from stablepush.planar import angle_between, normalize_twist
 from stablepush.slider import Slider
+
+#: Mean errors (rad) that differ by no more are alike.
+_ALIKE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,15 +41,15 @@ class CrossValidation:
 
     @property
     def best(self) -> str:
-        """The model whose mean error is least."""
-        return self.models[int(self.means.argmin())]
+        """The model whose mean error is least; the first of those that are as good to 1e-6 rad, which solvers leave."""
+        return self.models[first_least(self.means, _ALIKE)]
 
     def behind(self, model: str) -> tuple[float, float]:
         """Return by how much (rad) a model errs more than the best, and half the 95 % interval of that difference, from its
         scatter between pairs."""
         if model not in self.models:
             raise InputError(f"model: expected one of {', '.join(self.models)}, got {model!r}")
-        difference = self.errors[self.models.index(model)] - self.errors[int(self.means.argmin())]
+        difference = self.errors[self.models.index(model)] - self.errors[first_least(self.means, _ALIKE)]
         return float(difference.mean()), float(1.96 * difference.std(ddof=1) / np.sqrt(len(difference)))
 
 

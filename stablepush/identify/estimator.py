@@ -195,16 +195,16 @@ class NormLoss:
         m = len(moments.target)
         return Part(moments, np.zeros((m, m)), np.zeros(m), 0.0, np.ones(len(pairs)), rows=pairs)
 
-    def solve(self, part: Part, weights: NormWeights) -> Estimate:
-        """Return the coefficients under ``weights``."""
+    def solve(self, part: Part, weights: NormWeights, floor: float = 0.0) -> Estimate:
+        """Return the coefficients under ``weights``, of convex ones with a lower bound on the eigenvalues of their ``Q``."""
         # H of loads in N has coefficients a / scale^d, and gradients smaller by the scale
         scale = self._force_scale
         w_reg = weights.w_reg / scale**self._degree
         if self._convex and self._degree > 2:
-            return norm_program(self._degree).solve(part.pairs, w_reg, weights.w_force, 1 / scale)
+            return norm_program(self._degree).solve(part.pairs, w_reg, weights.w_force, 1 / scale, floor)
         assert part.rows is not None, "prepare() keeps the pairs"
         program = sum_of_norms_program(self._degree, self._convex, len(part.rows))
-        return program.solve(part.rows.loads, part.rows.directions, w_reg, weights.w_force, 1 / scale)
+        return program.solve(part.rows.loads, part.rows.directions, w_reg, weights.w_force, 1 / scale, floor)
 
 
 def robust_weights(coefficients: FloatArray, pairs: Pairs, degree: int) -> FloatArray:

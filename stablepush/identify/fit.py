@@ -11,15 +11,15 @@ import numpy as np
 import scipy.special
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_vectors, read_only
+from stablepush._arrays import FloatArray, check_vectors, first_least, read_only
 from stablepush.errors import InputError, SolverError
 from stablepush.identify.certificate import Certificate, certify
-from stablepush.identify.estimator import Estimator, NormLoss, Part, SquaredLoss, SquaredWeights
+from stablepush.identify.estimator import Estimator, NormLoss, NormWeights, Part, SquaredLoss, SquaredWeights
 from stablepush.identify.gp import fit_gaussian_process
 from stablepush.identify.pairs import LARGEST_RATIO, Pairs
 from stablepush.identify.posterior import draw_coefficients
 from stablepush.identify.pressure import PressureEnsemble, PressureSampler
-from stablepush.identify.program import Estimate
+from stablepush.identify.program import PROVABLE, Estimate
 from stablepush.identify.surface import surface_from_scaled
 from stablepush.models import GaussianProcessSurface, PolynomialLimitSurface
 from stablepush.models.monomials import gradient_rows, monomials
@@ -41,6 +41,8 @@ LEAST_ACCEPTANCE = 0.02
 
 #: Median of H over the pairs below which a fit under the norm loss has collapsed towards zero.
 COLLAPSED = 1e-2
+#: Candidates whose errors (rad) differ by no more, which is what solvers leave, are as good as each other: the first is taken.
+_ALIKE = 1e-6
 
 #: A robust weight below which a pair is reported as an outlier; a pair that fits has weight 1 to 1.75.
 OUTLIER_WEIGHT = 0.2
@@ -231,6 +233,8 @@ def fit_limit_surface(
     weights = estimator.candidates[chosen]
     whole = estimator.prepare(pairs.take(train))
     best = solve(whole, weights)
+    if convex and isinstance(estimator, NormLoss) and isinstance(weights, NormWeights):
+        best = estimator.solve(whole, weights, PROVABLE * float(np.abs(best.coefficients).max()))
     ensemble: list[FloatArray] = []
     if convex and isinstance(estimator, SquaredLoss) and isinstance(weights, SquaredWeights):
         ensemble = draw_coefficients(estimator, whole, weights, best.coefficients, pairs.rho, seed)
@@ -378,13 +382,13 @@ def _choose(errors: FloatArray, with_prior: int) -> int:
     mean = errors.mean(axis=1)
     count = errors.shape[1]
     if not with_prior or count < 2:
-        return int(np.argmin(mean[: with_prior or None]))
-    differences = errors[:with_prior] - errors[int(np.argmin(mean[:with_prior]))]
-    chosen = int(np.argmax(differences.mean(axis=1) <= differences.std(axis=1, ddof=1) / np.sqrt(count)))
-    plain = with_prior + int(np.argmin(mean[with_prior:]))
+        return first_least(mean[: with_prior or None], _ALIKE)
+    differences = errors[:with_prior] - errors[first_least(mean[:with_prior], _ALIKE)]
+    chosen = int(np.argmax(differences.mean(axis=1) <= differences.std(axis=1, ddof=1) / np.sqrt(count) + _ALIKE))
+    plain = with_prior + first_least(mean[with_prior:], _ALIKE)
     gain = errors[chosen] - errors[plain]
     needed = float(scipy.special.stdtrit(count - 1, 0.975)) * gain.std(ddof=1) / np.sqrt(count)
-    return plain if gain.mean() > needed else chosen
+    return plain if gain.mean() > needed + _ALIKE else chosen
 
 
 def _fit_gp(pairs: Pairs, train: np.ndarray, started: float, remarks: list[str]) -> Fit:

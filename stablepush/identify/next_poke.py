@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_array, check_number
+from stablepush._arrays import FloatArray, check_array, check_number, order_with_ties
 from stablepush.errors import InputError
-from stablepush.models import LimitSurface, PolynomialLimitSurface
+from stablepush.models import LimitSurface, PolynomialLimitSurface, ensemble_of
 from stablepush.planar import normalize_twist, normalize_wrench, point_velocity, unit, wrench_from_force
 from stablepush.slider import Slider
 
@@ -20,6 +20,8 @@ _CONE_STEPS = 33
 _TARGETS = 200
 #: Scatter (rad) of a measured load's and twist's direction, if not given: 9 % on the published pokes.
 DEFAULT_SCATTER = 0.1
+#: Gains that differ by no more are alike.
+_ALIKE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +47,8 @@ def poke_candidates(
 
     Their ``gain`` is zero: :func:`rank_pokes` finds it.
     """
-    check_number(widest, "widest", at_least=0.0, largest=np.pi / 2)
+    # a heading along the edge would be into it or away from it by rounding
+    widest = min(check_number(widest, "widest", at_least=0.0, largest=np.pi / 2), np.pi / 2 - 1e-6)
     for name, count in (("places", places), ("headings", headings)):
         if not isinstance(count, (int, np.integer)) or count < 1:
             raise InputError(f"{name}: expected a whole number >= 1, got {count!r}")
@@ -129,7 +132,7 @@ def rank_pokes(
     """
     if not candidates:
         raise InputError("candidates: expected at least one poke")
-    members = surface.members() if isinstance(surface, PolynomialLimitSurface) else []
+    members = ensemble_of(surface)
     if len(members) < 2:
         raise InputError("surface: expected one with an ensemble, as a convex fit gives it")
     noise = check_number(scatter, "scatter", positive=True)
@@ -153,4 +156,5 @@ def rank_pokes(
         taken = float((shared * np.linalg.solve(own, shared)).sum()) * len(members)
         gain = taken / whole if whole > 0 else 0.0
         ranked.append(Poke(candidate.edge, candidate.point, candidate.normal, candidate.heading, gain))
-    return sorted(ranked, key=lambda poke: -poke.gain)
+    # pokes whose forces end on the same edge of the friction cone tell the same, and stay in the order given
+    return [ranked[k] for k in order_with_ties([-poke.gain for poke in ranked], _ALIKE)]

@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import LARGEST_MAGNITUDE, FloatArray, check_number, check_vectors, read_only
+from stablepush._arrays import LARGEST_MAGNITUDE, LEAST_POSITIVE, FloatArray, check_number, check_vectors, read_only
 from stablepush.errors import InputError
 from stablepush.planar import normalize_twist, normalize_wrench, unit
 from stablepush.slider import Slider
 
 #: Loads below this (N) are no friction of an object on a table.
 LEAST_FORCE = 1e-9
+#: Loads and motions are a pure moment, or a translation, to this share.
+_PURE = 1e-9
 #: A factor between what pairs say and what the slider says, beyond which a unit must be wrong (the usual slips are 1000).
 UNIT_SLIP = 50.0
 #: A load this many times larger or smaller than the median is no load on the same surface: it is left out.
@@ -126,9 +128,12 @@ def _check(wrenches: ArrayLike, twists: ArrayLike) -> tuple[FloatArray, FloatArr
 def _check_units(f: FloatArray, v: FloatArray, slider: Slider) -> None:
     """Refuse lever arms and rotation centres that no poke of this slider has: N·mm, mm/s, degrees a second."""
     size = slider.radius
+    force, moment = np.linalg.norm(f[:, :2], axis=1), np.abs(f[:, 2])
+    speed, turn = np.linalg.norm(v[:, :2], axis=1), np.abs(v[:, 2])
     with np.errstate(divide="ignore", invalid="ignore"):
-        arms = np.abs(f[:, 2]) / np.linalg.norm(f[:, :2], axis=1)
-        speeds = np.linalg.norm(v[:, :2], axis=1) / np.abs(v[:, 2])
+        # forces of pure moments, and turns of translations, are rounding
+        arms = np.where(force * size <= _PURE * moment, np.inf, moment / force)
+        speeds = np.where(turn * size <= _PURE * speed, np.inf, speed / turn)
     # upper quartiles: a log may hold some pure rotations or translations, not mostly such
     arm = float(np.quantile(np.nan_to_num(arms, posinf=0.0), 0.75))
     if arm > UNIT_SLIP * size:
@@ -149,8 +154,8 @@ def _characteristic_length(f: FloatArray, slider: Slider | None, given: float | 
         return check_number(given, "characteristic_length", positive=True)
     if slider is not None:
         return slider.characteristic_length
-    force = np.sqrt((f[:, :2] ** 2).sum(axis=1).mean())
-    torque = np.sqrt((f[:, 2] ** 2).mean())
-    if force == 0 or torque == 0:
+    force = float(np.sqrt((f[:, :2] ** 2).sum(axis=1).mean()))
+    torque = float(np.sqrt((f[:, 2] ** 2).mean()))
+    if torque * np.sqrt(2) < LEAST_POSITIVE * force or torque * np.sqrt(2) > LARGEST_MAGNITUDE * force:
         raise InputError("characteristic_length: expected a value or a slider, as the pairs lack forces or torques")
     return float(np.sqrt(2) * torque / force)

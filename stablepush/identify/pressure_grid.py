@@ -8,7 +8,7 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, read_only
+from stablepush._arrays import LEAST_POSITIVE, FloatArray, read_only
 from stablepush.errors import InputError, SolverError
 from stablepush.identify.pairs import Pairs
 from stablepush.identify.pressure import predict_loads
@@ -152,15 +152,15 @@ def _geometric_median(support: SupportDistribution) -> FloatArray:
         return float(weights @ np.linalg.norm(points - c, axis=1))
 
     costs = np.array([cost(c) for c in points])
-    least = points[costs <= costs.min() * (1 + 1e-12)].mean(axis=0)
+    least = points[costs <= costs.min() * (1 + 1e-9)].mean(axis=0)
     # points of a line may share the least sum, and then all between them do: the middle keeps the symmetry
-    best = least if cost(least) <= costs.min() * (1 + 1e-12) else points[int(np.argmin(costs))]
+    best = least if cost(least) <= costs.min() * (1 + 1e-9) else points[int(np.argmin(costs))]
     off = points - best
     distance = np.linalg.norm(off, axis=1)
-    here = distance == 0
+    here = distance < LEAST_POSITIVE
     pull = (weights[~here, None] * unit(off[~here])).sum(axis=0)
     # optimal at a support point: the others pull less than it weighs
-    if np.linalg.norm(pull) <= weights[here].sum():
+    if np.linalg.norm(pull) <= weights[here].sum() + 1e-9 * weights.sum():
         return np.asarray(best)
     start = best + 1e-3 * support.characteristic_length * unit(pull)
     size = support.characteristic_length

@@ -22,6 +22,9 @@ LEAST_EIGENVALUE = 1e-3
 #: The same under the norm loss. Where the penalty outweighs the data the coefficients collapse towards zero, and what is left of
 #: them still has directions, between which the authors' validation chooses: a floor would replace them by its own.
 LEAST_EIGENVALUE_NORM = 0.0
+#: But for the last solve: a bound of this share of the largest coefficient leaves room for a proof of convexity. On the bound of
+#: zero itself the sign of an eigenvalue is what the solver leaves, and differs between processors.
+PROVABLE = 1e-6
 
 #: Solvers in the order they are tried, with their settings: the second takes over where the first fails, and the status
 #: then names it.
@@ -58,7 +61,8 @@ class _Program:
                 gram = gram + free @ self._s
             gram = cp.reshape(gram, (size, size), order="C")
             self._gram = (gram + gram.T) / 2
-            self._constraints.append(self._gram >> floor * np.eye(size))
+            self._floor = cp.Parameter(nonneg=True, value=floor)
+            self._constraints.append(self._gram >> self._floor * np.eye(size))
 
     def _pose(self, objective: Any) -> None:
         import cvxpy as cp
@@ -177,8 +181,9 @@ class NormProgram(_Program):
             self._size * cp.norm(self._a) + cp.norm(self._level @ self._a - self._level_target) + cp.norm(self._slip @ self._a)
         )
 
-    def solve(self, moments: Moments, w_reg: float, w_force: float, w_slip: float) -> Estimate:
-        """Solve for the moments of some pairs."""
+    def solve(self, moments: Moments, w_reg: float, w_force: float, w_slip: float, floor: float = 0.0) -> Estimate:
+        """Solve for the moments of some pairs, with a lower bound on the eigenvalues of ``Q``."""
+        self._floor.value = floor
         joint = np.block([[moments.level, -moments.target[:, None]], [-moments.target[None, :], np.array([[moments.count]])]])
         root = _root(joint) * w_force
         self._size.value = w_reg
@@ -216,8 +221,12 @@ class SumOfNormsProgram(_Program):
         )
         self._degree = degree
 
-    def solve(self, loads: FloatArray, directions: FloatArray, w_reg: float, w_force: float, w_slip: float) -> Estimate:
-        """Solve for normalised loads (n, 3) and unit normalised twists (n, 3)."""
+    def solve(
+        self, loads: FloatArray, directions: FloatArray, w_reg: float, w_force: float, w_slip: float, floor: float = 0.0
+    ) -> Estimate:
+        """Solve for normalised loads (n, 3) and unit normalised twists (n, 3), with a lower bound on the eigenvalues of ``Q``."""
+        if self._convex:
+            self._floor.value = floor
         across = gradient_across(loads, directions, self._degree)
         self._across.value = self._gradient_factor * w_slip * across.reshape(-1, across.shape[-1])
         self._level.value = w_force * monomials(loads, self._degree)

@@ -12,7 +12,6 @@ from functools import cache
 from itertools import product
 
 import numpy as np
-import scipy.linalg
 
 from stablepush._arrays import FloatArray
 from stablepush.models.monomials import UPPER, hessian_operator, monomial_exponents, monomial_index
@@ -61,5 +60,24 @@ def gram_parametrization(degree: int) -> tuple[FloatArray, FloatArray]:
     symmetric = np.zeros((n * n, len(rows)))
     for c, (i, j) in enumerate(zip(rows, columns, strict=True)):
         symmetric[i * n + j, c] = symmetric[j * n + i, c] = 1.0
-    free = symmetric @ scipy.linalg.null_space(flat @ symmetric)
+    free = symmetric @ _null_space(flat @ symmetric)
     return particular, free
+
+
+def _null_space(matrix: FloatArray) -> FloatArray:
+    """Orthonormal basis (n, f) of the null space of a matrix (m, n) with one entry a column, as a Gram entry is of one monomial.
+
+    Each row has its own columns; a reflection that takes the row to the first of them takes the others to vectors at right angles
+    to it. Written down, the basis is the same on every machine, and so is the way of the solver.
+    """
+    found = []
+    for row in matrix:
+        mine = np.flatnonzero(row)
+        unit = row[mine] / np.linalg.norm(row[mine])
+        mirror = unit.copy()
+        mirror[0] += np.copysign(1.0, unit[0])
+        reflection = np.eye(len(mine)) - np.outer(mirror, mirror) / (1 + abs(unit[0]))
+        basis = np.zeros((matrix.shape[1], len(mine) - 1))
+        basis[mine] = reflection[:, 1:]
+        found.append(basis)
+    return np.concatenate(found, axis=1)

@@ -152,8 +152,13 @@ def _support(arrangement: str, outline: FloatArray) -> SupportDistribution | Non
         return None
     points = np.array(coordinates).reshape(2, 3).T / 1000 - _COM
     # three unknown loads: their sum, and the moments about the COM
-    loads = np.linalg.solve(np.vstack((np.ones(3), points.T)), (1.0, 0.0, 0.0))
-    return SupportDistribution(points, loads) if (loads >= 0).all() else None
+    try:
+        loads = np.linalg.solve(np.vstack((np.ones(3), points.T)), (1.0, 0.0, 0.0))
+    except np.linalg.LinAlgError:
+        # screws on a line
+        return None
+    # a screw that carries nothing may carry less by rounding
+    return SupportDistribution(points, np.maximum(loads, 0.0)) if loads.min() >= -1e-9 else None
 
 
 def _coordinates(arrangement: str) -> list[float] | None:

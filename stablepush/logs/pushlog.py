@@ -16,6 +16,7 @@ from stablepush.files import Node, read_json, whole_folder, write_atomically, wr
 from stablepush.formats import slider_from_node, slider_to_json
 from stablepush.logs.parquet import read_parquet
 from stablepush.logs.table import IS_FLAG, IS_POSITIVE, IS_SENSE, Column, read_table, table_text
+from stablepush.plausibility import note_finger, note_friction, note_gravity, note_headings, note_push_speed, note_scene
 from stablepush.se2 import compose, inverse, log, wrap_angle
 from stablepush.slider import Slider
 
@@ -27,6 +28,8 @@ SAMPLE_NUMBERS = (
     *("t", "x", "y", "theta", "fx", "fy", "tau", "vx", "vy", "omega"),
     *("c1x", "c1y", "c2x", "c2y", "px", "py", "ptheta"),
 )
+#: Loads (N, N·m) and motions (m, rad) up to these are none: rounding makes as much of a slider that rests.
+_NO_LOAD, _NO_MOTION = 1e-9, 1e-9
 #: Columns that tables must have.
 OF_TRIALS, OF_SAMPLES = ("trial", "start_time"), ("trial", "t", "x", "y", "theta")
 #: Columns of text; others that the format does not know are text if they hold any.
@@ -103,10 +106,11 @@ class PushLog:
 
         Both are means over the trial's ``push`` rows that have forces; twists that the log does not hold are differences
         of the poses. A log without a ``phase`` column counts every row. Trials whose mean load or twist is missing or
-        zero are left out.
+        zero, below 1e-9 N and N·m, or 1e-9 m and rad over the trial, are left out.
         """
         loads = self.columns("fx", "fy", "tau")
         twists = self.twists()
+        times = self.samples["t"]
         phase = self.samples.get("phase")
         pushed = np.ones(len(loads), dtype=bool) if phase is None else phase == "push"
         usable = pushed & np.isfinite(loads).all(axis=1)
@@ -117,7 +121,8 @@ class PushLog:
             if not len(moving):
                 continue
             load, twist = loads[kept].mean(axis=0), twists[moving].mean(axis=0)
-            if load.any() and twist.any():
+            span = float(np.ptp(times[moving]))
+            if np.abs(load).max() > _NO_LOAD and np.abs(twist).max() * max(span, 1.0) > _NO_MOTION:
                 f.append(load)
                 v.append(twist)
                 names.append(name)
@@ -186,11 +191,28 @@ def read_pushlog(path: str | Path) -> PushLog:
     samples, places, source = _read_samples(folder)
     _check_trials(trials, trial_lines, str(folder / "trials.csv"))
     _check_samples(samples, trials, places, source)
+    _doubt(rig, trials, samples, folder, source)
     for table in (trials, samples):
         for column in table.values():
             # not to be copied
             column.flags.writeable = False
     return PushLog(rig, trials, samples)
+
+
+def _doubt(rig: Rig, trials: Mapping[str, Column], samples: Mapping[str, Column], folder: Path, source: str) -> None:
+    """Note what looks like another unit."""
+    note_gravity(rig.gravity, f"{folder / 'rig.json'}: gravity")
+    note_finger(rig.finger_radius or 0.0, f"{folder / 'rig.json'}: finger_radius")
+    for name in ("support", "contact"):
+        note_friction(getattr(rig, f"{name}_friction") or 0.0, f"{folder / 'rig.json'}: friction.{name}")
+    if "speed" in trials:
+        note_push_speed(float(np.nanmax(trials["speed"], initial=0.0)), f"{folder / 'trials.csv'}: column speed")
+    for name in ("x", "y", "px", "py"):
+        if name in samples:
+            note_scene(np.nan_to_num(samples[name]), f"{source}: column {name}")
+    for name in ("theta", "ptheta"):
+        if name in samples:
+            note_headings(samples[name], f"{source}: column {name}")
 
 
 def write_pushlog(log: PushLog, path: str | Path) -> None:
@@ -202,11 +224,19 @@ def write_pushlog(log: PushLog, path: str | Path) -> None:
         write_json(place / "rig.json", rig_to_json(log.rig))
 
 
+#: Keys of ``rig.json``, and keys that this project writes there for the record.
+_OF_RIG = ("format", "slider", "friction", "gravity", "contact_kind", "finger_radius", "noise")
+_FOR_THE_RECORD = ("source", "effects")
+
+
 def _rig_from_node(node: Node) -> Rig:
+    node.expect_keys(*_OF_RIG, *_FOR_THE_RECORD)
     friction = node["friction"]
+    friction.expect_keys("support", "contact")
     noise = node.get("noise")
+    if noise is not None:
+        noise.expect_keys("force", "position", "angle")
     radius = node.get("finger_radius")
-    known = {"format", "slider", "friction", "gravity", "contact_kind", "finger_radius", "noise"}
 
     def or_null(child: Node) -> float | None:
         return None if child.value is None else child.number(at_least=0.0)
@@ -219,7 +249,7 @@ def _rig_from_node(node: Node) -> Rig:
         gravity=node["gravity"].number(positive=True),
         finger_radius=None if radius is None else or_null(radius),
         noise=None if noise is None else Noise(*(noise[key].number(at_least=0.0) for key in ("force", "position", "angle"))),
-        extra={k: v for k, v in node.object().items() if k not in known},
+        extra={k: v for k, v in node.object().items() if k not in _OF_RIG},
     )
 
 

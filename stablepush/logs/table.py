@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import LARGEST_MAGNITUDE
+from stablepush._arrays import LARGEST_MAGNITUDE, LEAST_POSITIVE
 from stablepush.errors import InputError
 from stablepush.files import open_text
 
@@ -22,7 +22,7 @@ Column = np.ndarray[Any, np.dtype[Any]]
 Rule = tuple[Callable[[float], bool], str]
 IS_SENSE: Rule = (lambda value: value in (1.0, -1.0), "1 or -1")
 IS_FLAG: Rule = (lambda value: value in (0.0, 1.0), "1 or 0")
-IS_POSITIVE: Rule = (lambda value: value > 0, "a number > 0")
+IS_POSITIVE: Rule = (lambda value: value >= LEAST_POSITIVE, f"a number > 0, at least {LEAST_POSITIVE:g}")
 
 
 def read_table(

@@ -35,11 +35,17 @@ class LimitSurface(Protocol):
         """``H_inv``: loads on the surface for twists."""
 
 
+def ensemble_of(surface: LimitSurface) -> list[PolynomialLimitSurface]:
+    """Return the surfaces that the data of a fit leave likely; none for a surface without an ensemble."""
+    return surface.members() if isinstance(surface, PolynomialLimitSurface) else []
+
+
 __all__ = [
     "GaussianProcessSurface",
     "IdealLimitSurface",
     "KernelSum",
     "LimitSurface",
     "PolynomialLimitSurface",
+    "ensemble_of",
     "monomial_exponents",
 ]

@@ -260,7 +260,7 @@ def minimize_power(points, loads, wrenches, twists, powers, residuals):  # type:
         for k in range(count):
             along = fx * points[k, 1] - fy * points[k, 0] + fz
             limit = 1e-14 * math.sqrt(points[k, 0] ** 2 + points[k, 1] ** 2 + 1.0)
-            if abs(along) > limit and kinks[k] < best * abs(along):
+            if abs(along) > limit and kinks[k] < best * abs(along) * (1.0 - 1e-12):
                 best, best_k = kinks[k] / abs(along), k
         # K turns by kz about (x0, y0) and moves by (tx, ty)
         if best_k >= 0:
@@ -290,7 +290,8 @@ def minimize_power(points, loads, wrenches, twists, powers, residuals):  # type:
         if best_k >= 0:
             gx, gy = power * fx - sx, power * fy - sy
             pull = math.sqrt(gx * gx + gy * gy)
-            if pull <= rest:
+            # equal but for rounding where every turn up to a limit takes the same power: the point rests
+            if pull <= rest * (1.0 + 1e-12):
                 twists[n, 0], twists[n, 1], twists[n, 2] = kz * y0, -kz * x0, kz
                 powers[n], residuals[n] = power, 0.0
                 continue

@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_number, check_vectors
+from stablepush._arrays import LEAST_POSITIVE, FloatArray, check_number, check_vectors
 from stablepush.errors import ConvergenceError, InputError
 from stablepush.planar import normalize_twist, normalize_wrench, unit
 from stablepush.support import SupportDistribution
 
 #: Support points this close, in units of the characteristic length, are one.
 _COINCIDENT = 1e-9
+#: Shares of the load below this are none.
+_LEAST_SHARE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,12 +41,13 @@ class IdealLimitSurface:
     characteristic_length: float
 
     def __init__(self, support: SupportDistribution, friction_load: float, characteristic_length: float | None = None) -> None:
-        loaded = np.unique(support.points[support.weights > 0], axis=0)
-        if len(loaded) < 2:
-            raise InputError("support: expected at least two different points that carry load")
+        rho = support.characteristic_length if characteristic_length is None else characteristic_length
+        loaded = support.points[support.weights >= _LEAST_SHARE]
+        least = max(LEAST_POSITIVE, 2 * _COINCIDENT * check_number(rho, "characteristic_length", at_least=0.0))
+        if float(np.linalg.norm(loaded - loaded[0], axis=1).max()) < least:
+            raise InputError(f"support: expected at least two points that carry load, {least:g} m or more apart")
         object.__setattr__(self, "support", support)
         object.__setattr__(self, "friction_load", check_number(friction_load, "friction_load", positive=True))
-        rho = support.characteristic_length if characteristic_length is None else characteristic_length
         object.__setattr__(self, "characteristic_length", check_number(rho, "characteristic_length", positive=True))
 
     @property

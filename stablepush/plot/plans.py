@@ -65,7 +65,8 @@ def _outline(axes: Axes, problem: PlanningProblem, pose: FloatArray, contact: in
 def _draw_centers(axes: Axes, result: PlanResult) -> None:
     drawn = set()
     for push in result.pushes:
-        if push.twist[2] == 0:
+        # no turn but for rounding
+        if abs(push.twist[2]) * push.duration < 1e-9:
             continue
         center, sense = cor_from_twist(push.twist)
         at = transform_points(push.start, center[None])[0]

@@ -14,7 +14,7 @@ from stablepush._chart import RIM, disc_from_twists
 from stablepush.contact import PushContact
 from stablepush.contact_choice import MEASURES, RankedContact
 from stablepush.errors import InputError
-from stablepush.models import LimitSurface, PolynomialLimitSurface
+from stablepush.models import LimitSurface, ensemble_of
 from stablepush.oracle import StabilityOracle
 from stablepush.planar import cor_from_twist, unit
 from stablepush.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, SENSES, SLIDER, canvas, draw_contact, fill, legend
@@ -148,7 +148,7 @@ def plot_margins(
         axis=-1,
     )
     figure, axes = canvas((8.4, 5.4), equal=False)
-    members = surface.members() if isinstance(surface, PolynomialLimitSurface) else []
+    members = ensemble_of(surface)
     degrees = np.degrees(turn)
     if members:
         spread = np.degrees([StabilityOracle(member, contact).margin(twists) for member in members])
