@@ -381,7 +381,7 @@ def fuzz(inputs: int, seed: int, only: list[str] | None = None, keep: Path | Non
     with warnings.catch_warnings(), tempfile.TemporaryDirectory(prefix="fuzz ünicode ") as place:
         warnings.simplefilter("error")
         # what looks like another unit is taken, with a note
-        warnings.simplefilter("ignore", sp.errors.StablepushWarning)
+        warnings.simplefilter("ignore", sp.StablepushWarning)
         folder = Path(place)
         (folder / "good").mkdir()
         good = seeds(folder / "good")
