@@ -15,7 +15,7 @@ from stablepush.contact import PushContact
 from stablepush.errors import InputError
 from stablepush.logs.table import IS_POSITIVE, IS_SENSE, Column, read_table
 from stablepush.planar import transport_twist, twist_from_cor
-from stablepush.plausibility import note_cors, note_headings, note_push_speed, note_scene
+from stablepush.plausibility import note_cors, note_distance, note_heading, note_push_speed
 from stablepush.problem import PlanningProblem
 from stablepush.pushing import Pusher
 from stablepush.se2 import compose, inverse, transform_points
@@ -219,7 +219,8 @@ def random_pushes(
     half = float(np.abs(pusher.fingers[:, 1]).max()) + pusher.radius
     ends = [slider.edge(e) for e in range(len(slider.vertices))]
     lengths = np.array([float(np.linalg.norm(b - a)) for a, b in ends])
-    room = np.maximum(lengths - 2.2 * half, 0.0)
+    room = lengths - 2.2 * half
+    room = np.where(room > _END * lengths, room, 0.0)
     if not room.any():
         raise InputError("pusher: expected one that fits on an edge of the slider")
 
@@ -288,15 +289,12 @@ def read_commands(path: str | Path, problem: PlanningProblem, radius: float) -> 
 
 def _doubt(table: dict[str, Column], problem: PlanningProblem, path: str) -> None:
     """Note what looks like another unit."""
-    for name, judge in (
-        ("angle", note_headings),
-        ("theta", note_headings),
-        ("x", note_scene),
-        ("y", note_scene),
-        ("way", note_scene),
-    ):
-        if name in table:
-            judge(np.nan_to_num(table[name]), f"{path}: column {name}")
+    for name in ("direction", "angle", "theta"):
+        for value in table.get(name, ()):
+            note_heading(float(np.nan_to_num(value)), f"{path}: column {name}", math.pi)
+    for name in ("x", "y", "way"):
+        for value in table.get(name, ()):
+            note_distance(abs(float(np.nan_to_num(value))), problem.slider.radius, f"{path}: column {name}")
     if "speed" in table:
         note_push_speed(float(np.nanmax(table["speed"], initial=0.0)), f"{path}: column speed")
     if "cor_x" in table:

@@ -21,9 +21,9 @@ from stablepush.slider import Slider
 #: What contacts may be ranked by: their attribute, and the sign that puts the best first.
 MEASURES = {"area": ("area", -1.0), "tightest-turn": ("tightest_turn", 1.0), "margin": ("margin", -1.0)}
 _DIRECTIONS = 181
-#: Fingers as far apart as an edge is long, to this share of it, stand on its ends; contacts whose measures differ by no more than
-#: this share are as good as each other, and stay in the order of edge, width and centre.
-_FULL, _ALIKE = 1e-9, 1e-6
+#: Fingers that have less room (m) than this on an edge stand on its ends. Contacts whose measures differ by no more than this
+#: share are as good as each other, and stay in the order of edge, width and centre.
+_FULL, _ALIKE = 1e-6, 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,12 +119,12 @@ def rank_contacts(
         slider.edge(edge)
         for width in spacings:
             room = lengths[edge] - width
-            if room > _FULL * lengths[edge]:
+            if room > _FULL:
                 centers = width / 2 + room * (np.arange(places) + 0.5) / places
                 settings += [(edge, float(center), float(width)) for center in centers]
-            elif room > -_FULL * lengths[edge]:
+            elif room > -_FULL:
                 # fingers on both ends of the edge: one place
-                settings.append((edge, lengths[edge] / 2, float(width)))
+                settings.append((edge, lengths[edge] / 2, min(float(width), lengths[edge])))
     if not settings:
         raise InputError(f"widths: expected fingers that fit on an edge, the longest is {max(lengths):g} m")
     found = []

@@ -7,6 +7,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+#: Time (s) that a search that was stopped has left to shorten the path that it has.
+_GRACE = 1.0
+
 
 class Deadline:
     """When a computation has to stop.
@@ -23,6 +26,7 @@ class Deadline:
     def __init__(self, seconds: float = math.inf, stop: Callable[[], bool] | None = None) -> None:
         self._end = time.perf_counter() + seconds
         self._stop = stop
+        self._last: float | None = None
 
     @property
     def stopped(self) -> bool:
@@ -30,35 +34,46 @@ class Deadline:
         return self._stop is not None and self._stop()
 
     def left(self) -> float:
-        """Return the time in s that is left, negative once it is over."""
-        return -math.inf if self.stopped else self._end - time.perf_counter()
-
-    def sooner(self, seconds: float) -> Deadline:
-        """Return a deadline that ends ``seconds`` before this one, however that is extended."""
-        return _Sooner(self, seconds)
+        """Return the time in s that is left, negative once it is over; after ``stop``, what is left to finish a path in."""
+        left = self._end - time.perf_counter()
+        if self.stopped:
+            if self._last is None:
+                self._last = time.perf_counter() + _GRACE
+            left = min(left, self._last - time.perf_counter())
+        return left
 
     def passed(self) -> bool:
-        """Return whether the time is over."""
-        return self.left() < 0
+        """Return whether the search is to end."""
+        return self.stopped or self.left() < 0
 
     def extend(self, seconds: float) -> None:
         """Add to the time."""
         self._end += seconds
 
+    def path_found(self) -> None:
+        """Note that there is a path: nothing has to be kept back for another search."""
 
-class _Sooner(Deadline):
-    def __init__(self, later: Deadline, seconds: float) -> None:
-        self._later, self._seconds = later, seconds
+    def reserving(self, seconds: float) -> Deadline:
+        """Return a deadline that ends ``seconds`` before this one, however that is extended, unless a path is found by then."""
+        return _Reserving(self, seconds)
+
+
+class _Reserving(Deadline):
+    def __init__(self, whole: Deadline, seconds: float) -> None:
+        self._whole, self._kept = whole, seconds
 
     @property
     def stopped(self) -> bool:
-        return self._later.stopped
+        return self._whole.stopped
 
     def left(self) -> float:
-        return self._later.left() - self._seconds
+        return self._whole.left() - self._kept
 
     def extend(self, seconds: float) -> None:
-        self._later.extend(seconds)
+        self._whole.extend(seconds)
+
+    def path_found(self) -> None:
+        self._kept = 0.0
 
 
 @contextmanager

@@ -15,7 +15,7 @@ import numpy as np
 
 from stablepush._arrays import LARGEST_MAGNITUDE, check_number
 from stablepush.errors import InputError
-from stablepush.plausibility import note_quantity
+from stablepush.plausibility import note_friction, note_quantity
 
 #: Speed (m/s) at which friction that depends on speed is nominal.
 REFERENCE_SPEED = 0.02
@@ -235,7 +235,9 @@ def parse_effect(text: str) -> Effect:
     for parameter in CATALOGUE[id].parameters:
         for value in values.get(parameter.name, ()):
             # frames follow the unit: rad in W
-            note_quantity(value, parameter.unit.partition(" ")[0], f"effect {id}: {parameter.name}")
+            note_quantity(value, parameter.unit.partition(" ")[0], parameter.high, f"effect {id}: {parameter.name}")
+            if parameter.name == "mu":
+                note_friction(value, f"effect {id}: mu")
     if not values:
         parameters = CATALOGUE[id].parameters
         example = "/".join(f"{parameters[0].high:.3g}" for _ in range(parameters[0].size))

@@ -1,7 +1,7 @@
 """Why a planning problem has no plan, where that can be shown before any search.
 
-What is found here holds for every planner: each reason is a proof, up to rounding, except for the last one, which tries a dense
-sample of pushes. A problem without a reason may still have no plan.
+What is found here holds for every planner. A start from which no push leads away is shown by a dense sample of pushes, all else
+by proof, up to rounding. A problem without a reason may still have no plan.
 """
 
 from __future__ import annotations
@@ -26,9 +26,12 @@ from stablepush.se2 import compose, exp, transform_points, wrap_angle
 #: Bodies that overlap by more than this (m) are in collision for every check: twice what the check of plans allows.
 _OVERLAP = 2e-6
 #: Boxes of poses about the goal that are looked at before the question is left to the search.
-_MOST_BOXES = 4000
-#: Pushes tried from the start, and how far (in radii of the slider) each goes: less than touching bodies may overlap.
-_PUSHES, _STEP = 2000, 1e-4
+_MOST_BOXES = 2000
+#: Pushes tried from the start: turns, translations all round, and at least so many of them that are stable.
+_TURNS, _TRANSLATIONS, _FEWEST = 2000, 720, 20
+#: How far each goes, in radii of the slider, and in m: so little that one along a wall, half a step of direction off it, stays
+#: within what touching bodies may overlap.
+_STEP, _LONGEST_STEP = 1e-4, 0.5 * OVERLAP / (math.pi / _TRANSLATIONS)
 #: Margins (rad) below this are none.
 _NO_MARGIN = 1e-7
 #: What the check of plans lets a margin (rad) fall short.
@@ -38,7 +41,7 @@ _TURN_SLACK = 1e-3
 
 
 def infeasibility(problem: PlanningProblem) -> str:
-    """Return why no plan can solve a problem, in words; empty if that is not plain."""
+    """Return why no plan can solve a problem, in words; empty where that cannot be shown here."""
     walls = shapely.union_all([shapely.Polygon(obstacle) for obstacle in problem.obstacles])
     shapely.prepare(walls)
     alone = _Body(problem, None, walls)
@@ -80,6 +83,11 @@ class _Body:
             hit[rest] = shapely.intersects(self._walls, placed_cores)
         return hit
 
+    def overlaps(self, pose: FloatArray, obstacle: shapely.Polygon) -> bool:
+        """Return whether the body at a pose overlaps an obstacle by more than the planners let it."""
+        core = shapely.buffer(self._shape, -OVERLAP, join_style="mitre")
+        return bool(shapely.intersects(obstacle, shapely.transform(core, partial(transform_points, pose))))
+
     def free(self, poses: ArrayLike) -> BoolArray:
         """Return whether the body at poses (n, 3) is free for the planners, which let bodies overlap by 5e-7 m."""
         return ~self.collides(np.atleast_2d(np.asarray(poses, dtype=np.float64)), OVERLAP)
@@ -87,32 +95,28 @@ class _Body:
 
 def _start(problem: PlanningProblem, alone: _Body, docked: _Body) -> str:
     if not alone.free(problem.start)[0]:
-        return f"start: the slider {_trouble(problem, problem.slider.vertices, problem.start)}"
-    if problem.pusher is not None and not docked.free(problem.start)[0]:
-        outline = transform_points(problem.contacts[0].frame, problem.pusher)
-        return f"start: the pusher, docked at contact 0, {_trouble(problem, outline, problem.start)}"
+        return f"start: the slider {_collision(problem, alone, problem.start)}"
+    if not docked.free(problem.start)[0]:
+        return f"start: the pusher, docked at contact 0, {_collision(problem, docked, problem.start)}"
     return ""
 
 
-def _trouble(problem: PlanningProblem, outline: FloatArray, pose: FloatArray) -> str:
-    """What an outline (n, 2) in B runs into at a pose."""
-    placed = transform_points(pose, outline)
-    hit = [i for i, obstacle in enumerate(problem.obstacles) if shapely.Polygon(placed).intersects(shapely.Polygon(obstacle))]
-    if hit:
-        return f"is in collision with obstacle {hit[0]}"
-    return "is out of bounds"
-
-
 def _goal(problem: PlanningProblem, alone: _Body, bodies: list[_Body]) -> str:
-    near = "" if max(problem.tolerance) < 1e-6 else ", as at every pose within the tolerance"
+    near = "" if max(problem.tolerance) < 1e-6 else ", there and at every pose within the tolerance"
     if _never_free(problem, alone):
-        return f"goal: the slider {_trouble(problem, problem.slider.vertices, problem.goal)}{near}"
-    if problem.pusher is None:
-        return ""
-    if not all(_never_free(problem, body) for body in bodies):
-        return ""
-    which = "at contact 0" if len(bodies) == 1 else "at any contact"
-    return f"goal: the pusher has no room {which}: it {_trouble(problem, bodies[0].outlines[-1], problem.goal)}{near}"
+        return f"goal: the slider {_collision(problem, alone, problem.goal)}{near}"
+    if problem.pusher is not None and all(_never_free(problem, body) for body in bodies):
+        which = "at contact 0" if len(bodies) == 1 else "at any contact"
+        return f"goal: the pusher has no clearance {which}{near}"
+    return ""
+
+
+def _collision(problem: PlanningProblem, body: _Body, pose: FloatArray) -> str:
+    """What a body is in collision with at a pose."""
+    for number, obstacle in enumerate(problem.obstacles):
+        if body.overlaps(pose, shapely.Polygon(obstacle)):
+            return f"is in collision with obstacle {number}"
+    return "is out of bounds"
 
 
 def _never_free(problem: PlanningProblem, body: _Body) -> bool:
@@ -216,15 +220,13 @@ def _steering(region: StableRegion) -> tuple[float, float, float]:
 def _first_push(problem: PlanningProblem, bodies: list[_Body]) -> str:
     rho = problem.surface.characteristic_length
     rng = np.random.default_rng(0)
-    away = rho * 10 ** rng.uniform(-1.0, 3.0, size=_PUSHES)
-    bearing = rng.uniform(-np.pi, np.pi, size=_PUSHES)
-    turns = twist_from_cor(
-        away[:, None] * np.stack((np.cos(bearing), np.sin(bearing)), axis=-1), rng.choice((1.0, -1.0), _PUSHES)
-    )
-    angles = np.linspace(-np.pi, np.pi, 720, endpoint=False)
+    away = rho * 10 ** rng.uniform(-1.0, 3.0, size=_TURNS)
+    bearing = rng.uniform(-np.pi, np.pi, size=_TURNS)
+    turns = twist_from_cor(away[:, None] * np.stack((np.cos(bearing), np.sin(bearing)), axis=-1), rng.choice((1.0, -1.0), _TURNS))
+    angles = np.linspace(-np.pi, np.pi, _TRANSLATIONS, endpoint=False)
     straight = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1)
     twists = np.concatenate((straight, turns))
-    step = _STEP * problem.slider.radius
+    step = min(_STEP * problem.slider.radius, _LONGEST_STEP)
     ends = compose(problem.start, exp(twists * (step / problem.push_speed(twists))[:, None]))
     for contact, body in zip(problem.contacts, bodies, strict=True):
         if not body.collides(problem.start[None], -2 * step).any():
@@ -235,6 +237,6 @@ def _first_push(problem: PlanningProblem, bodies: list[_Body]) -> str:
         except ConvergenceError:
             return ""
         # a stable set too narrow for the sample tells nothing
-        if not held.any() or (body.free(problem.start)[0] and body.free(ends[held]).any()):
+        if held.sum() < _FEWEST or (body.free(problem.start)[0] and body.free(ends[held]).any()):
             return ""
     return "start: every stable push of any contact meets an obstacle or the bounds at once"

@@ -9,7 +9,7 @@ import os
 import shutil
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,14 +61,18 @@ class Node:
             self.fail(f"expected an object, got {describe(self.value)}")
         return self.value  # type: ignore[no-any-return]
 
-    def expect_keys(self, *known: str) -> None:
-        """Refuse a key that is close to a known one, which it likely was to be; note any other that nothing reads."""
+    def expect_keys(self, *known: str, kept: Sequence[str] = ()) -> None:
+        """Refuse a key that is close to a known one that is missing; note any other that nothing reads.
+
+        ``kept``: keys that nothing reads, and that this project writes for the record.
+        """
         for key in self.object():
-            if key in known:
+            if key in known or key in kept:
                 continue
-            close = difflib.get_close_matches(_plain(key), [_plain(k) for k in known], 1, _CLOSE)
+            lacking = {_plain(k): k for k in known if k not in self.value}
+            close = difflib.get_close_matches(_plain(key), lacking, 1, _CLOSE)
             if close:
-                meant = next(k for k in known if _plain(k) == close[0])
+                meant = lacking[close[0]]
                 self._child(key, None).fail(f'unknown key, did you mean "{meant}"?')
             warnings.warn(PlausibilityWarning(f"{self.file}: {self._child(key, None).place}: this key is not used"), stacklevel=3)
 
@@ -131,23 +135,30 @@ class Node:
             message = str(error).removeprefix(": ")
             if message.startswith(self.file):
                 raise
-            head, colon, rest = message.partition(": ")
-            if colon and self.place and head.rpartition(".")[2] == self.place.rpartition(".")[2]:
-                # the constructor names the same key
-                message = rest
             raise InputError(f"{self.file}: {self.place or 'top level'}: {message}") from None
 
-    def built(self, build: Callable[[], _T]) -> _T:
-        """Run a constructor as :meth:`checked` does, and put the file before what it doubts."""
-        with warnings.catch_warnings(record=True) as doubts:
-            warnings.simplefilter("always")
-            result = self.checked(build)
+    def built(self, build: Callable[[], _T], name: str = "") -> _T:
+        """Run a constructor, and put file and key before what it refuses or doubts; ``name`` is what it calls this value."""
+        try:
+            with warnings.catch_warnings(record=True) as doubts:
+                warnings.simplefilter("always")
+                result = build()
+        except InputError as error:
+            raise InputError(self._placed(str(error), name)) from None
         for doubt in doubts:
-            message = str(doubt.message)
-            if issubclass(doubt.category, PlausibilityWarning) and not message.startswith(self.file):
-                message = f"{self.file}: {message}"
-            warnings.warn(message, doubt.category, stacklevel=3)
+            text = str(doubt.message)
+            placed = self._placed(text, name) if issubclass(doubt.category, PlausibilityWarning) else text
+            warnings.warn(placed, doubt.category, stacklevel=3)
         return result
+
+    def _placed(self, message: str, name: str) -> str:
+        if message.startswith(self.file):
+            return message
+        place = self.place
+        if name and message.startswith(f"{name}."):
+            key, _, message = message.removeprefix(f"{name}.").partition(": ")
+            place = f"{place}.{key}" if place else key
+        return ": ".join(filter(None, (self.file, place, message)))
 
 
 def _plain(key: str) -> str:

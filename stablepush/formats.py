@@ -38,8 +38,7 @@ def slider_from_node(node: Node) -> Slider:
         points = support_node["points"].array(None, 2)
         weights = support_node["weights"].array(None)
         support = support_node.checked(lambda: SupportDistribution(points, weights))
-    # all that is left to refuse is about the outline
-    return node["vertices"].built(lambda: Slider(vertices, mass, support))
+    return node.built(lambda: Slider(vertices, mass, support), "slider")
 
 
 def slider_to_json(slider: Slider) -> dict[str, Any]:
@@ -64,7 +63,7 @@ def contact_from_node(node: Node) -> PushContact:
     points = node["points"].array(None, 2)
     normals = node["normals"].array(None, 2)
     mu = node["mu"].number(at_least=0.0)
-    return node.built(lambda: PushContact(points, normals, mu))
+    return node.built(lambda: PushContact(points, normals, mu), "contact")
 
 
 def contact_to_json(contact: PushContact) -> dict[str, Any]:

@@ -55,7 +55,8 @@ class Transfer:
 class PlanResult:
     """What a planner found.
 
-    ``status`` is ``"solved"``, ``"no-path"`` (the search space is exhausted) or ``"timeout"``; ``message`` says more.
+    ``status`` is ``"solved"``, ``"no-path"`` (there is none, or the search space is exhausted), ``"timeout"``, ``"interrupted"``
+    (stopped before there was a path) or ``"rejected"`` (the check refuses what the planner made); ``message`` says more.
     ``duration`` in s, ``length`` (way of the body origin during pushes) in m, ``min_margin`` in rad;
     ``lower_bound`` (s) is below the duration of every plan that solves the problem, or None; ``planning_time`` in s.
     """

@@ -31,7 +31,8 @@ DEFAULT_PROBABILITY = 0.98
 class Planner(Protocol):
     """What a package registers under the entry point group ``stablepush.planners``.
 
-    A planner asks ``deadline`` now and then whether it has passed; ``progress`` takes short words on the state of the search.
+    A planner asks ``deadline`` now and then whether it has passed, and tells it of its first path (:meth:`Deadline.path_found`);
+    ``progress`` takes short words on the state of the search.
     """
 
     def __call__(
@@ -78,8 +79,8 @@ def plan(
         Seed of planners that draw random numbers; 0 if not given.
     probability : float, optional
         Least probability of stability of each push, by the surface's ensemble; 0 gives the quickest plan. If not given,
-        :data:`DEFAULT_PROBABILITY` where the surface has an ensemble. When no such plan is found in half of the time, the
-        quickest one comes with a :class:`~stablepush.errors.PlanWarning`, which gives the probability of its least certain push.
+        :data:`DEFAULT_PROBABILITY` where the surface has an ensemble. Where there is no such plan, or none is found in half of
+        the time, the quickest one comes with a :class:`~stablepush.errors.PlanWarning`: how likely its least certain push is.
     region, margin_weight, cor_rate, improve
         How certain and how good the plan is to be: see :class:`PlanOptions`.
     stop : callable, optional
@@ -109,13 +110,15 @@ def plan(
         if reason:
             return PlanResult("no-path", planner, seed=number, message=reason, planning_time=time.perf_counter() - started)
         optional = probability is None and given > 0
-        first = deadline.sooner(limit / 2) if optional else deadline
+        first = deadline.reserving(limit / 2) if optional else deadline
         result = run(problem, deadline=first, seed=number, options=options, progress=progress)
         if optional and not result.solved and not deadline.stopped:
-            quickest = replace(options, probability=0.0)
-            result = run(problem, deadline=deadline, seed=number, options=quickest, progress=progress)
-            if result.solved:
-                result = _with_warning(problem, result, given)
+            late = f" in {limit / 2:g} s" if result.status == "timeout" else ""
+            anyhow = replace(options, probability=0.0)
+            result = run(problem, deadline=deadline, seed=number, options=anyhow, progress=progress)
+            least = least_probability(problem, result)
+            if result.solved and least is not None and least < given:
+                result = _with_warning(result, given, least, late)
         if deadline.stopped and not result.solved:
             result = PlanResult("interrupted", planner, seed=number, message="stopped before a path was found")
     if result.solved:
@@ -137,12 +140,11 @@ def least_probability(problem: PlanningProblem, result: PlanResult) -> float | N
     return least
 
 
-def _with_warning(problem: PlanningProblem, result: PlanResult, asked: float) -> PlanResult:
-    """The quickest plan, which says how likely it is to fail."""
-    least = least_probability(problem, result)
+def _with_warning(result: PlanResult, asked: float, least: float, late: str) -> PlanResult:
+    """A plan that says how likely it is to fail."""
     words = (
-        f"no plan was found whose pushes are all stable with probability {asked:g}; "
-        f"this one is the quickest, and one of its pushes is stable with probability {least:.2g}"
+        f"no plan was found{late} whose pushes are all stable with probability {asked:g}; "
+        f"this one has a push that is stable with probability {least:.2g}"
     )
     warnings.warn(PlanWarning(words), stacklevel=3)
     return replace(result, message="; ".join(filter(None, (result.message, words))))

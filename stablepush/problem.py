@@ -23,7 +23,15 @@ from stablepush.formats import (
     slider_to_json,
 )
 from stablepush.models import LimitSurface
-from stablepush.plausibility import note_contact, note_heading, note_margin, note_push_speed, note_scene, note_tolerance
+from stablepush.plausibility import (
+    note_distance,
+    note_heading,
+    note_margin,
+    note_part,
+    note_push_speed,
+    note_scene,
+    note_tolerance,
+)
 from stablepush.slider import Slider, check_simple_polygon
 
 
@@ -121,12 +129,16 @@ class PlanningProblem:
             note_scene(self.bounds, "bounds")
         if self.obstacles:
             note_scene(np.concatenate(self.obstacles), "obstacles")
-        note_scene(self.tolerance[:1], "tolerance[0]")
+        note_distance(float(np.hypot(*(self.goal - self.start)[:2])), self.slider.radius, "goal")
+        note_distance(self.tolerance[0], self.slider.radius, "tolerance[0]")
         note_tolerance(self.tolerance[1], "tolerance[1]")
         note_push_speed(self.speed, "speed")
         note_margin(self.min_margin, "min_margin")
         for i, contact in enumerate(self.contacts):
-            note_contact(contact.points, self.slider.radius, f"contacts[{i}].points")
+            note_part(contact.points, self.slider.radius, f"contacts[{i}].points")
+        if self.pusher is not None:
+            note_part(self.pusher, self.slider.radius, "pusher.outline")
+        note_part([(self.surface.characteristic_length, 0.0)], self.slider.radius, "model.characteristic_length")
 
     def push_speed(self, twists: ArrayLike) -> FloatArray:
         """Return the speed (...) in m/s of the fastest point of the slider's outline at body twists (..., 3)."""

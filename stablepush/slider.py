@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from stablepush._arrays import LEAST_POSITIVE, FloatArray, check_array, check_count, check_number, read_only
 from stablepush.errors import InputError
-from stablepush.plausibility import note_mass, note_size
+from stablepush.plausibility import note_mass, note_part, note_size
 from stablepush.support import SupportDistribution
 
 #: Least radius (m) of a slider: poses and overlaps are told apart to 1e-6 m, and pushes are simulated in steps of 1/400 of it.
@@ -54,6 +54,8 @@ class Slider:
         object.__setattr__(self, "mass", None if mass is None else check_number(mass, "slider.mass", positive=True))
         object.__setattr__(self, "support", support)
         note_size(self.radius, "slider.vertices")
+        if self.support is not None:
+            note_part(self.support.points, self.radius, "slider.support")
         if self.mass is not None:
             note_mass(self.mass, self.polygon.convex_hull.area, "slider.mass")
 

@@ -36,8 +36,10 @@ class SupportDistribution:
             raise InputError(f"support.weights: expected {len(p)} weights, one a point, got {len(w)}")
         if (w < 0).any():
             raise InputError(f"support.weights: expected weights >= 0, got {w.min():g}")
-        if w.sum() < LEAST_POSITIVE:
-            raise InputError(f"support.weights: expected a positive sum, at least {LEAST_POSITIVE:g}, got {w.sum():g}")
+        # areas of cells may be weights
+        if w.max() < LEAST_POSITIVE**2:
+            raise InputError(f"support.weights: expected one of at least {LEAST_POSITIVE**2:g}, the largest is {w.max():g}")
+        w = w / w.max()
         object.__setattr__(self, "points", read_only(p))
         object.__setattr__(self, "weights", read_only(w / w.sum()))
 

@@ -214,7 +214,7 @@ MISTAKES = (
     ),
     Mistake("finger of 5 'm'", EXECUTE + " --finger-radius 5", 0, ("note", "--finger-radius", "millimetres")),
     Mistake("tilt with one number, without values", EXECUTE + " --effect tilt", 2, ("tilt:slope=0.05/0.05",)),
-    Mistake("sensor turned by 5 'rad'", EXECUTE + " --effect force-rotation:angle=10", 0, ("note", "force-rotation", "degrees")),
+    Mistake("sensor turned by 5 'rad'", EXECUTE + " --effect force-rotation:angle=5", 0, ("note", "force-rotation", "degrees")),
     Mistake(
         "an effect too strong during the plan",
         EXECUTE + " --effect spatial-variation:gradient=-2/0",

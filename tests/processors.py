@@ -46,7 +46,12 @@ def settings() -> dict[str, dict[str, str]]:
         | portable
         | {"OPENBLAS_CORETYPE": "Nehalem", "NPY_DISABLE_CPU_FEATURES": " ".join(features), "GLIBC_TUNABLES": NO_FMA},
         "middle": two
-        | {"OPENBLAS_CORETYPE": "Haswell", "NPY_DISABLE_CPU_FEATURES": " ".join(newest), "NUMBA_CPU_NAME": "haswell"},
+        | {
+            "OPENBLAS_CORETYPE": "Haswell",
+            "NPY_DISABLE_CPU_FEATURES": " ".join(newest),
+            "NUMBA_CPU_NAME": "haswell",
+            "NUMBA_CPU_FEATURES": "+avx,+avx2,+fma,+bmi,+bmi2,+popcnt,+sse4.2",
+        },
         "new": two | {"OPENBLAS_CORETYPE": "SkylakeX"},
         "portable": two | portable,
         "old BLAS": one | {"OPENBLAS_CORETYPE": "Nehalem"},

@@ -364,7 +364,15 @@ def interrupted(arguments, wait, times=1):
     return run.returncode, out, err, time.perf_counter() - last
 
 
-def test_ctrl_c_keeps_the_best_plan(rig, tmp_path, capsys, monkeypatch):
+@pytest.fixture
+def by_hand():
+    """Ctrl-C as in a terminal: what runs in the background may have it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_ctrl_c_keeps_the_best_plan(rig, tmp_path, capsys, monkeypatch, by_hand):
     """Pressed once the search says that it looks for better plans."""
     from stablepush.cli import common, plans
 
@@ -393,7 +401,7 @@ def test_ctrl_c_keeps_the_best_plan(rig, tmp_path, capsys, monkeypatch):
         signal.raise_signal(signal.SIGINT)
 
 
-def test_a_second_ctrl_c_ends_at_once():
+def test_a_second_ctrl_c_ends_at_once(by_hand):
     from stablepush.cli.common import interruptible
 
     with interruptible() as interrupted:
@@ -404,7 +412,7 @@ def test_a_second_ctrl_c_ends_at_once():
             signal.raise_signal(signal.SIGINT)
 
 
-def test_ctrl_c_before_there_is_a_plan_leaves_nothing(rig, tmp_path):
+def test_ctrl_c_before_there_is_a_plan_leaves_nothing(rig, tmp_path, by_hand):
     scene = json.loads((rig / "scene.json").read_text())
     # a gap that is too narrow, which a planner that draws random numbers cannot show
     low, high = [[0.45, 0.0], [0.55, 0.0], [0.55, 0.48], [0.45, 0.48]], [[0.45, 0.56], [0.55, 0.56], [0.55, 1], [0.45, 1]]

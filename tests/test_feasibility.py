@@ -30,7 +30,7 @@ CASES = {
     ),
     "start out of bounds": ({"start": (0.0, 0.2, 0.0)}, "start: the slider is out of bounds"),
     "pusher at the start": ({"start": (0.2, 0.06, 0.0)}, "start: the pusher, docked at contact 0, is out of bounds"),
-    "pusher at the goal": ({"goal": (0.9, 0.052, 0.0)}, "goal: the pusher has no room at contact 0"),
+    "pusher at the goal": ({"goal": (0.9, 0.052, 0.0)}, "goal: the pusher has no clearance at contact 0"),
     "one finger": ({"contacts": [finger()]}, "no contact has a stable push"),
     "a margin that no push has": ({"min_margin": 1.5}, "min_margin: no push has a margin of 1.5 rad"),
 }

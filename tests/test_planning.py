@@ -455,7 +455,7 @@ def test_without_a_likely_plan_the_quickest_comes_with_a_warning():
     assert result.solved
     least = sp.least_probability(problem, result)
     assert least <= 0.5
-    assert f"one of its pushes is stable with probability {least:.2g}" in str(told[0].message)
+    assert f"has a push that is stable with probability {least:.2g}" in str(told[0].message)
     assert str(told[0].message) in result.message
     with pytest.warns(sp.PlanWarning):
         assert sp.plan(problem, time_limit=60, improve=0).duration == result.duration
@@ -466,7 +466,7 @@ def test_a_search_can_be_stopped():
     """What was found by then is the answer; before that there is none."""
     problem = small_scene()
     result = sp.plan(problem, time_limit=60, stop=lambda: True)
-    assert result.status == "interrupted"
+    assert result.status == "interrupted" and not result.pushes
     said = []
     asked = iter([False] * 200)
 

@@ -205,6 +205,7 @@ class _Planner:
         cost = self._context.cost(stretches)
         if cost < self.cost * (1 - _GAIN):
             self.best, self.cost = stretches, cost
+            self._context.deadline.path_found()
             ratio = f", cost {cost / self._context.bound:.3g} times the lower bound" if self._context.bound > 1e-3 else ""
             self.found_by = f"{words}{ratio}"
 

@@ -163,6 +163,8 @@ def _geometric(
     length.setCostThreshold(base.Cost(math.inf))
     setup.setOptimizationObjective(length)
     setup.solve(base.PlannerTerminationCondition(clock))
+    if setup.haveExactSolutionPath():
+        context.deadline.path_found()
     if setup.haveExactSolutionPath() and improve > 0:
         length.setCostThreshold(base.Cost(0.0))
         clock.last = clock.motions + improve

@@ -50,7 +50,7 @@ def shorten(
     prices = stable.costs(direct)
     moving = np.abs(direct).max(axis=1) > 1e-9
     good = np.zeros(len(direct), dtype=bool)
-    if not deadline.passed():
+    if deadline.left() >= 0:
         good[moving] = stable.accepts(direct[moving])
     table = np.full((count, count), np.inf)
     table[i[good], j[good]] = prices[good]
@@ -64,7 +64,7 @@ def shorten(
     ways: list[tuple[int, list[TimedTwist]]] = [(0, [])] * count
     for b in range(1, count):
         best[b], ways[b] = best[b - 1] + float(spent[b - 1]), (b - 1, [legs[b - 1]])
-        if deadline.passed():
+        if deadline.left() < 0:
             continue
         for a in range(b - 1):
             most = best[b] - best[a] - _WORTH

@@ -59,7 +59,7 @@ class StableSet:
         """Return whether body twists (n, 3) may be used."""
         good = np.zeros(len(twists), dtype=bool)
         for start in range(0, len(twists), _BLOCK):
-            if self._deadline.passed():
+            if self._deadline.left() < 0:
                 raise OutOfTimeError("primitives: the deadline has passed")
             block = slice(start, start + _BLOCK)
             good[block] = self.oracle.margin(twists[block]) >= self._least
@@ -68,7 +68,7 @@ class StableSet:
         if self._members and good.any():
             votes = np.zeros(good.sum())
             for member in self._members:
-                if self._deadline.passed():
+                if self._deadline.left() < 0:
                     raise OutOfTimeError("primitives: the deadline has passed")
                 votes += member.is_stable(twists[good])
             good[good] = votes >= (self._votes - _SLACK) * len(self._members)

@@ -93,7 +93,7 @@ def _notes() -> Iterator[list[str]]:
     from stablepush.errors import PlausibilityWarning, StablepushWarning
 
     lines: list[str] = []
-    said: set[tuple[str, str]] = set()
+    said: set[str] = set()
     with warnings.catch_warnings():
         warnings.simplefilter("always", StablepushWarning)
         others = warnings.showwarning
@@ -102,14 +102,13 @@ def _notes() -> Iterator[list[str]]:
             if not issubclass(category, StablepushWarning):
                 others(message, category, *rest, **named)
                 return
-            # the same doubt may come from a file and from what was made of it: its place differs, its words do not
-            words = str(message).rpartition(": ")[2]
-            place = str(message).rpartition(": ")[0].rpartition(": ")[2].rpartition(".")[2]
-            if (place, words) not in said:
-                said.add((place, words))
-                lines.append(
-                    f"{'note' if issubclass(category, PlausibilityWarning) else 'warning'}: {' '.join(str(message).split())}"
-                )
+            text = " ".join(str(message).split())
+            place, _, words = text.rpartition(": ")
+            # what was read is made into values more than once: those know no file
+            if text in said or (": " not in place and words in said):
+                return
+            said.update((text, words))
+            lines.append(f"{'note' if issubclass(category, PlausibilityWarning) else 'warning'}: {text}")
 
         warnings.showwarning = show
         yield lines

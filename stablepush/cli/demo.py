@@ -56,9 +56,10 @@ def run_demo(folder: Path, seed: int) -> int:
     result = plan(scene, time_limit=60.0, seed=seed)
     save_plan(result, folder / "plan.json")
     report = check_plan(scene, load_plan(folder / "plan.json"))
+    least = least_probability(scene, result)
+    likely = "each stable with an unknown probability" if least is None else f"each stable with probability {least:.2f} or more"
     if result.solved:
         verdict = "check: valid" if report.valid else f"check: {report.objections[0]}"
-        likely = f"each stable with probability {least_probability(scene, result) or 0:.2f} or more"
         print(f"{folder / 'plan.json'}: {len(result.pushes)} pushes, {likely}, {result.duration:.1f} s, {verdict}")
     else:
         print(f"{folder / 'plan.json'}: {result.status}: {result.message}")
@@ -103,7 +104,7 @@ def run_demo(folder: Path, seed: int) -> int:
                 ("duration", f"{result.duration:.1f} s; no plan can take less than {result.lower_bound or 0:.1f} s"),
                 ("length", f"{result.length:.2f} m"),
                 ("least margin", f"{np.degrees(result.min_margin):.2f}°"),
-                ("least probability that a push is stable", f"{least_probability(scene, result) or 0:.2f}"),
+                ("least probability that a push is stable", "unknown" if least is None else f"{least:.2f}"),
                 ("planning time", f"{result.planning_time:.2f} s"),
                 ("independent check", "valid" if report.valid else "; ".join(report.objections)),
             ],

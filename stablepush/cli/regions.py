@@ -186,7 +186,7 @@ def contacts(
         if not 0 <= index < len(body.vertices):
             raise InputError(f"--edge: expected 0 to {len(body.vertices) - 1}, an edge of {slider}, got {index}")
     longest = max(float(np.linalg.norm(np.subtract(*body.edge(i)))) for i in edge or range(len(body.vertices)))
-    if width and min(width) > longest:
+    if width and min(width) > longest * (1 + 1e-9):
         raise InputError(f"--width: expected fingers that fit on an edge of {slider}, up to {longest:.6g} m, got {min(width):g}")
     with Progress("contacts") as step, about(model):
         ranked = rank_contacts(

@@ -72,7 +72,7 @@ def simulate(
     from stablepush.execution import execute_closed_loop, execute_plan, require_contacts
     from stablepush.logs import Noise, write_pushlog
     from stablepush.path import load_plan
-    from stablepush.plausibility import note_finger, note_friction
+    from stablepush.plausibility import note_finger, note_friction, note_noise
     from stablepush.problem import load_scene
     from stablepush.pushing import Pusher
     from stablepush.virtual_rig import VirtualRig
@@ -93,6 +93,7 @@ def simulate(
             check_number(positive, option, positive=True)
     note_finger(finger_radius, "--finger-radius")
     note_friction(mu or 0.0, "--mu")
+    note_noise(deviations[1], deviations[2], "--noise")
     effects = [parse_effect(text) for text in effect or []]
     require_folder(output)
     require_files(view, read=(scene, plan_file))

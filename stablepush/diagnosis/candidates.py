@@ -140,8 +140,9 @@ def _straight(system: System) -> tuple[list[dict[str, Any]], FloatArray, Observa
             poses.append((x, y, heading))
             places.append(middle)
             normals.append(normal)
-    pose, twist, place = (np.reshape(part, (len(entries), -1)) for part in (poses, twists, places))
     n = len(entries)
+    # a small slider may have no edge with room for the fingers
+    pose, twist, place = (np.reshape(part, (n, width)) for part, width in ((poses, 3), (twists, 3), (places, 2)))
     rows = replace(
         system.observations,
         trial=np.arange(n),

@@ -16,7 +16,16 @@ from stablepush.files import Node, read_json, whole_folder, write_atomically, wr
 from stablepush.formats import slider_from_node, slider_to_json
 from stablepush.logs.parquet import read_parquet
 from stablepush.logs.table import IS_FLAG, IS_POSITIVE, IS_SENSE, Column, read_table, table_text
-from stablepush.plausibility import note_finger, note_friction, note_gravity, note_headings, note_push_speed, note_scene
+from stablepush.plausibility import (
+    note_finger,
+    note_friction,
+    note_gravity,
+    note_headings,
+    note_noise,
+    note_push_speed,
+    note_scene,
+    note_time,
+)
 from stablepush.se2 import compose, inverse, log, wrap_angle
 from stablepush.slider import Slider
 
@@ -205,6 +214,9 @@ def _doubt(rig: Rig, trials: Mapping[str, Column], samples: Mapping[str, Column]
     note_finger(rig.finger_radius or 0.0, f"{folder / 'rig.json'}: finger_radius")
     for name in ("support", "contact"):
         note_friction(getattr(rig, f"{name}_friction") or 0.0, f"{folder / 'rig.json'}: friction.{name}")
+    if rig.noise is not None:
+        note_noise(rig.noise.position, rig.noise.angle, f"{folder / 'rig.json'}: noise")
+    note_time(float(np.nanmax(samples["t"], initial=0.0)), f"{source}: column t")
     if "speed" in trials:
         note_push_speed(float(np.nanmax(trials["speed"], initial=0.0)), f"{folder / 'trials.csv'}: column speed")
     for name in ("x", "y", "px", "py"):
@@ -230,7 +242,7 @@ _FOR_THE_RECORD = ("source", "effects")
 
 
 def _rig_from_node(node: Node) -> Rig:
-    node.expect_keys(*_OF_RIG, *_FOR_THE_RECORD)
+    node.expect_keys(*_OF_RIG, kept=_FOR_THE_RECORD)
     friction = node["friction"]
     friction.expect_keys("support", "contact")
     noise = node.get("noise")
