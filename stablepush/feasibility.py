@@ -102,12 +102,12 @@ def _start(problem: PlanningProblem, alone: _Body, docked: _Body) -> str:
 
 
 def _goal(problem: PlanningProblem, alone: _Body, bodies: list[_Body]) -> str:
-    near = "" if max(problem.tolerance) < 1e-6 else ", there and at every pose within the tolerance"
+    near = "" if max(problem.tolerance) < 1e-6 else "; every other pose within the tolerance is in collision or out of bounds too"
     if _never_free(problem, alone):
         return f"goal: the slider {_collision(problem, alone, problem.goal)}{near}"
     if problem.pusher is not None and all(_never_free(problem, body) for body in bodies):
-        which = "at contact 0" if len(bodies) == 1 else "at any contact"
-        return f"goal: the pusher has no clearance {which}{near}"
+        which = "docked at contact 0" if len(bodies) == 1 else "docked at any contact"
+        return f"goal: the pusher, {which}, is in collision or out of bounds{near}"
     return ""
 
 
@@ -164,9 +164,12 @@ def _margin(problem: PlanningProblem) -> str:
     rho = problem.surface.characteristic_length
     widest = max(contact.cone(rho).widest_margin for contact in problem.contacts)
     if widest < _NO_MARGIN:
-        return "no contact has a stable push with a margin: a single finger, or fingers without friction, hold none"
+        return "no contact has a stable push whose margin is above zero; two fingers or more are needed, with friction"
     if widest < problem.min_margin - _MARGIN_SLACK:
-        return f"min_margin: no push has a margin of {problem.min_margin:.4g} rad, the contacts allow at most {widest:.4g} rad"
+        return (
+            f"min_margin: no push has a margin of {problem.min_margin:.4g} rad, the contacts allow at most {widest:.4g} rad "
+            f"({math.degrees(widest):.3g} deg)"
+        )
     return ""
 
 
@@ -198,8 +201,8 @@ def _turn(problem: PlanningProblem) -> str:
     if needed <= most + _TURN_SLACK:
         return ""
     return (
-        f"goal: within the bounds the slider can turn by {math.degrees(most):.3g} deg at most, the goal asks for "
-        f"{math.degrees(needed):.3g} deg; the tightest stable turn has a radius of {radius:.3g} m"
+        f"goal: within the bounds this contact can turn the slider by {math.degrees(most):.3g} deg at most, the goal asks for "
+        f"{math.degrees(needed):.3g} deg or more, without its tolerance; the tightest stable turn has a radius of {radius:.3g} m"
     )
 
 
@@ -239,4 +242,4 @@ def _first_push(problem: PlanningProblem, bodies: list[_Body]) -> str:
         # a stable set too narrow for the sample tells nothing
         if held.sum() < _FEWEST or (body.free(problem.start)[0] and body.free(ends[held]).any()):
             return ""
-    return "start: every stable push of any contact meets an obstacle or the bounds at once"
+    return "start: every stable push, of every contact, runs into an obstacle or the bounds as it begins"

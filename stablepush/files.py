@@ -74,7 +74,7 @@ class Node:
             if close:
                 meant = lacking[close[0]]
                 self._child(key, None).fail(f'unknown key, did you mean "{meant}"?')
-            warnings.warn(PlausibilityWarning(f"{self.file}: {self._child(key, None).place}: this key is not used"), stacklevel=3)
+            warnings.warn(PlausibilityWarning(f"{self.file}: {self._child(key, None).place}: unknown key, ignored"), stacklevel=3)
 
     def items(self) -> Iterator[Node]:
         """The entries of a list."""

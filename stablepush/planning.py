@@ -113,7 +113,7 @@ def plan(
         first = deadline.reserving(limit / 2) if optional else deadline
         result = run(problem, deadline=first, seed=number, options=options, progress=progress)
         if optional and not result.solved and not deadline.stopped:
-            late = f" in {limit / 2:g} s" if result.status == "timeout" else ""
+            late = f" in {limit / 2:.3g} s, half of the time," if result.status == "timeout" else ""
             anyhow = replace(options, probability=0.0)
             result = run(problem, deadline=deadline, seed=number, options=anyhow, progress=progress)
             least = least_probability(problem, result)
@@ -143,8 +143,8 @@ def least_probability(problem: PlanningProblem, result: PlanResult) -> float | N
 def _with_warning(result: PlanResult, asked: float, least: float, late: str) -> PlanResult:
     """A plan that says how likely it is to fail."""
     words = (
-        f"no plan was found{late} whose pushes are all stable with probability {asked:g}; "
-        f"this one has a push that is stable with probability {least:.2g}"
+        f"no plan was found{late} in which every push is stable with probability {asked:g}; "
+        f"the least certain push of this one has probability {least:.2g}"
     )
     warnings.warn(PlanWarning(words), stacklevel=3)
     return replace(result, message="; ".join(filter(None, (result.message, words))))

@@ -65,7 +65,7 @@ def note_distance(distance: float, radius: float, place: str) -> None:
     """Doubt how far (m) an object of a radius (m) is to be pushed."""
     if distance > _FARTHEST * radius:
         _note(
-            f"{place}: {distance:.4g} m away, {distance / radius:.3g} radii of the slider, looks like millimetres "
+            f"{place}: {distance:.4g} m, {distance / radius:.3g} radii of the slider, looks like millimetres "
             f"({distance / 1000:.4g} m)"
         )
 
@@ -127,7 +127,7 @@ def note_slide(twist: ArrayLike, place: str) -> None:
 def note_friction(mu: float, place: str) -> None:
     """Doubt a coefficient of friction."""
     if _LARGEST_FRICTION < mu < 90.0:
-        _note(f"{place}: a coefficient of {mu:.4g} looks like degrees (its tangent is {math.tan(math.radians(mu)):.3g})")
+        _note(f"{place}: a coefficient of {mu:.4g} looks like degrees (its coefficient is {math.tan(math.radians(mu)):.3g})")
 
 
 def note_finger(radius: float, place: str) -> None:
@@ -164,7 +164,7 @@ def note_cors(cors: ArrayLike, characteristic_length: float, place: str) -> None
         return
     middle = float(np.median(distances))
     if _FAR_COR * characteristic_length < middle < _TRANSLATION * characteristic_length:
-        _note(f"{place}: half of the centres lie {middle:.4g} m away or more: looks like millimetres ({middle / 1000:.4g} m)")
+        _note(f"{place}: a median distance of {middle:.4g} m looks like millimetres ({middle / 1000:.4g} m)")
 
 
 def note_headings(theta: ArrayLike, place: str) -> None:

@@ -129,7 +129,7 @@ class PlanningProblem:
             note_scene(self.bounds, "bounds")
         if self.obstacles:
             note_scene(np.concatenate(self.obstacles), "obstacles")
-        note_distance(float(np.hypot(*(self.goal - self.start)[:2])), self.slider.radius, "goal")
+        note_distance(float(np.hypot(*(self.goal - self.start)[:2])), self.slider.radius, "goal, from the start")
         note_distance(self.tolerance[0], self.slider.radius, "tolerance[0]")
         note_tolerance(self.tolerance[1], "tolerance[1]")
         note_push_speed(self.speed, "speed")

@@ -138,8 +138,8 @@ def _require_origin(outline: FloatArray, name: str) -> None:
     if inside.min() < _LEAST_INSIDE * np.linalg.norm(outline, axis=1).max():
         x, y = shapely.get_coordinates(shapely.Polygon(outline).centroid)[0]
         raise InputError(
-            f"{name}: expected the origin, which is the centre of mass, inside the outline's hull; for an even thickness take "
-            f"({x:.6g}, {y:.6g}) off all vertices, as Slider.centered does"
+            f"{name}: expected the origin, which is the centre of mass, inside the outline's hull; if the density is uniform, "
+            f"subtract ({x:.6g}, {y:.6g}) from every vertex, as Slider.centered does"
         )
 
 

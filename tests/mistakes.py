@@ -115,7 +115,7 @@ MISTAKES = (
         lambda v: v.update(point=v.pop("points")),
     ),
     Mistake(
-        "a key that nothing reads", PLAN, 0, ("note", "comment", "not used"), "scene", lambda v: v.update(comment="first try")
+        "a key that nothing reads", PLAN, 0, ("note", "comment", "ignored"), "scene", lambda v: v.update(comment="first try")
     ),
     Mistake(
         "goal heading of 90 'rad'",

@@ -30,7 +30,7 @@ CASES = {
     ),
     "start out of bounds": ({"start": (0.0, 0.2, 0.0)}, "start: the slider is out of bounds"),
     "pusher at the start": ({"start": (0.2, 0.06, 0.0)}, "start: the pusher, docked at contact 0, is out of bounds"),
-    "pusher at the goal": ({"goal": (0.9, 0.052, 0.0)}, "goal: the pusher has no clearance at contact 0"),
+    "pusher at the goal": ({"goal": (0.9, 0.052, 0.0)}, "goal: the pusher, docked at contact 0, is in collision"),
     "one finger": ({"contacts": [finger()]}, "no contact has a stable push"),
     "a margin that no push has": ({"min_margin": 1.5}, "min_margin: no push has a margin of 1.5 rad"),
 }
@@ -98,7 +98,7 @@ def test_a_goal_that_the_region_cannot_turn_to_is_told():
     problem = small_scene(goal=(0.4, 0.8, 1.5), **settings)
     region = sp.stable_region(problem.surface, narrow)
     assert min(np.hypot(*region.tightest_turn(s)) for s in (1, -1)) > 1.0
-    assert "can turn by" in infeasibility(problem)
+    assert "can turn the slider by" in infeasibility(problem)
     assert infeasibility(small_scene(goal=(0.4, 0.8, 0.0), **settings)) == ""
     # on a table without end it can
     assert infeasibility(small_scene(goal=(0.4, 0.8, 1.5), bounds=None, **settings)) == ""

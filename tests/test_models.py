@@ -188,7 +188,7 @@ def test_a_support_model_may_bring_its_own_length(tmp_path):
 
 
 def test_support_on_one_point_is_no_surface():
-    with pytest.raises(sp.InputError, match="two points that carry load"):
+    with pytest.raises(sp.InputError, match="two different points"):
         sp.IdealLimitSurface(sp.SupportDistribution([(0.0, 0.0), (1.0, 0.0)], [1.0, 0.0]), 1.0)
 
 

@@ -450,12 +450,12 @@ def test_without_a_likely_plan_the_quickest_comes_with_a_warning():
         surface.coefficients, 4, rho, ensemble=np.concatenate((surface.ensemble[:25], other.ensemble[:25]))
     )
     problem = small_scene(surface=skewed, min_margin=0.0)
-    with pytest.warns(sp.PlanWarning, match="no plan was found whose pushes are all stable") as told:
+    with pytest.warns(sp.PlanWarning, match="no plan was found in which every push is stable") as told:
         result = sp.plan(problem, time_limit=60, improve=0)
     assert result.solved
     least = sp.least_probability(problem, result)
     assert least <= 0.5
-    assert f"has a push that is stable with probability {least:.2g}" in str(told[0].message)
+    assert f"the least certain push of this one has probability {least:.2g}" in str(told[0].message)
     assert str(told[0].message) in result.message
     with pytest.warns(sp.PlanWarning):
         assert sp.plan(problem, time_limit=60, improve=0).duration == result.duration

@@ -45,7 +45,7 @@ class IdealLimitSurface:
         loaded = support.points[support.weights >= _LEAST_SHARE]
         least = max(LEAST_POSITIVE, 2 * _COINCIDENT * check_number(rho, "characteristic_length", at_least=0.0))
         if float(np.linalg.norm(loaded - loaded[0], axis=1).max()) < least:
-            raise InputError(f"support: expected at least two points that carry load, {least:g} m or more apart")
+            raise InputError(f"support: expected at least two different points that carry load, got all of it within {least:g} m")
         object.__setattr__(self, "support", support)
         object.__setattr__(self, "friction_load", check_number(friction_load, "friction_load", positive=True))
         object.__setattr__(self, "characteristic_length", check_number(rho, "characteristic_length", positive=True))
