@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_array, check_count, check_number, order_with_ties
+from stablepush._arrays import LEAST_POSITIVE, FloatArray, check_array, check_count, check_number, order_with_ties
 from stablepush.all_pressure import all_pressure_region
 from stablepush.contact import PushContact
 from stablepush.errors import InputError
@@ -106,7 +106,7 @@ def rank_contacts(
     spacings = np.array((0.25, 0.5, 0.75)) * min(lengths)
     if widths is not None:
         spacings = np.unique(check_array(np.atleast_1d(np.asarray(widths, dtype=object)).tolist(), "widths", (None,)))
-        if not len(spacings) or (spacings <= 0).any():
+        if not len(spacings) or (spacings < LEAST_POSITIVE).any():
             raise InputError(f"widths: expected distances > 0 in m, got {widths!r}")
     chosen = list(range(len(lengths)))
     if edges is not None:

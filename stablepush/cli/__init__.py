@@ -15,8 +15,6 @@ from typing import Any
 STARTED = time.perf_counter()
 #: Exit codes, besides 0 and 1, a negative answer.
 BAD_INPUT, INTERRUPTED = 2, 130
-#: What a command ends with that was interrupted, and has said what it kept.
-INTERRUPTED_AND_TOLD = -INTERRUPTED
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -56,6 +54,10 @@ def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
         sys.stdout.flush()
     except typer.Exit as stop:
         code = stop.exit_code
+    except InterruptedError as stop:
+        # a command that kept something, and says what
+        print(f"stablepush: interrupted; {stop}", file=sys.stderr)
+        return INTERRUPTED
     except StablepushError as error:
         code = _complain(str(error))
     except usage_error as error:
@@ -71,8 +73,6 @@ def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
     if code == INTERRUPTED:
         # from here, or from typer: newer versions turn a Ctrl-C into this code themselves
         print("stablepush: interrupted", file=sys.stderr)
-    elif code == INTERRUPTED_AND_TOLD:
-        code = INTERRUPTED
     return code if isinstance(code, int) else 0
 
 

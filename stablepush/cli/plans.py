@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -65,7 +64,7 @@ def plan(
 ) -> None:
     """Plan a path of stable pushes."""
     from stablepush._arrays import LARGEST_MAGNITUDE, LEAST_POSITIVE
-    from stablepush.cli import INTERRUPTED_AND_TOLD, STARTED
+    from stablepush.cli import STARTED
     from stablepush.files import write_atomically
     from stablepush.options import REGIONS
     from stablepush.path import save_plan
@@ -114,8 +113,7 @@ def plan(
         save_figure(plot_plan(problem, result), picture)
     print(f"{output}: {_plan_line(result, least_probability(problem, result))}")
     if interrupted():
-        print(f"stablepush: interrupted; {output} holds the best plan found so far", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED_AND_TOLD)
+        raise InterruptedError(f"{output} holds the best plan found so far")
     raise typer.Exit(0 if result.solved else 1)
 
 

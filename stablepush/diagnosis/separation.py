@@ -16,6 +16,10 @@ from stablepush.diagnosis.system import System
 #: Pushes proposed, how often each is to be made, and what the sum of squares must differ by, between the causes, for them to be
 #: worth while.
 _PROPOSED, _TIMES, _TOLD = 8, 2, 10.0
+#: Directions of parameters whose information is this share of the greatest are not determined.
+_RANK = 1e-9
+#: Pushes that tell the same to this share are alike.
+_ALIKE = 1e-6
 
 
 def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict[str, Any]]:
@@ -40,7 +44,7 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict
         slopes.append(np.stack([(candidates.readings(id, fitted, s) - predicted[-1]) / s.max() for s in small], axis=-1))
         at = sum(SIZES[k] for k in list(fitted.values)[: list(fitted.values).index(id)])
         spread = fitted.covariance[at : at + size, at : at + size]
-        known.append(np.linalg.pinv(spread, rcond=1e-9, hermitian=True))
+        known.append(np.linalg.pinv(spread, rcond=_RANK, hermitian=True))
     # what cannot be simulated with either effect, or with a little more of it, tells nothing
     numbers = [part.reshape(len(part), -1) for part in (*predicted, *slopes)]
     usable = np.flatnonzero(np.isfinite(np.column_stack(numbers)).all(axis=1))
@@ -55,11 +59,11 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict
         left = np.full(len(squares), np.inf)
         for pull, gram, b, a in zip(pulls, grams, pulled, informed, strict=True):
             slope, information = b + _TIMES * pull, a + _TIMES * gram
-            taken = np.einsum("nd,nde,ne->n", slope, np.linalg.pinv(information, rcond=1e-9, hermitian=True), slope)
+            taken = np.einsum("nd,nde,ne->n", slope, np.linalg.pinv(information, rcond=_RANK, hermitian=True), slope)
             left = np.minimum(left, total + _TIMES * squares - taken)
         left[chosen] = -np.inf
         # pushes that tell as much, as those at mirrored places do: the first
-        best = first_least(-left, 1e-6 * max(float(left.max()), _TOLD))
+        best = first_least(-left, _ALIKE * max(float(left.max()), _TOLD))
         told = float(left[best])
         chosen.append(best)
         total += _TIMES * float(squares[best])
