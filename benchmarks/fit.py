@@ -17,12 +17,12 @@ import cvxpy as cp
 import numpy as np
 
 import stablepush as sp
+from stablepush.geometry.planar import unit
 from stablepush.identify.estimator import SquaredLoss, SquaredWeights
 from stablepush.identify.pairs import Pairs
 from stablepush.identify.program import LEAST_EIGENVALUE
 from stablepush.identify.sos import gram_equations
-from stablepush.models.monomials import gradient_rows, monomials
-from stablepush.planar import unit
+from stablepush.surfaces.monomials import gradient_rows, monomials
 
 SETTINGS = [SquaredWeights(a, b) for a, b in product((0.1, 1.0, 10.0, 100.0), (0.1, 0.5, 1.0, 2.0, 4.0, 8.0))]
 

@@ -15,8 +15,8 @@ from scipy.optimize import fsolve
 
 import stablepush as sp
 from stablepush.demo import demo_pokes
-from stablepush.models.monomials import gradient_rows, hessian_operator, monomials
-from stablepush.planar import angle_between, normalize_twist, unit
+from stablepush.geometry.planar import angle_between, normalize_twist, unit
+from stablepush.surfaces.monomials import gradient_rows, hessian_operator, monomials
 
 
 def numpy_newton(surface: sp.PolynomialLimitSurface, directions: np.ndarray, steps: int = 40) -> np.ndarray:

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 import stablepush as sp
-from stablepush.parallel import run_parallel
+from stablepush.core.parallel import run_parallel
 
 SCENES = Path(__file__).parents[1] / "examples" / "scenes"
 LATTICE = "cor-lattice"

@@ -21,8 +21,8 @@ import shapely
 from scipy.optimize import linprog
 
 import stablepush as sp
-from stablepush.planar import twist_from_cor, unit
-from stablepush.probability import probability_map
+from stablepush.geometry.planar import twist_from_cor, unit
+from stablepush.stability.probability import probability_map
 
 MU, EXTENT, CELLS, SURFACES, LP_SPACING = 0.5, 0.4, 400, 200, 0.005
 

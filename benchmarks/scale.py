@@ -19,8 +19,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 import stablepush as sp
+from stablepush.core.parallel import run_parallel
 from stablepush.demo import demo_pokes
-from stablepush.parallel import run_parallel
 
 SCENES = Path(__file__).parents[1] / "examples" / "scenes"
 

@@ -32,8 +32,8 @@ from scipy.optimize import least_squares
 
 import stablepush as sp
 from stablepush.demo import demo_pokes
-from stablepush.planar import twist_from_cor, unit
-from stablepush.probability import probability_map
+from stablepush.geometry.planar import twist_from_cor, unit
+from stablepush.stability.probability import probability_map
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "simulation"))
 
@@ -241,8 +241,8 @@ def starts() -> Iterator[Row]:
     with TemporaryDirectory() as place:
         folder = Path(place)
         _, contact, surface = rig()
-        from stablepush.files import write_json
-        from stablepush.formats import contact_to_json
+        from stablepush.io.formats import contact_to_json
+        from stablepush.io.json_files import write_json
 
         sp.save_model(surface, folder / "model.json")
         write_json(folder / "contact.json", contact_to_json(contact))

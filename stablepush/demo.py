@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from stablepush.contact import PushContact
-from stablepush.logs import Noise, PushLog, Rig
-from stablepush.models import IdealLimitSurface, LimitSurface
-from stablepush.planar import transport_twist, wrench_from_force
-from stablepush.problem import PlanningProblem
-from stablepush.se2 import compose, exp, inverse
-from stablepush.slider import Slider
-from stablepush.support import SupportDistribution
+from stablepush.geometry import compose, exp, inverse, transport_twist, wrench_from_force
+from stablepush.io import Noise, PushLog, Rig
+from stablepush.objects import PushContact, Slider, SupportDistribution
+from stablepush.planning import PlanningProblem
+from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
 #: Coefficients of friction of the rig: finger against slider, slider against table.
 CONTACT_FRICTION, SUPPORT_FRICTION = 0.9, 0.35

@@ -10,7 +10,12 @@ import numpy as np
 import pytest
 
 import stablepush as sp
-from stablepush.effects import CATALOGUE, parse_effect
+from stablepush.effects.catalogue import CATALOGUE, parse_effect
+
+#: Characteristic length in m of the pairs of :func:`pairs`.
+RHO = 0.05
+SQUARE = sp.Slider(((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)))
+SQUARE_PUSH = sp.PushContact(((-0.25, -0.5), (0.25, -0.5)), (0, 1), 0.5)
 
 LAB_DATA = Path(__file__).parents[2] / "shared" / "data"
 
@@ -107,9 +112,9 @@ def make_files(folder: Path) -> Path:
     """Make files for all commands with the commands themselves."""
     from stablepush.cli import main
     from stablepush.demo import demo_pokes, demo_slider
-    from stablepush.files import write_json
-    from stablepush.formats import contact_to_json, slider_to_json
-    from stablepush.problem import save_scene
+    from stablepush.io.formats import contact_to_json, slider_to_json
+    from stablepush.io.json_files import write_json
+    from stablepush.planning.problem import save_scene
 
     sp.write_pushlog(demo_pokes(12), folder / "log")
     assert main(["fit", str(folder / "log"), "-o", str(folder / "model.json")]) == 0
@@ -206,3 +211,26 @@ def check_evidence(report):
         else:
             assert entry["identifiable"] and opposing, (id, supporting)
             assert not supporting or id == "model-capacity" or report.verdict == "unknown", (id, supporting)
+
+
+def pairs(n, noise=0.0, seed=0):
+    surface = sp.IdealLimitSurface(three_feet(), 5.0)
+    twists = random_twists(n, RHO, seed)
+    loads = surface.wrench(twists)
+    rng = np.random.default_rng(seed + 1)
+    return loads + noise * 5 * rng.normal(size=loads.shape) * (1, 1, RHO), twists
+
+
+def two_edges(**changes):
+    contacts = [sp.PushContact.on_edge(triangle(), e, c, 0.05, 0.9) for e, c in ((0, 0.05), (2, 0.1))]
+    settings = {"contacts": contacts, "obstacles": (), "bounds": (0, 0.05, 1.4, 0.37), "goal": (1.0, 0.2, 0.0)}
+    return small_scene(**{**settings, "switch_cost": 2.0, **changes})
+
+
+def grid(size=4.0, n=41):
+    line = np.linspace(-size, size, n)
+    return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+
+
+def counts(region):
+    return sum(int(region.contains(grid(), sense).sum()) for sense in (1, -1))

@@ -20,7 +20,7 @@ import numpy as np
 from conftest import make_log, small_scene, triangle
 
 import stablepush as sp
-from stablepush.effects import parse_effect
+from stablepush.effects.catalogue import parse_effect
 
 SQUARE = sp.Slider.rectangle(0.1, 0.1, 1.0)
 HEXAGON = sp.Slider.regular_polygon(6, 0.06, 1.0)
@@ -187,7 +187,7 @@ def diagnoses() -> dict[str, Any]:
 def files() -> dict[str, Any]:
     """Files that one command writes and another reads."""
     with tempfile.TemporaryDirectory() as place:
-        from stablepush.problem import save_scene
+        from stablepush.planning.problem import save_scene
 
         scene, plan = Path(place) / "scene.json", Path(place) / "plan.json"
         save_scene(small_scene(), scene)

@@ -3,8 +3,10 @@
 import importlib
 import os
 import re
+import runpy
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -106,19 +108,12 @@ def test_the_reference_has_every_public_name():
 
 
 def test_the_picture_of_the_architecture_is_true():
-    """Every module is in it, and imports within the package go to the same group or further down."""
-    picture = (ROOT / "docs" / "architecture.svg").read_text(encoding="utf-8")
-    place, row = {}, -1
-    for kind, text in re.findall(r'class="(group|name)">([\w, /]+)<', picture):
-        row += kind == "group"
-        place[text] = row
+    """It is drawn from the import rules, which name every module (``exhaustive``)."""
+    drawing = runpy.run_path(str(ROOT / "docs" / "architecture.py"))
+    rules = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+    assert (ROOT / "docs" / "architecture.svg").read_text(encoding="utf-8") == drawing["picture"](rules)
     package = Path(sp.__file__).parent
-    modules = {p.stem: p for p in package.iterdir() if p.suffix == ".py" or (p / "__init__.py").is_file()}
-    public = {name for name in modules if not name.startswith("_")}
-    assert public <= set(place)
-    for name in public:
-        files = [modules[name]] if modules[name].is_file() else modules[name].rglob("*.py")
-        for file in files:
-            for other in re.findall(r"^ *from stablepush\.(\w+)[\w.]* import", file.read_text(encoding="utf-8"), re.MULTILINE):
-                if other in public:
-                    assert place[name] <= place[other], f"{name} imports {other}"
+    rooms = {path.parent for path in package.rglob("__init__.py")}
+    described = {c["containers"][0]: c for c in rules if c["type"] == "layers"}
+    assert {".".join(room.relative_to(package.parent).parts) for room in rooms} == set(described)
+    assert all(contract["exhaustive"] for contract in described.values())

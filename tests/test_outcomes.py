@@ -9,13 +9,12 @@ import numpy as np
 import outcomes
 import pytest
 from conftest import three_feet
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from stablepush_planners.dubins import dubins_lengths
 
 import stablepush as sp
-from stablepush._arrays import first_least, order_with_ties
-from stablepush.se2 import compose, exp, wrap_angle
+from stablepush.core.arrays import first_least, order_with_ties
+from stablepush.geometry.se2 import compose, exp, wrap_angle
 
 
 def by_problem(found):

@@ -18,10 +18,10 @@ from scipy.stats import chi2
 from tqdm import tqdm
 
 import stablepush as sp
+from stablepush.core.parallel import run_parallel
 from stablepush.diagnosis import attribution, gap_report, shrink, system
 from stablepush.diagnosis.equations import SIZES, Demands, ScoreTest
 from stablepush.diagnosis.observations import Observations, observe
-from stablepush.parallel import run_parallel
 
 VARIANTS = ("as it is", "nominal surface, not refitted", "rows, not trials", "each effect at 5 %")
 

@@ -20,8 +20,8 @@ from scipy.stats import beta
 from tqdm import tqdm
 
 import stablepush as sp
-from stablepush.effects import CATALOGUE
-from stablepush.parallel import run_parallel
+from stablepush.core.parallel import run_parallel
+from stablepush.effects.catalogue import CATALOGUE
 
 #: Amplitudes from faint to strong, in shares of these largest ones.
 LARGEST = {

@@ -13,7 +13,7 @@ import campaign
 import numpy as np
 from matplotlib.figure import Figure
 
-from stablepush.plot import save_figure
+from stablepush.views.plot.canvas import save_figure
 
 #: What a log is called that gets no name.
 VERDICTS = ("none", "absorbed", "unknown")

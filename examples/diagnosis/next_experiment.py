@@ -16,9 +16,9 @@ import campaign
 import numpy as np
 
 import stablepush as sp
-from stablepush.commands import poke
-from stablepush.parallel import run_parallel
-from stablepush.se2 import compose, inverse
+from stablepush.core.parallel import run_parallel
+from stablepush.geometry.se2 import compose, inverse
+from stablepush.rig.commands import poke
 
 #: Effects that small campaigns confuse, and how strong they are.
 CONFUSED = (

@@ -11,7 +11,7 @@ import numpy as np
 
 import stablepush as sp
 from stablepush.demo import demo_pokes
-from stablepush.planar import angle_between, normalize_twist
+from stablepush.geometry.planar import angle_between, normalize_twist
 
 log = demo_pokes(240)
 loads, twists, _ = log.pairs()

@@ -8,7 +8,8 @@ line is where nine in ten do.
 
 import stablepush as sp
 from stablepush.demo import demo_pokes
-from stablepush.plot import plot_regions, save_figure
+from stablepush.views.plot.canvas import save_figure
+from stablepush.views.plot.regions import plot_regions
 
 log = demo_pokes(8)
 loads, twists, _ = log.pairs()

@@ -8,7 +8,8 @@ pressure distribution.
 """
 
 import stablepush as sp
-from stablepush.plot import plot_plan, save_figure
+from stablepush.views.plot.canvas import save_figure
+from stablepush.views.plot.plans import plot_plan
 
 slider = sp.Slider([(-0.05, -0.05), (0.10, -0.05), (-0.05, 0.10)])
 feet = sp.SupportDistribution([(-0.02, -0.02), (0.04, -0.02), (-0.02, 0.04)], [1, 1, 1])

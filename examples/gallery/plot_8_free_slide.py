@@ -7,7 +7,8 @@ one of few values, the eigen-directions of the limit surface.
 """
 
 import stablepush as sp
-from stablepush.plot import plot_slide, save_figure
+from stablepush.views.plot.canvas import save_figure
+from stablepush.views.plot.motions import plot_slide
 
 slider = sp.Slider([(-0.05, -0.05), (0.10, -0.05), (-0.05, 0.10)], mass=1.0)
 surface = sp.IdealLimitSurface(sp.SupportDistribution.from_polygon(slider.vertices, 0.01), friction_load=3.0)

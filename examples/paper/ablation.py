@@ -18,7 +18,7 @@ import lab
 import numpy as np
 
 import stablepush as sp
-from stablepush.planar import unit
+from stablepush.geometry.planar import unit
 
 TOTALS = (5, 10, 20, 40)
 TEST = 10

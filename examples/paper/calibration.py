@@ -16,7 +16,7 @@ import lab
 import numpy as np
 
 import stablepush as sp
-from stablepush.planar import normalize_twist, normalize_wrench, unit
+from stablepush.geometry.planar import normalize_twist, normalize_wrench, unit
 
 COVERAGES = (0.5, 0.8, 0.95)
 TOTALS = (5, 10, 20, 40)

@@ -17,7 +17,7 @@ import lab
 import numpy as np
 
 import stablepush as sp
-from stablepush.planar import normalize_wrench, unit
+from stablepush.geometry.planar import normalize_wrench, unit
 
 TRAIN = (7, 15, 22, 45)
 METHODS = (*lab.PUBLISHED, "default")

@@ -16,7 +16,7 @@ import lab
 import numpy as np
 
 import stablepush as sp
-from stablepush.planar import normalize_wrench, unit
+from stablepush.geometry.planar import normalize_wrench, unit
 
 METHODS = ("poly4-cvx", "quadratic")
 VARIANTS = {

@@ -13,7 +13,7 @@ import lab
 import numpy as np
 
 import stablepush as sp
-from stablepush.planar import normalize_twist, normalize_wrench, unit
+from stablepush.geometry.planar import normalize_twist, normalize_wrench, unit
 
 ARRANGEMENT = "30_90_30_30_30_90"
 

@@ -17,7 +17,7 @@ import lab
 import numpy as np
 
 import stablepush as sp
-from stablepush.planar import unit
+from stablepush.geometry.planar import unit
 
 TRAIN, VALIDATION, EVALUATIONS = (5, 10, 20, 30), 10, 15
 #: Pokes seen in all by the default: what the training pokes and the validation pokes come to, and fewer.

@@ -21,9 +21,9 @@ import numpy as np
 from tqdm import tqdm
 
 import stablepush as sp
-from stablepush.logs.mlab import Source, find_sources, import_source
-from stablepush.parallel import run_parallel
-from stablepush.planar import angle_between, normalize_twist, unit
+from stablepush.core.parallel import run_parallel
+from stablepush.geometry.planar import angle_between, normalize_twist, unit
+from stablepush.io.importers.mlab import Source, find_sources, import_source
 
 RHO = 0.05
 #: Contact friction that the authors' code uses in the stability tables (the paper says 1.0).

@@ -17,11 +17,11 @@ import numpy as np
 import tables
 
 import stablepush as sp
+from stablepush.geometry.planar import angle_between
 from stablepush.identify.estimator import NormLoss
 from stablepush.identify.fit import POLYNOMIALS
 from stablepush.identify.pairs import Pairs
-from stablepush.models.monomials import gradient_rows
-from stablepush.planar import angle_between
+from stablepush.surfaces.monomials import gradient_rows
 
 SLACKS = (0.0, 0.01, 0.02, 0.05)
 

@@ -18,7 +18,7 @@ import lab
 import numpy as np
 
 import stablepush as sp
-from stablepush.planar import normalize_twist, unit
+from stablepush.geometry.planar import normalize_twist, unit
 
 COUNTS = tuple(range(2, 10))
 SHOWN = (2, 3, 4, 5, 7, 9)

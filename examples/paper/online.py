@@ -16,7 +16,7 @@ import numpy as np
 from tqdm import tqdm
 
 import stablepush as sp
-from stablepush.planar import unit
+from stablepush.geometry.planar import unit
 
 POKES, CHANGE, STREAMS, NOISE = 120, 60, 20, 0.05
 METHODS = {

@@ -15,7 +15,7 @@ import lab
 import numpy as np
 
 import stablepush as sp
-from stablepush.planar import normalize_wrench, unit
+from stablepush.geometry.planar import normalize_wrench, unit
 
 TRIALS, TRAIN, VALIDATION, TEST = 15, (7, 15, 22, 45), 30, 75
 SUPPORTS = {

@@ -19,7 +19,8 @@ import lab
 import numpy as np
 
 import stablepush as sp
-from stablepush.plot import plot_margins, plot_regions, plot_twist_sphere, save_figure
+from stablepush.views.plot.canvas import save_figure
+from stablepush.views.plot.regions import plot_margins, plot_regions, plot_twist_sphere
 
 #: Sides (m) of the squares within which areas are compared; the paper samples CORs in the first.
 SQUARES, POKES, CHANCE = (0.4, 0.8, 2.0), 30, 0.9

@@ -19,8 +19,8 @@ import numpy as np
 import scipy.optimize
 
 import stablepush as sp
-from stablepush.oracle import BOUNDARY_SLACK
-from stablepush.planar import angle_between, normalize_twist, unit
+from stablepush.geometry.planar import angle_between, normalize_twist, unit
+from stablepush.stability.oracle import BOUNDARY_SLACK
 
 TRAIN, EVALUATIONS = (10, 20, 30), 25
 FEW = (0, 1, 2, 3, 5, 10)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from stablepush_planners import contact_graph
 
 import stablepush as sp
-from stablepush.se2 import transform_points
+from stablepush.geometry.se2 import transform_points
 
 
 def main() -> None:

@@ -17,8 +17,8 @@ import shapely
 from tqdm import tqdm
 
 import stablepush as sp
-from stablepush.collision import OVERLAP, SweptBody
-from stablepush.se2 import compose, exp, transform_points
+from stablepush.geometry.se2 import compose, exp, transform_points
+from stablepush.planning.collision import OVERLAP, SweptBody
 
 PUSHES_A_SCENE = 100
 

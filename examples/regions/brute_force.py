@@ -20,9 +20,9 @@ import shapely
 from tqdm import tqdm
 
 import stablepush as sp
-from stablepush._chart import disc_from_twists, twists_from_disc
-from stablepush.planar import normalize_twist, unit
-from stablepush.region import BOUNDARY_TOLERANCE
+from stablepush.geometry.planar import normalize_twist, unit
+from stablepush.stability.kernels.chart import disc_from_twists, twists_from_disc
+from stablepush.stability.region import BOUNDARY_TOLERANCE
 
 MOTIONS, SHARES = 3000, 600
 

@@ -19,10 +19,10 @@ import shapely
 from tqdm import tqdm
 
 import stablepush as sp
-from stablepush._chart import twists_from_disc
+from stablepush.geometry.planar import point_velocity, unit
 from stablepush.identify.pressure import predict_loads
-from stablepush.oracle import BOUNDARY_SLACK
-from stablepush.planar import point_velocity, unit
+from stablepush.stability.kernels.chart import twists_from_disc
+from stablepush.stability.oracle import BOUNDARY_SLACK
 
 MOTIONS, OUTSIDE = 1500, 20
 

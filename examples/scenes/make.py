@@ -16,9 +16,9 @@ import shapely
 
 import stablepush as sp
 from stablepush.demo import CONTACT_FRICTION, demo_pokes, demo_slider
-from stablepush.files import write_json
-from stablepush.problem import save_scene
-from stablepush.se2 import transform_points
+from stablepush.geometry.se2 import transform_points
+from stablepush.io.json_files import write_json
+from stablepush.planning.problem import save_scene
 
 PUSHER = ((-0.03, -0.035), (0.0, -0.035), (0.0, 0.035), (-0.03, 0.035))
 

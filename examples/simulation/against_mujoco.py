@@ -14,9 +14,9 @@ import time
 import numpy as np
 
 import stablepush as sp
-from stablepush.parallel import run_parallel
-from stablepush.planar import transport_twist, twist_from_cor
-from stablepush.se2 import inverse, transform_points, wrap_angle
+from stablepush.core.parallel import run_parallel
+from stablepush.geometry.planar import transport_twist, twist_from_cor
+from stablepush.geometry.se2 import inverse, transform_points, wrap_angle
 
 GRAVITY = 9.81
 

@@ -10,7 +10,7 @@ import argparse
 import numpy as np
 
 import stablepush as sp
-from stablepush.planar import point_velocity
+from stablepush.geometry.planar import point_velocity
 
 
 def closed_form(c2: float, point: np.ndarray, normal: np.ndarray, mu: float, velocity: np.ndarray) -> tuple[np.ndarray, str]:

@@ -10,8 +10,8 @@ import math
 import numpy as np
 
 import stablepush as sp
-from stablepush.effects import CATALOGUE, parse_effect
-from stablepush.se2 import wrap_angle
+from stablepush.effects.catalogue import CATALOGUE, parse_effect
+from stablepush.geometry.se2 import wrap_angle
 
 #: Middle of the range, and nominal values; two numbers are along x and y.
 MIDDLES = {

@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 
 import stablepush as sp
-import stablepush.sliding
-from stablepush.planar import cor_from_twist
-from stablepush.plot import plot_slide, plot_wrench_paths, save_figure
-from stablepush.report import slide_html
+import stablepush.mechanics.sliding
+from stablepush.geometry.planar import cor_from_twist
+from stablepush.views.pages import slide_html
+from stablepush.views.plot.canvas import save_figure
+from stablepush.views.plot.motions import plot_slide, plot_wrench_paths
 
 #: First twists of the paper's figure, in m/s and rad/s.
 CASES = ((0.15, -0.15, 2 * np.pi), (0.25, -0.1, 3 * np.pi), (0.5, 0.1, np.pi))
@@ -70,15 +71,15 @@ def main() -> None:
         shares = [f"{kind} {i}: {100 * np.mean(ends == i):.0f} %" for i, kind in enumerate(found.kinds) if kind == "stable"]
         print(f"    slow slides from random directions end in {', '.join(shares)}, elsewhere {100 * np.mean(ends < 0):.0f} %")
     print("end of the first slide of the feet against a tolerance of 1e-12:")
-    keep = stablepush.sliding._RELATIVE
-    stablepush.sliding._RELATIVE = 1e-12
+    keep = stablepush.mechanics.sliding._RELATIVE
+    stablepush.mechanics.sliding._RELATIVE = 1e-12
     best = sp.simulate_free_sliding(ideal, slider, CASES[0])
     for tolerance in (1e-5, 1e-7, 1e-9):
-        stablepush.sliding._RELATIVE = tolerance
+        stablepush.mechanics.sliding._RELATIVE = tolerance
         slide = sp.simulate_free_sliding(ideal, slider, CASES[0])
         off = slide.poses[-1] - best.poses[-1]
         print(f"  {tolerance:g}: {np.hypot(*off[:2]):.1e} m, {abs(off[2]):.1e} rad, {abs(slide.t[-1] - best.t[-1]):.1e} s")
-    stablepush.sliding._RELATIVE = keep
+    stablepush.mechanics.sliding._RELATIVE = keep
     for k in range(len(CASES)):
         save_figure(plot_slide(slider, slides["quartic", k]), options.output / f"slide_{k + 1}.png")
     paths = {f"slide {k + 1}": slides["quartic", k].wrenches for k in range(len(CASES))}

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 import stablepush as sp
-from stablepush.planar import transport_twist, twist_from_cor
-from stablepush.se2 import compose, inverse, wrap_angle
+from stablepush.geometry.planar import transport_twist, twist_from_cor
+from stablepush.geometry.se2 import compose, inverse, wrap_angle
 
 
 def main() -> None:

@@ -13,8 +13,8 @@ import numpy as np
 import shapely
 
 import stablepush as sp
-from stablepush.planar import transport_twist, twist_from_cor
-from stablepush.se2 import compose, inverse
+from stablepush.geometry.planar import transport_twist, twist_from_cor
+from stablepush.geometry.se2 import compose, inverse
 
 #: Rotation centres drawn for a contact.
 CANDIDATES = 200

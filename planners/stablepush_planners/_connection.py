@@ -7,10 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
-from stablepush._compiled import compiled, inner
-from stablepush._sweep import push_is_free
-from stablepush._twist import way_of
+from stablepush.core import FloatArray, compiled, inner
+from stablepush.geometry.kernels import way_of
+from stablepush.planning.kernels import push_is_free
 from stablepush_planners.dubins import CURVATURES, dubins_lengths
 
 #: Costs (s) below this are of no path, turns (rad) below this none, and costs that differ by this share are the same: which of

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
-from stablepush._compiled import compiled, inner
+from stablepush.core import FloatArray, compiled, inner
 from stablepush_planners._heap import heap_pop, heap_push
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stablepush._compiled import inner
+from stablepush.core import inner
 
 
 @inner

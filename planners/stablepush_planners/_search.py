@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stablepush._arrays import BoolArray, FloatArray
-from stablepush._compiled import compiled, inner
-from stablepush._sweep import push_is_free
+from stablepush.core import BoolArray, FloatArray, compiled, inner
+from stablepush.planning.kernels import push_is_free
 from stablepush_planners._connection import Connections, connect
 from stablepush_planners._goal import Goal, at_goal, guessed_time, least_time
 from stablepush_planners._heap import heap_pop, heap_push

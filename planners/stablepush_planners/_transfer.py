@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
-from stablepush._compiled import compiled, inner
-from stablepush._sweep import Body, edges_near, line_is_free, pose_is_free, room_at
+from stablepush.core import FloatArray, compiled, inner
+from stablepush.planning.kernels import Body, edges_near, line_is_free, pose_is_free, room_at
 
 #: How a change of contact is tested: the pusher takes no room; it goes one of the ways known; as if it could go any way.
 NO_PUSHER, KNOWN_WAYS, ANY_WAY = 0, 1, 2

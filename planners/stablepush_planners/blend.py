@@ -6,12 +6,9 @@ import math
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
-from stablepush.collision import SweptBody
-from stablepush.planar import normalize_twist, unit
-from stablepush.problem import PlanningProblem
-from stablepush.se2 import compose, exp, inverse, log, wrap_angle
-from stablepush.trajectory import PASSES
+from stablepush.core import FloatArray
+from stablepush.geometry import compose, exp, inverse, log, normalize_twist, unit, wrap_angle
+from stablepush.planning import PASSES, PlanningProblem, SweptBody
 from stablepush_planners.shorten import TimedTwist
 from stablepush_planners.stable_set import StableSet
 

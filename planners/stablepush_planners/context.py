@@ -8,14 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
-from stablepush.collision import SweptBody, body_of, world_of
-from stablepush.deadline import Deadline
-from stablepush.errors import ConvergenceError, InputError, OutOfTimeError, UnsupportedContactError
-from stablepush.options import PlanOptions
-from stablepush.path import PlanResult, Push, Transfer
-from stablepush.problem import PlanningProblem
-from stablepush.se2 import compose, exp
+from stablepush.core import ConvergenceError, Deadline, FloatArray, InputError, OutOfTimeError, UnsupportedContactError
+from stablepush.geometry import compose, exp
+from stablepush.planning import PlanningProblem, PlanOptions, PlanResult, Push, SweptBody, Transfer, body_of, world_of
 from stablepush_planners._connection import Connections, connect
 from stablepush_planners._goal import Goal, at_goal, least_time, unobstructed_times
 from stablepush_planners._search import Graph

@@ -14,12 +14,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from stablepush.deadline import Deadline
-from stablepush.errors import ConvergenceError, OutOfTimeError
-from stablepush.options import PlanOptions
-from stablepush.path import PlanResult
-from stablepush.problem import PlanningProblem
-from stablepush.se2 import compose
+from stablepush.core import ConvergenceError, Deadline, OutOfTimeError
+from stablepush.geometry import compose
+from stablepush.planning import PlanningProblem, PlanOptions, PlanResult
 from stablepush_planners import _search
 from stablepush_planners._search import Graph, Tree
 from stablepush_planners._transfer import ANY_WAY, KNOWN_WAYS, Transfers

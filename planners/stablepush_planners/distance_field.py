@@ -7,9 +7,8 @@ import math
 import numpy as np
 import shapely
 
-from stablepush._arrays import BoolArray, FloatArray
-from stablepush._compiled import compiled
-from stablepush.problem import PlanningProblem
+from stablepush.core import BoolArray, FloatArray, compiled
+from stablepush.planning import PlanningProblem
 from stablepush_planners._heap import heap_pop, heap_push
 
 #: Ways along the eight directions of a grid are at most this much longer than the straight ones: sqrt(4 - 2 sqrt(2)).

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from stablepush._compiled import compiled, inner
+from stablepush.core import compiled, inner
 
 #: Words of the six families: left and right turns at the least radius, and straight.
 WORDS = ("LSL", "RSR", "LSR", "RSL", "RLR", "LRL")

@@ -15,10 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
-from stablepush._compiled import compiled
-from stablepush.problem import PlanningProblem
-from stablepush.se2 import log, rotate_vectors
+from stablepush.core import FloatArray, compiled
+from stablepush.geometry import log, rotate_vectors
+from stablepush.planning import PlanningProblem
 from stablepush_planners.stable_set import StableSet
 
 #: Edges reach at most this many cells each way, and turn by at most this angle (rad).

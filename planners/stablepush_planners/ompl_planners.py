@@ -15,15 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
-from stablepush._sweep import pose_is_free, push_is_free
-from stablepush.deadline import Deadline
-from stablepush.errors import OutOfTimeError, UnavailableError
-from stablepush.options import PlanOptions
-from stablepush.path import PlanResult
-from stablepush.planar import twist_from_cor
-from stablepush.problem import PlanningProblem
-from stablepush.se2 import compose, inverse
+from stablepush.core import Deadline, FloatArray, OutOfTimeError, UnavailableError
+from stablepush.geometry import compose, inverse, twist_from_cor
+from stablepush.planning import PlanningProblem, PlanOptions, PlanResult
+from stablepush.planning.kernels import pose_is_free, push_is_free
 from stablepush_planners._connection import moved
 from stablepush_planners._goal import at_goal
 from stablepush_planners.context import PlanningContext, end_of

@@ -6,12 +6,10 @@ import math
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
-from stablepush._sweep import World, push_is_free
-from stablepush.collision import SweptBody
-from stablepush.deadline import Deadline
-from stablepush.problem import PlanningProblem
-from stablepush.se2 import compose, exp, inverse, log, wrap_angle
+from stablepush.core import Deadline, FloatArray
+from stablepush.geometry import compose, exp, inverse, log, wrap_angle
+from stablepush.planning import PlanningProblem, SweptBody
+from stablepush.planning.kernels import World, push_is_free
 from stablepush_planners._connection import Connections, connect
 from stablepush_planners.stable_set import StableSet
 

@@ -4,16 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from stablepush._arrays import BoolArray, FloatArray
-from stablepush.all_pressure import all_pressure_region
-from stablepush.conservative import lynch_mason_region
-from stablepush.deadline import Deadline
-from stablepush.errors import InputError, OutOfTimeError
-from stablepush.models import ensemble_of
-from stablepush.options import PlanOptions
-from stablepush.oracle import StabilityOracle
-from stablepush.problem import PlanningProblem
-from stablepush.region import StableRegion
+from stablepush.core import BoolArray, Deadline, FloatArray, InputError, OutOfTimeError
+from stablepush.planning import PlanningProblem, PlanOptions
+from stablepush.stability import StabilityOracle, StableRegion, all_pressure_region, lynch_mason_region
+from stablepush.surfaces import ensemble_of
 
 #: Pushes stay this far (rad) inside the stable set, so that the check, which allows 1e-6, never disagrees.
 _INSIDE = 1e-7

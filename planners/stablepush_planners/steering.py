@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stablepush import planar
-from stablepush._arrays import BoolArray, FloatArray
-from stablepush.problem import PlanningProblem
+from stablepush.core import BoolArray, FloatArray
+from stablepush.geometry import transport_twist, twist_from_cor
+from stablepush.planning import PlanningProblem
 from stablepush_planners.stable_set import StableSet
 
 #: Grid of candidate lines: directions across the stable interval, and offsets of the line along the direction, in rho.
@@ -46,7 +46,7 @@ class Steering:
 
     def twist(self, curvature: float) -> FloatArray:
         """Body twist (3,) for unit speed of the reference point along its x axis, turning with a curvature (1/m)."""
-        return planar.transport_twist((1.0, 0.0, curvature), self.frame)
+        return transport_twist((1.0, 0.0, curvature), self.frame)
 
 
 def steering(problem: PlanningProblem, stable: StableSet) -> Steering | None:
@@ -96,8 +96,8 @@ def _tightest(
         cors = offsets[:, None, None] * d + places[None, :, None] * normal
         flat = cors.reshape(-1, 2)
         shape = cors.shape[:2]
-        left = accept(planar.twist_from_cor(flat, 1.0)).reshape(shape)
-        right = accept(planar.twist_from_cor(flat, -1.0)).reshape(shape)
+        left = accept(twist_from_cor(flat, 1.0)).reshape(shape)
+        right = accept(twist_from_cor(flat, -1.0)).reshape(shape)
         for row, offset in enumerate(offsets):
             if not (left[row].any() and right[row].any()):
                 continue
@@ -127,7 +127,7 @@ def _refine(
     bad = places[outside]
     for _ in range(3):
         tried = np.linspace(good, bad, 18)[1:-1]
-        stable = accept(planar.twist_from_cor(foot + tried[:, None] * normal, sense))
+        stable = accept(twist_from_cor(foot + tried[:, None] * normal, sense))
         count = len(stable) if stable.all() else int(np.argmin(stable))
         good, bad = (tried[count - 1] if count else good), (tried[count] if count < len(tried) else bad)
     return float(good)

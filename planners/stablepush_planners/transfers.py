@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from stablepush._arrays import FloatArray, first_least, order_with_ties
-from stablepush._sweep import line_is_free
-from stablepush.collision import body_of, world_of
-from stablepush.problem import PlanningProblem
-from stablepush.se2 import compose, transform_points, wrap_angle
+from stablepush.core import FloatArray, first_least, order_with_ties
+from stablepush.geometry import compose, transform_points, wrap_angle
+from stablepush.planning import PlanningProblem, body_of, world_of
+from stablepush.planning.kernels import line_is_free
 
 if TYPE_CHECKING:
     import networkx as nx

@@ -17,9 +17,8 @@ from stablepush import __version__
 from stablepush.blind.score import Score, score_of
 from stablepush.blind.seal import Ledger, complaint, digest, digest_of_folder, open_label
 from stablepush.blind.supports import cases, imported, score_of_supports
-from stablepush.errors import InputError, SolverError
-from stablepush.files import write_atomically, write_json
-from stablepush.parallel import run_parallel
+from stablepush.core import InputError, SolverError, run_parallel
+from stablepush.io import write_atomically, write_json
 
 Files = dict[str, bytes]
 Said = Callable[[str, int, int], None]
@@ -237,8 +236,8 @@ def _environment() -> dict[str, str]:
 
 def known(number: int, files: Files, effects: list[str]) -> tuple[int, dict[str, float]]:
     """Return the closed shares by channel of a fit that knows which effects act, for the score."""
-    from stablepush.diagnosis.gap_report import shrink_with
-    from stablepush.logs import read_pushlog
+    from stablepush.diagnosis import shrink_with
+    from stablepush.io import read_pushlog
 
     with tempfile.TemporaryDirectory() as place:
         _write(Path(place), files)

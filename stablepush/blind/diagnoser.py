@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from stablepush.diagnosis import diagnose
-from stablepush.logs import read_pushlog
+from stablepush.io import read_pushlog
 
 
 def main() -> None:

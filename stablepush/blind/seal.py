@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from stablepush.errors import InputError
+from stablepush.core import InputError
 
 _FIRST = "0" * 64
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from stablepush.blind.score import Row, Score, share, told
-from stablepush.errors import InputError
-from stablepush.logs import PushLog, write_pushlog
-from stablepush.logs.mlab import Source, find_sources, import_source, triangle_slider
+from stablepush.core import InputError
+from stablepush.io import PushLog, write_pushlog
+from stablepush.io.importers import Source, find_sources, import_source, triangle_slider
 
 #: Effects by which a wrong support is rightly told: all reshape the limit surface in the body frame.
 OF_PRESSURE = ("pressure-shift", "pressure-spread", "anisotropy-object", "model-capacity")

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stablepush.cli.common import Progress, require_folder, require_seed, whole_number
-from stablepush.errors import InputError
+from stablepush.core import InputError
 
 if TYPE_CHECKING:
-    from stablepush.blind.score import Score
+    from stablepush.blind import Score
 
 
 #: Modules that generators need.
@@ -66,8 +66,8 @@ def blind(
     require_folder(output)
     # one that was begun has its generator
     _require(generator or ("lab" if (output / "ledger.jsonl").is_file() else "mujoco"))
-    from stablepush.blind.check import BlindCheck, alone
-    from stablepush.files import write_atomically
+    from stablepush.blind import BlindCheck, alone
+    from stablepush.io import write_atomically
 
     with alone(output), Progress("blind") as progress:
         check = BlindCheck(output, generator, sets, seed, pushes, jobs, scheduler, data, expect or ())
@@ -112,7 +112,7 @@ def _table(score: Score) -> str:
 
 
 def _lab_page(score: Score) -> str:
-    from stablepush.report import Section, report_html
+    from stablepush.views import Section, report_html
 
     how = (
         "Real pokes of a triangle on three feet. The rig that was diagnosed had the feet of any arrangement; which one the "
@@ -124,8 +124,8 @@ def _lab_page(score: Score) -> str:
 
 
 def _page(score: Score, earlier: int | None, generator: str) -> str:
-    from stablepush.plot import figure_png, plot_calibration
-    from stablepush.report import Section, report_html
+    from stablepush.views import Section, report_html
+    from stablepush.views.plot import figure_png, plot_calibration
 
     before = (
         "Whether the diagnosis was improved on earlier checks was not stated."

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from stablepush.errors import EffectError, InputError, StablepushError, UnsupportedContactError
+from stablepush.core import EffectError, InputError, StablepushError, UnsupportedContactError
 
 
 def number(text: str | float) -> float:

@@ -8,21 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from stablepush.all_pressure import all_pressure_region
-from stablepush.check import check_plan
-from stablepush.conservative import lynch_mason_region
 from stablepush.demo import demo_pokes, demo_scene, demo_slider
-from stablepush.files import write_atomically
-from stablepush.formats import load_model, save_model
 from stablepush.identify import fit_limit_surface
-from stablepush.logs import read_pushlog, write_pushlog
-from stablepush.path import load_plan, save_plan
-from stablepush.planning import least_probability, plan
-from stablepush.plot import figure_png, plot_plan, plot_regions
-from stablepush.probability import probability_map
-from stablepush.problem import load_scene, save_scene
-from stablepush.region import stable_region
-from stablepush.report import Section, plan_html, report_html
+from stablepush.io import load_model, read_pushlog, save_model, write_atomically, write_pushlog
+from stablepush.planning import check_plan, least_probability, load_plan, load_scene, plan, save_plan, save_scene
+from stablepush.stability import all_pressure_region, lynch_mason_region, probability_map, stable_region
+from stablepush.views import Section, plan_html, report_html
+from stablepush.views.plot import figure_png, plot_plan, plot_regions
 
 
 def run_demo(folder: Path, seed: int) -> int:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stablepush.cli.common import Progress, about, require_files, require_folder, require_outside
-from stablepush.errors import InputError
+from stablepush.core import InputError
 
 if TYPE_CHECKING:
     from stablepush.diagnosis import GapReport
@@ -23,10 +23,8 @@ def diagnose(
     mended: Annotated[Path | None, typer.Option(help="Folder for rig.json and model.json of the mended simulation.")] = None,
 ) -> None:
     """Tell where simulation and reality differ, which effect causes it, and how far the gap shrinks."""
-    from stablepush.diagnosis import diagnose as run
-    from stablepush.diagnosis.shrink import percent
-    from stablepush.files import write_atomically, write_json
-    from stablepush.logs import read_pushlog
+    from stablepush.diagnosis import diagnose as run, percent
+    from stablepush.io import read_pushlog, write_atomically, write_json
 
     require_files(answer, html, pushes)
     if mended is not None:
@@ -42,7 +40,7 @@ def diagnose(
     if answer is not None:
         write_json(answer, report.to_json())
     if html is not None:
-        from stablepush.gap_page import gap_html
+        from stablepush.views import gap_html
 
         write_atomically(html, gap_html(report))
     if pushes is not None:
@@ -61,8 +59,7 @@ def diagnose(
 def _write_pushes(report: GapReport, path: Path) -> None:
     import numpy as np
 
-    from stablepush.files import write_atomically
-    from stablepush.logs.table import table_text
+    from stablepush.io import table_text, write_atomically
 
     proposed = report.next_experiment["pushes"]
     if not proposed:
@@ -73,9 +70,7 @@ def _write_pushes(report: GapReport, path: Path) -> None:
 
 
 def _write_mended(report: GapReport, folder: Path) -> None:
-    from stablepush.files import write_json
-    from stablepush.formats import model_to_json
-    from stablepush.logs.pushlog import rig_to_json
+    from stablepush.io import model_to_json, rig_to_json, write_json
 
     if report.surface is None:
         print(f"{folder}: not written: a mended simulation needs forces, or a rig that says the mass and the support's friction")

@@ -19,7 +19,7 @@ from stablepush.cli.common import (
     require_seed,
     whole_number,
 )
-from stablepush.errors import InputError
+from stablepush.core import InputError
 
 
 def import_logs(
@@ -29,9 +29,8 @@ def import_logs(
     slider: Annotated[Path | None, typer.Option(help="slider/1 file that replaces the lab's triangle.")] = None,
 ) -> None:
     """Read a lab's raw logs into pushlog/1 folders."""
-    from stablepush.formats import load_slider
-    from stablepush.logs import write_pushlog
-    from stablepush.logs.mlab import find_sources, import_source
+    from stablepush.io import load_slider, write_pushlog
+    from stablepush.io.importers import find_sources, import_source
 
     require_folder(output)
     replacement = None if slider is None else load_slider(slider)
@@ -85,7 +84,7 @@ def fit(
     import numpy as np
 
     from stablepush.identify import LOSSES, MODELS, WITH_PRIOR, fit_limit_surface
-    from stablepush.logs import read_pushlog
+    from stablepush.io import read_pushlog
 
     if model not in MODELS:
         raise InputError(f"--model: expected one of {', '.join(MODELS)}, got {model!r}")
@@ -117,11 +116,11 @@ def fit(
             com_tolerance=com_tolerance,
             progress=step.to,
         )
-    from stablepush.formats import save_model
+    from stablepush.io import save_model
 
     if view is not None:
-        from stablepush.files import write_atomically
-        from stablepush.report import surface_html
+        from stablepush.io import write_atomically
+        from stablepush.views import surface_html
 
         page = surface_html(result.surface, loads, twists, names, title=f"{model} from {len(names)} pokes")
         write_atomically(view, page)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stablepush.cli import clock
 from stablepush.cli.common import Output, Progress, about, interruptible, number, require_files, require_seed, whole_number
-from stablepush.errors import InputError
+from stablepush.core import InputError
 
 if TYPE_CHECKING:
-    from stablepush.path import PlanResult
+    from stablepush.planning import PlanResult
 
 PlannerName = Annotated[str, typer.Option("--planner", help="Name of the planner.")]
 Seed = Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of planners that draw random numbers.")]
@@ -63,14 +63,9 @@ def plan(
     picture: Annotated[Path | None, typer.Option(help="Picture of the plan as PNG, if one is found.")] = None,
 ) -> None:
     """Plan a path of stable pushes."""
-    from stablepush._arrays import LARGEST_MAGNITUDE, LEAST_POSITIVE
-    from stablepush.cli import STARTED
-    from stablepush.files import write_atomically
-    from stablepush.options import REGIONS
-    from stablepush.path import save_plan
-    from stablepush.planning import least_probability
-    from stablepush.planning import plan as make_plan
-    from stablepush.problem import load_scene
+    from stablepush.core import LARGEST_MAGNITUDE, LEAST_POSITIVE
+    from stablepush.io import write_atomically
+    from stablepush.planning import REGIONS, least_probability, load_scene, plan as make_plan, save_plan
 
     _require_search(planner, time_limit, seed, improve)
     if region not in REGIONS:
@@ -85,7 +80,7 @@ def plan(
         )
     require_files(output, view, picture, read=(scene,))
     problem = load_scene(scene)
-    left = max(0.0, time_limit - (time.perf_counter() - STARTED))
+    left = max(0.0, time_limit - (clock.elapsed()))
     with Progress("plan") as step, about(scene), interruptible() as interrupted:
         result = make_plan(
             problem,
@@ -104,11 +99,11 @@ def plan(
         raise KeyboardInterrupt
     save_plan(result, output)
     if view is not None:
-        from stablepush.report import plan_html
+        from stablepush.views import plan_html
 
         write_atomically(view, plan_html(problem, result))
     if picture is not None and result.solved:
-        from stablepush.plot import plot_plan, save_figure
+        from stablepush.views.plot import plot_plan, save_figure
 
         save_figure(plot_plan(problem, result), picture)
     print(f"{output}: {_plan_line(result, least_probability(problem, result))}")
@@ -122,9 +117,7 @@ def check(
     plan_file: Annotated[Path, typer.Argument(metavar="PLAN", help="plan/1 file.")],
 ) -> None:
     """Verify a plan independently of the planner that made it."""
-    from stablepush.check import check_plan
-    from stablepush.path import load_plan
-    from stablepush.problem import load_scene
+    from stablepush.planning import check_plan, load_plan, load_scene
 
     problem = load_scene(scene)
     result = load_plan(plan_file)
@@ -147,10 +140,8 @@ def compare(
     """Plan with the model's region, the all-pressure region and STABLE: what each can, and what it costs."""
     import numpy as np
 
-    from stablepush.comparison import compare_regions
-    from stablepush.files import write_atomically
-    from stablepush.logs.table import table_text
-    from stablepush.problem import load_scene
+    from stablepush.io import table_text, write_atomically
+    from stablepush.planning import compare_regions, load_scene
 
     _require_search(planner, time_limit, seed, improve)
     require_files(table, read=scenes)
@@ -190,10 +181,8 @@ def trajectory(
     ] = None,
 ) -> None:
     """Sample a plan in time: poses of slider and pusher as CSV."""
-    from stablepush._arrays import check_number
-    from stablepush.path import load_plan
-    from stablepush.problem import load_scene
-    from stablepush.trajectory import sample_plan, save_trajectory
+    from stablepush.core import check_number
+    from stablepush.planning import load_plan, load_scene, sample_plan, save_trajectory
 
     for name, value in (("--rate", rate), ("--acceleration", acceleration)):
         if value is not None:

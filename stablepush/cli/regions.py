@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from stablepush.cli.common import Contact, Output, Progress, about, number, require_files, whole_number
-from stablepush.errors import InputError, UnsupportedContactError
+from stablepush.core import InputError, UnsupportedContactError
 
 
 def classify(
@@ -21,12 +21,10 @@ def classify(
     """Tell which rotation centres are stable, and by what margin."""
     import numpy as np
 
-    from stablepush.files import write_atomically
-    from stablepush.formats import load_contact, load_model
-    from stablepush.logs.table import IS_SENSE, read_table, table_text
-    from stablepush.oracle import BOUNDARY_SLACK, StabilityOracle
-    from stablepush.planar import twist_from_cor
-    from stablepush.plausibility import note_cors
+    from stablepush.core import note_cors
+    from stablepush.geometry import twist_from_cor
+    from stablepush.io import IS_SENSE, load_contact, load_model, read_table, table_text, write_atomically
+    from stablepush.stability import BOUNDARY_SLACK, StabilityOracle
 
     require_files(output, read=(model, contact, cors))
     columns = ("cor_x", "cor_y", "sense")
@@ -67,15 +65,18 @@ def draw_map(
     view: Annotated[Path | None, typer.Option(help="The map as an HTML page that tells of any rotation centre.")] = None,
 ) -> None:
     """Draw the stable regions: of the model, all-pressure and conservative."""
-    from stablepush._arrays import check_number
-    from stablepush.all_pressure import all_pressure_region
-    from stablepush.conservative import lynch_mason_region
-    from stablepush.files import write_atomically, write_json
-    from stablepush.formats import load_contact, load_model, load_slider
-    from stablepush.models import ensemble_of
-    from stablepush.plot import figure_png, plot_margins, plot_regions, plot_twist_sphere
-    from stablepush.probability import chance_region, probability_map
-    from stablepush.region import regions_to_json, stable_region
+    from stablepush.core import check_number
+    from stablepush.io import load_contact, load_model, load_slider, write_atomically, write_json
+    from stablepush.stability import (
+        all_pressure_region,
+        chance_region,
+        lynch_mason_region,
+        probability_map,
+        regions_to_json,
+        stable_region,
+    )
+    from stablepush.surfaces import ensemble_of
+    from stablepush.views.plot import figure_png, plot_margins, plot_regions, plot_twist_sphere
 
     if extent is not None:
         check_number(extent, "--extent", positive=True)
@@ -124,7 +125,7 @@ def draw_map(
         if sphere is not None:
             pictures.append((sphere, figure_png(plot_twist_sphere(regions))))
         if view is not None:
-            from stablepush.report import region_html
+            from stablepush.views import region_html
 
             pictures.append((view, region_html(surface, fingers, regions, body, extent)))
     if regions_file is not None:
@@ -163,13 +164,11 @@ def contacts(
     """Rank two-finger contacts along the edges of a slider, as a table (CSV), the best first."""
     import numpy as np
 
-    from stablepush._arrays import check_number
-    from stablepush.contact_choice import MEASURES, rank_contacts
-    from stablepush.files import write_atomically
-    from stablepush.formats import load_model, load_slider
-    from stablepush.logs.table import table_text
-    from stablepush.models import GaussianProcessSurface
-    from stablepush.plot import figure_png, plot_contacts
+    from stablepush.core import check_number
+    from stablepush.io import load_model, load_slider, table_text, write_atomically
+    from stablepush.stability import MEASURES, rank_contacts
+    from stablepush.surfaces import GaussianProcessSurface
+    from stablepush.views.plot import figure_png, plot_contacts
 
     if measure not in MEASURES:
         raise InputError(f"--measure: expected one of {', '.join(MEASURES)}, got {measure!r}")

@@ -20,12 +20,11 @@ from stablepush.cli.common import (
     require_seed,
     whole_number,
 )
-from stablepush.errors import InputError
+from stablepush.core import InputError
 
 if TYPE_CHECKING:
-    from stablepush.path import PlanResult
-    from stablepush.problem import PlanningProblem
-    from stablepush.virtual_rig import Execution
+    from stablepush.planning import PlanningProblem, PlanResult
+    from stablepush.rig import Execution
 
 
 def simulate(
@@ -66,16 +65,12 @@ def simulate(
     view: Annotated[Path | None, typer.Option(help="Animation of what happened as an HTML page.")] = None,
 ) -> None:
     """Execute a plan, or a list of pushes, on a simulated rig, with effects that the plan knows nothing of, and log it."""
-    from stablepush._arrays import check_number
-    from stablepush.commands import read_commands
+    from stablepush.core import check_number, note_finger, note_friction, note_noise
     from stablepush.effects import parse_effect
-    from stablepush.execution import execute_closed_loop, execute_plan, require_contacts
-    from stablepush.logs import Noise, write_pushlog
-    from stablepush.path import load_plan
-    from stablepush.plausibility import note_finger, note_friction, note_noise
-    from stablepush.problem import load_scene
-    from stablepush.pushing import Pusher
-    from stablepush.virtual_rig import VirtualRig
+    from stablepush.io import Noise, write_pushlog
+    from stablepush.mechanics import Pusher
+    from stablepush.planning import load_plan, load_scene
+    from stablepush.rig import VirtualRig, execute_closed_loop, execute_plan, read_commands, require_contacts
 
     require_seed(seed)
     if not 1 <= rows <= 100_000:
@@ -125,8 +120,8 @@ def simulate(
             else:
                 execution = execute_closed_loop(rig, problem, result, replan, rows=rows, seed=seed, progress=step.describe)
     if view is not None:
-        from stablepush.files import write_atomically
-        from stablepush.report import execution_html
+        from stablepush.io import write_atomically
+        from stablepush.views import execution_html
 
         write_atomically(view, execution_html(problem, execution.pushers, execution.traces, result))
     write_pushlog(execution.log, output)
@@ -168,7 +163,7 @@ def _remark(problem: PlanningProblem, result: PlanResult, path: Path) -> None:
     """Say so where a plan is not one that the scene's own check lets through."""
     import sys
 
-    from stablepush.check import check_plan
+    from stablepush.planning import check_plan
 
     report = check_plan(problem, result)
     if not report.valid:
@@ -193,12 +188,9 @@ def slide(
     view: Annotated[Path | None, typer.Option(help="Animation of the slide as an HTML page.")] = None,
 ) -> None:
     """Simulate a free slide until the body rests."""
-    from stablepush._arrays import check_number, check_zero_or_positive
-    from stablepush.files import write_atomically
-    from stablepush.formats import load_model, load_slider
-    from stablepush.logs.table import table_text
-    from stablepush.plausibility import note_friction, note_gravity, note_slide
-    from stablepush.sliding import simulate_free_sliding
+    from stablepush.core import check_number, check_zero_or_positive, note_friction, note_gravity, note_slide
+    from stablepush.io import load_model, load_slider, table_text, write_atomically
+    from stablepush.mechanics import simulate_free_sliding
 
     first = numbers("--twist", ("VX", "VY", "OMEGA"), twist)
     if mu is not None:
@@ -222,11 +214,11 @@ def slide(
     columns = ("t", "x", "y", "theta", "vx", "vy", "omega")
     rows = (result.t, *result.poses.T, *result.twists.T)
     if picture is not None:
-        from stablepush.plot import plot_slide, save_figure
+        from stablepush.views.plot import plot_slide, save_figure
 
         save_figure(plot_slide(slider, result), picture)
     if view is not None:
-        from stablepush.report import slide_html
+        from stablepush.views import slide_html
 
         write_atomically(view, slide_html(slider, result))
     write_atomically(output, table_text(dict(zip(columns, rows, strict=True))))

@@ -1,5 +1,8 @@
-"""Diagnosis of the gap between simulation and reality."""
+"""Where simulation and reality differ, which effect explains it, and how far the gap shrinks.
 
-from stablepush.diagnosis.gap_report import VERDICTS, GapReport, diagnose
+Reads a log and returns a :class:`GapReport`; no pictures here. Imports ``rig`` and below, never a label.
+"""
 
-__all__ = ["VERDICTS", "GapReport", "diagnose"]
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from stablepush._compiled import compiled, inner
+from stablepush.core import compiled, inner
 
 #: Speeds (m/s) below which friction depends on speed no more.
 SLOWEST = 1e-5

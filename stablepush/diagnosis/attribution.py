@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 from scipy.stats import t as student
 
-from stablepush._arrays import FloatArray, first_least, order_with_ties
+from stablepush.core import FloatArray, first_least, order_with_ties
 from stablepush.diagnosis.equations import OF_BODY, OF_PRESSURE, RANGES, SIZES, Fitted, ScoreTest, Values
 from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.system import IN_GAPS, System

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
-from stablepush.commands import poke
+from stablepush.core import FloatArray
 from stablepush.diagnosis.equations import Fitted
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.motions import Motions
 from stablepush.diagnosis.observations import Observations
 from stablepush.diagnosis.replay import MOVING, Replay, carry_out, friction_of, misses, step_of
 from stablepush.diagnosis.system import System
-from stablepush.pushing import course_of
-from stablepush.se2 import compose
+from stablepush.geometry import compose
+from stablepush.mechanics import course_of
+from stablepush.rig import poke
 
 #: Headings of the slider, speeds (m/s) and places (m from the origin of W, both ways) that are looked at.
 _HEADINGS, _SPEEDS, _PLACES = 12, (0.005, 0.02, 0.06), (-0.1, 0.1)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from stablepush._arrays import BoolArray, FloatArray
+from stablepush.core import BoolArray, FloatArray
 from stablepush.diagnosis.forward import PARAMETERS
 
 #: Degrees of freedom of the row errors (Student): rows that are far off count less.

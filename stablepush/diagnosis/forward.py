@@ -7,10 +7,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
+from stablepush.core import FloatArray
 from stablepush.diagnosis.observations import Observations
 from stablepush.effects import REFERENCE_SPEED
-from stablepush.se2 import rotate_vectors
+from stablepush.geometry import rotate_vectors
 
 #: Parameters of effects that change the wrench, as they enter: near zero for no effect.
 #: anisotropy: ``(a, b)``, squares of the frictions being ``1 ± √(a² + b²)`` over their mean, the greater along ``atan2(b, a)/2``.

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
+from stablepush.core import FloatArray, InputError
 from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out, slip_friction
 from stablepush.diagnosis.equations import SIZES, usual
 from stablepush.diagnosis.evidence import Evidence, cannot_show, evidence
@@ -20,10 +20,9 @@ from stablepush.diagnosis.shrink import closes_touch, ends_are_off, explains_mos
 from stablepush.diagnosis.system import System, system_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share, residuals
 from stablepush.effects import CATALOGUE
-from stablepush.errors import InputError
-from stablepush.logs import PushLog, Rig
-from stablepush.models import IdealLimitSurface
-from stablepush.se2 import rotate_vectors
+from stablepush.geometry import rotate_vectors
+from stablepush.io import PushLog, Rig
+from stablepush.surfaces import IdealLimitSurface
 
 VERDICTS = ("none", "absorbed", "named", "ambiguous", "unknown")
 #: What is left counts as unknown if so much of it follows place, heading, order or speed, and it is so much larger than the

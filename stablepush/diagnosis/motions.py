@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import BoolArray, FloatArray, first_least
+from stablepush.core import BoolArray, FloatArray, first_least
 from stablepush.diagnosis.equations import SIZES, Demands, Fitted, Values, usual
 from stablepush.diagnosis.observations import Observations
 from stablepush.diagnosis.replay import MOVING, Replay, misses
 from stablepush.diagnosis.system import System
-from stablepush.logs import Rig
-from stablepush.models import IdealLimitSurface
-from stablepush.support import SupportDistribution
+from stablepush.io import Rig
+from stablepush.objects import SupportDistribution
+from stablepush.surfaces import IdealLimitSurface
 
 #: Prior standard deviations of a shift of the pressure (over the radius of gyration) and of its stretches; differences for them.
 _PRIOR = (0.2, 0.2, 0.2, 0.2, 0.2)

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from stablepush._arrays import LEAST_POSITIVE, BoolArray, FloatArray
-from stablepush.logs import PushLog
-from stablepush.logs.pushlog import told_apart
-from stablepush.se2 import compose, exp, inverse, rotate_vectors, transform_points, wrap_angle
-from stablepush.se2 import log as log_of
+from stablepush.core import LEAST_POSITIVE, BoolArray, FloatArray
+from stablepush.geometry import compose, exp, inverse, log as log_of, rotate_vectors, transform_points, wrap_angle
+from stablepush.io import PushLog, told_apart
 
 #: Fingers farther (m) than this from where fingers usually are, beside the outline, do not touch it; nor do those that are
 #: farther from it than the other length. Where contact points are logged, they tell, and the other length alone counts.

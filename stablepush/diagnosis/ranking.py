@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import t as student
 
-from stablepush._arrays import FloatArray
+from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import RANGES, SIZES
 from stablepush.diagnosis.system import System

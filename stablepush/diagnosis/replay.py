@@ -13,19 +13,23 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import BoolArray, FloatArray
-from stablepush.contact import PushContact
+from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError
 from stablepush.diagnosis.observations import Observations, finger_places, nearest
 from stablepush.effects import principal
-from stablepush.errors import ConvergenceError, InputError
-from stablepush.logs import Noise, PushLog
-from stablepush.logs.pushlog import told_apart
-from stablepush.models import IdealLimitSurface
-from stablepush.planar import transport_twist, twist_from_cor
-from stablepush.pushing import Course, Pusher, TableFriction, course_of, follow
-from stablepush.se2 import compose, exp, inverse, transform_points, wrap_angle
-from stablepush.se2 import log as log_of
-from stablepush.slider import Slider
+from stablepush.geometry import (
+    compose,
+    exp,
+    inverse,
+    log as log_of,
+    transform_points,
+    transport_twist,
+    twist_from_cor,
+    wrap_angle,
+)
+from stablepush.io import Noise, PushLog, told_apart
+from stablepush.mechanics import Course, Pusher, TableFriction, course_of, follow
+from stablepush.objects import PushContact, Slider
+from stablepush.surfaces import IdealLimitSurface
 
 #: Radius (m) of fingers that is not known: where they go is told at the contact.
 _RADIUS = 5e-3

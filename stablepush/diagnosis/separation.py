@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import first_least
+from stablepush.core import first_least
 from stablepush.diagnosis.candidates import Candidates, ends_of, loads_of
 from stablepush.diagnosis.equations import SIZES, Fitted
 from stablepush.diagnosis.motions import Motions

@@ -8,21 +8,19 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import t as student
+from scipy.stats import chi2, t as student
 
-from stablepush._arrays import FloatArray
-from stablepush.contact import PushContact
+from stablepush.core import ConvergenceError, FloatArray, InputError
 from stablepush.diagnosis.attribution import BEYOND_PRESSURE, FOLDS, Attribution, folds_of
 from stablepush.diagnosis.equations import Values
 from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.replay import Replay, first_contacts, misses
 from stablepush.diagnosis.system import IN_GAPS, System
-from stablepush.errors import ConvergenceError, InputError
-from stablepush.logs import PushLog
-from stablepush.models import IdealLimitSurface
-from stablepush.oracle import StabilityOracle
-from stablepush.planar import angle_between, twist_from_cor
+from stablepush.geometry import angle_between, twist_from_cor
+from stablepush.io import PushLog
+from stablepush.objects import PushContact
+from stablepush.stability import StabilityOracle
+from stablepush.surfaces import IdealLimitSurface
 
 #: Resampled trials behind an interval.
 _RESAMPLES = 500

@@ -14,14 +14,14 @@ from dataclasses import fields, replace
 import numpy as np
 from scipy.optimize import nnls
 
-from stablepush._arrays import FloatArray
+from stablepush.core import FloatArray
 from stablepush.diagnosis.equations import SIZES, Equations, Fitted, Values, usual
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.observations import Observations, contact_velocity
 from stablepush.diagnosis.replay import Replay, carried
-from stablepush.logs import Noise, Rig
-from stablepush.models import IdealLimitSurface
-from stablepush.support import SupportDistribution
+from stablepush.io import Noise, Rig
+from stablepush.objects import SupportDistribution
+from stablepush.surfaces import IdealLimitSurface
 
 #: Cells along the outline's longer side on which the refitted pressure may lie, besides the nominal points.
 _CELLS = 5

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from stablepush._arrays import FloatArray, order_with_ties
+from stablepush.core import FloatArray, order_with_ties
 from stablepush.diagnosis.equations import usual
 from stablepush.diagnosis.observations import heading
 from stablepush.diagnosis.system import System
-from stablepush.se2 import rotate_vectors
+from stablepush.geometry import rotate_vectors
 
 #: Permutations of whole trials behind a p-value, and false discoveries that are let through.
 _PERMUTATIONS, _FALSE = 1999, 0.05

@@ -1,30 +1,8 @@
-"""Identification of limit surfaces from pairs of loads and slip twists."""
+"""Identification: from pairs of loads and slip twists to a limit surface, its certificate and its ensemble.
 
-from stablepush.identify.certificate import Certificate, certify
-from stablepush.identify.cross_validation import CrossValidation, cross_validate
-from stablepush.identify.fit import LOSSES, MODELS, POLYNOMIALS, WITH_PRIOR, Fit, fit_limit_surface
-from stablepush.identify.next_poke import Poke, poke_candidates, poke_outcome, rank_pokes
-from stablepush.identify.online import OnlineEstimate, OnlineIdentifier
-from stablepush.identify.pressure_grid import GridPressure, ellipsoid_from_pressure, fit_pressure_grid
+Programs, estimators, the slider as prior knowledge, the next poke. Imports ``surfaces`` and below.
+"""
 
-__all__ = [
-    "LOSSES",
-    "MODELS",
-    "POLYNOMIALS",
-    "WITH_PRIOR",
-    "Certificate",
-    "CrossValidation",
-    "Fit",
-    "GridPressure",
-    "OnlineEstimate",
-    "OnlineIdentifier",
-    "Poke",
-    "certify",
-    "cross_validate",
-    "ellipsoid_from_pressure",
-    "fit_limit_surface",
-    "fit_pressure_grid",
-    "poke_candidates",
-    "poke_outcome",
-    "rank_pokes",
-]
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

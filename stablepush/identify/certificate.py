@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
+from stablepush.core import FloatArray
 from stablepush.identify.sos import gram_equations, project_gram
 
 

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_seed, check_vectors, first_least, read_only
-from stablepush.errors import InputError
+from stablepush.core import FloatArray, InputError, check_seed, check_vectors, first_least, read_only, run_parallel
+from stablepush.geometry import angle_between, normalize_twist
 from stablepush.identify.fit import MODELS, fit_limit_surface
 from stablepush.identify.pairs import Pairs
-from stablepush.parallel import run_parallel
-from stablepush.planar import angle_between, normalize_twist
-from stablepush.slider import Slider
+from stablepush.objects import Slider
 
 #: Mean errors (rad) that differ by no more are alike.
 _ALIKE = 1e-6
@@ -82,7 +80,7 @@ def cross_validate(
     seed : int, optional
         Of the cuts and of the fits; 0 if not given.
     processes, scheduler
-        Where the fits are made, see :func:`stablepush.parallel.run_parallel`; the result does not depend on it.
+        Where the fits are made, see :func:`stablepush.core.parallel.run_parallel`; the result does not depend on it.
     progress : callable, optional
         Called with the number of fits done and planned.
     """

@@ -15,13 +15,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from stablepush._arrays import FloatArray, read_only
+from stablepush.core import FloatArray, read_only
+from stablepush.geometry import angle_between, unit
 from stablepush.identify.moments import Moments
 from stablepush.identify.pairs import Pairs
 from stablepush.identify.pressure import PressureEnsemble, PressureSampler
 from stablepush.identify.program import Estimate, norm_program, squared_program, sum_of_norms_program
-from stablepush.models.monomials import bombieri_norms, gradient_rows, monomials, substitution
-from stablepush.planar import angle_between, unit
+from stablepush.surfaces import bombieri_norms, gradient_rows, monomials, substitution
 
 #: Candidate weights of slip and level residuals against the distance from the ellipsoid, for loads of median length one: from
 #: an ellipsoid that outweighs the pairs to one that only settles what they leave open, as noise-free pairs want it.

@@ -11,8 +11,8 @@ import numpy as np
 import scipy.special
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_vectors, first_least, read_only
-from stablepush.errors import InputError, SolverError
+from stablepush.core import FloatArray, InputError, SolverError, check_vectors, first_least, read_only
+from stablepush.geometry import angle_between, normalize_twist
 from stablepush.identify.certificate import Certificate, certify
 from stablepush.identify.estimator import Estimator, NormLoss, NormWeights, Part, SquaredLoss, SquaredWeights
 from stablepush.identify.gp import fit_gaussian_process
@@ -21,10 +21,8 @@ from stablepush.identify.posterior import draw_coefficients
 from stablepush.identify.pressure import PressureEnsemble, PressureSampler
 from stablepush.identify.program import PROVABLE, Estimate
 from stablepush.identify.surface import surface_from_scaled
-from stablepush.models import GaussianProcessSurface, PolynomialLimitSurface
-from stablepush.models.monomials import gradient_rows, monomials
-from stablepush.planar import angle_between, normalize_twist
-from stablepush.slider import Slider
+from stablepush.objects import Slider
+from stablepush.surfaces import GaussianProcessSurface, PolynomialLimitSurface, gradient_rows, monomials
 
 #: Polynomial models: degree, and whether SOS-convexity is imposed. A Gaussian process is the other.
 POLYNOMIALS = {"poly4-cvx": (4, True), "poly4": (4, False), "poly6-cvx": (6, True), "quadratic": (2, True)}

@@ -7,11 +7,10 @@ import warnings
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
-from stablepush.errors import InputError
+from stablepush.core import FloatArray, InputError
+from stablepush.geometry import unit
 from stablepush.identify.pairs import Pairs
-from stablepush.models.gp import GaussianProcessSurface, KernelSum
-from stablepush.planar import unit
+from stablepush.surfaces import GaussianProcessSurface, KernelSum
 
 
 def fit_gaussian_process(pairs: Pairs) -> tuple[GaussianProcessSurface, float]:

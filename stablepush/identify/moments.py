@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
-from stablepush.models.monomials import gradient_rows, monomials
+from stablepush.core import FloatArray
+from stablepush.surfaces import gradient_rows, monomials
 
 
 @dataclass(frozen=True, slots=True, eq=False)

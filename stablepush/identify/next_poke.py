@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import FloatArray, check_array, check_number, order_with_ties
-from stablepush.errors import InputError
-from stablepush.models import LimitSurface, PolynomialLimitSurface, ensemble_of
-from stablepush.planar import normalize_twist, normalize_wrench, point_velocity, unit, wrench_from_force
-from stablepush.slider import Slider
+from stablepush.core import FloatArray, InputError, check_array, check_number, order_with_ties
+from stablepush.geometry import normalize_twist, normalize_wrench, point_velocity, unit, wrench_from_force
+from stablepush.objects import Slider
+from stablepush.surfaces import LimitSurface, PolynomialLimitSurface, ensemble_of
 
 #: Directions of force across the friction cone that are asked for their motion.
 _CONE_STEPS = 33

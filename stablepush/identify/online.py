@@ -7,17 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import LARGEST_MAGNITUDE, FloatArray, check_number, check_vectors
-from stablepush.errors import InputError, SolverError
+from stablepush.core import LARGEST_MAGNITUDE, FloatArray, InputError, SolverError, check_number, check_vectors
+from stablepush.geometry import angle_between, normalize_twist, normalize_wrench, unit
 from stablepush.identify.certificate import Certificate, certify
 from stablepush.identify.estimator import MIDDLE, sphere_penalty, sphere_power
 from stablepush.identify.moments import Moments
 from stablepush.identify.pairs import LEAST_FORCE
 from stablepush.identify.program import squared_program
 from stablepush.identify.surface import surface_from_scaled
-from stablepush.models import PolynomialLimitSurface
-from stablepush.models.monomials import gradient_rows
-from stablepush.planar import angle_between, normalize_twist, normalize_wrench, unit
+from stablepush.surfaces import PolynomialLimitSurface, gradient_rows
 
 METHODS = ("moments", "projected-gradient")
 #: Pokes whose median size starts the scale.

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush._arrays import LARGEST_MAGNITUDE, LEAST_POSITIVE, FloatArray, check_number, check_vectors, read_only
-from stablepush.errors import InputError
-from stablepush.planar import normalize_twist, normalize_wrench, unit
-from stablepush.slider import Slider
+from stablepush.core import LARGEST_MAGNITUDE, LEAST_POSITIVE, FloatArray, InputError, check_number, check_vectors, read_only
+from stablepush.geometry import normalize_twist, normalize_wrench, unit
+from stablepush.objects import Slider
 
 #: Loads below this (N) are no friction of an object on a table.
 LEAST_FORCE = 1e-9

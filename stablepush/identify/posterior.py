@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
+from stablepush.core import FloatArray
 from stablepush.identify.estimator import Part, SquaredLoss, SquaredWeights, pseudo_twists
 from stablepush.identify.moments import Moments
 

@@ -15,9 +15,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import shapely
 
-from stablepush._arrays import FloatArray, read_only
-from stablepush.errors import InputError
-from stablepush.planar import unit
+from stablepush.core import FloatArray, InputError, read_only
+from stablepush.geometry import unit
 
 #: Scale of the load's error relative to its size, of a Student distribution with four degrees of freedom: scatter within a
 #: poke is 9 % on the published logs, and friction is not quite Coulomb's.
@@ -62,7 +61,7 @@ class PressureEnsemble:
 
 def predict_loads(points: FloatArray, loads: FloatArray, twists: FloatArray) -> FloatArray:
     """Ideal loads (m, n, 3) of m supports with points (m, k, 2) and friction loads (m, k), for twists (n, 3), all normalised."""
-    from stablepush.models._kernels import sum_loads_of_many
+    from stablepush.surfaces.kernels import sum_loads_of_many
 
     result = np.empty((len(points), len(twists), 3))
     sum_loads_of_many(np.ascontiguousarray(points), np.ascontiguousarray(loads), np.ascontiguousarray(twists), result)
@@ -170,7 +169,7 @@ class PressureSampler:
 
     def _tilted(self, points: FloatArray, raw: FloatArray, active: np.ndarray, center: FloatArray) -> _State:
         """Return draws whose shares ``q ∝ raw exp(λ·x)`` have the mean ``center``."""
-        from stablepush.models._kernels import tilt_shares
+        from stablepush.surfaces.kernels import tilt_shares
 
         shares, good = np.empty(active.shape), np.empty(len(points), dtype=bool)
         scaled, scaled_center = points / self._radius, np.ascontiguousarray(center / self._radius)
@@ -223,7 +222,7 @@ def _fit_scale(predicted: FloatArray, loads: FloatArray) -> tuple[FloatArray, Fl
 
     The likelihood of a pair is the mean over the q twists that it may have had of a Student density of the load's error.
     """
-    from stablepush.models._kernels import fit_scales
+    from stablepush.surfaces.kernels import fit_scales
 
     scales, likelihoods = np.empty(len(predicted)), np.empty(len(predicted))
     fit_scales(predicted, np.ascontiguousarray(loads), _SCATTER_WEIGHTS, LOAD_ERROR, scales, likelihoods)

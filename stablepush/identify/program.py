@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from stablepush._arrays import FloatArray
-from stablepush.errors import SolverError
+from stablepush.core import FloatArray, SolverError
 from stablepush.identify.moments import Moments, gradient_across
 from stablepush.identify.sos import gram_parametrization
-from stablepush.models.monomials import bombieri_norms, monomial_exponents, monomials
+from stablepush.surfaces import bombieri_norms, monomial_exponents, monomials
 
 #: Lower bound on the eigenvalues of Q, for loads scaled to a median length of one; |F|^4 has eigenvalues 4 to 12.
 LEAST_EIGENVALUE = 1e-3

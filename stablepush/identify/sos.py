@@ -13,8 +13,8 @@ from itertools import product
 
 import numpy as np
 
-from stablepush._arrays import FloatArray
-from stablepush.models.monomials import UPPER, hessian_operator, monomial_exponents, monomial_index
+from stablepush.core import FloatArray
+from stablepush.surfaces import UPPER, hessian_operator, monomial_exponents, monomial_index
 
 
 @cache

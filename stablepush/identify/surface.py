@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from stablepush._arrays import LARGEST_MAGNITUDE, FloatArray
+from stablepush.core import LARGEST_MAGNITUDE, FloatArray
 from stablepush.identify.certificate import Certificate
-from stablepush.models import PolynomialLimitSurface
+from stablepush.surfaces import PolynomialLimitSurface
 
 
 def surface_from_scaled(

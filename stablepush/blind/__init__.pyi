@@ -1,0 +1,2 @@
+from .check import BlindCheck as BlindCheck, alone as alone
+from .score import Score as Score

@@ -1,0 +1,117 @@
+"""The run of one command: exit codes, errors of one line, notes at the end; the commands are in :mod:`stablepush.cli.app`."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from stablepush.cli import clock
+
+#: Exit codes, besides 0 and 1, a negative answer.
+BAD_INPUT, INTERRUPTED = 2, 130
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the program and return its exit code: 0 success, 1 a negative answer, 2 bad input, 130 interrupted."""
+    if arguments is not None:
+        clock.restart()
+    import typer
+
+    from stablepush.cli.app import app
+
+    # the class that all argument errors derive from is not a public name of every typer
+    usage_error: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
+    for stream in (sys.stdout, sys.stderr):
+        # names of files and words of plans may hold what the terminal's encoding cannot show
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    with _notes() as notes:
+        code = _run(app, arguments, usage_error)
+    if code != BAD_INPUT:
+        for note in notes:
+            print(note, file=sys.stderr)
+    if arguments is None:
+        sys.exit(code)
+    return code
+
+
+def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
+    import typer
+
+    from stablepush.core import StablepushError
+
+    code: object
+    try:
+        _require_values(sys.argv[1:] if arguments is None else arguments)
+        code = app(args=arguments, prog_name="stablepush", standalone_mode=False)
+        sys.stdout.flush()
+    except typer.Exit as stop:
+        code = stop.exit_code
+    except InterruptedError as stop:
+        # a command that kept something, and says what
+        print(f"stablepush: interrupted; {stop}", file=sys.stderr)
+        return INTERRUPTED
+    except StablepushError as error:
+        code = _complain(str(error))
+    except usage_error as error:
+        code = _complain(error.format_message())  # type: ignore[attr-defined]
+    except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    except BrokenPipeError:
+        # whoever read the output has gone; the interpreter must not complain when it closes the stream
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 0
+    except MemoryError:
+        code = _complain("out of memory")
+    if code == INTERRUPTED:
+        # from here, or from typer: newer versions turn a Ctrl-C into this code themselves
+        print("stablepush: interrupted", file=sys.stderr)
+    return code if isinstance(code, int) else 0
+
+
+def _require_values(arguments: list[str]) -> None:
+    """Refuse empty arguments, which an unset variable of a shell leaves: as a path they would mean the current folder."""
+    from stablepush.core import InputError
+
+    for before, argument in zip(("", *arguments), arguments, strict=False):
+        name, equals, value = argument.partition("=")
+        if argument == "" or (name.startswith("--") and equals and value == ""):
+            place = name or (before if before.startswith("-") else "arguments")
+            raise InputError(f'{place}: expected a value, got ""')
+
+
+@contextmanager
+def _notes() -> Iterator[list[str]]:
+    """Collect, as lines to be printed, what the library warns of in a block: each value once, however often it is looked at."""
+    from stablepush.core import PlausibilityWarning, StablepushWarning
+
+    lines: list[str] = []
+    said: set[str] = set()
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", StablepushWarning)
+        others = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *rest: Any, **named: Any) -> None:
+            if not issubclass(category, StablepushWarning):
+                others(message, category, *rest, **named)
+                return
+            text = " ".join(str(message).split())
+            place, _, words = text.rpartition(": ")
+            # what was read is made into values more than once: those know no file
+            if text in said or (": " not in place and words in said):
+                return
+            said.update((text, words))
+            lines.append(f"{'note' if issubclass(category, PlausibilityWarning) else 'warning'}: {text}")
+
+        warnings.showwarning = show
+        yield lines
+
+
+def _complain(message: str) -> int:
+    print(f"stablepush: error: {' '.join(message.split())}", file=sys.stderr)
+    return BAD_INPUT

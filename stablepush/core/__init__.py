@@ -1,0 +1,8 @@
+"""What every room needs: errors, checked arrays, compiled functions, time limits, work side by side.
+
+Nothing here knows of pushing. It imports no other room.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -1,0 +1,52 @@
+from .arrays import (
+    LARGEST_MAGNITUDE as LARGEST_MAGNITUDE,
+    LEAST_POSITIVE as LEAST_POSITIVE,
+    BoolArray as BoolArray,
+    FloatArray as FloatArray,
+    check_array as check_array,
+    check_count as check_count,
+    check_number as check_number,
+    check_seed as check_seed,
+    check_sense as check_sense,
+    check_vectors as check_vectors,
+    check_zero_or_positive as check_zero_or_positive,
+    first_least as first_least,
+    order_with_ties as order_with_ties,
+    read_only as read_only,
+)
+from .compiled import compiled as compiled, inner as inner
+from .deadline import Deadline as Deadline, within as within
+from .errors import (
+    ConvergenceError as ConvergenceError,
+    EffectError as EffectError,
+    InputError as InputError,
+    OutOfTimeError as OutOfTimeError,
+    PlanWarning as PlanWarning,
+    PlausibilityWarning as PlausibilityWarning,
+    SolverError as SolverError,
+    StablepushError as StablepushError,
+    StablepushWarning as StablepushWarning,
+    UnavailableError as UnavailableError,
+    UnsupportedContactError as UnsupportedContactError,
+)
+from .parallel import run_parallel as run_parallel
+from .plausibility import (
+    note_cors as note_cors,
+    note_distance as note_distance,
+    note_finger as note_finger,
+    note_friction as note_friction,
+    note_gravity as note_gravity,
+    note_heading as note_heading,
+    note_headings as note_headings,
+    note_margin as note_margin,
+    note_mass as note_mass,
+    note_noise as note_noise,
+    note_part as note_part,
+    note_push_speed as note_push_speed,
+    note_quantity as note_quantity,
+    note_scene as note_scene,
+    note_size as note_size,
+    note_slide as note_slide,
+    note_time as note_time,
+    note_tolerance as note_tolerance,
+)

@@ -1,0 +1,91 @@
+"""Many pieces of work side by side: in processes of this machine, or on a Dask cluster."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+from stablepush.core.errors import InputError
+
+
+def run_parallel(
+    function: Callable[..., Any],
+    jobs: Iterable[tuple[Any, ...]],
+    processes: int | None = 1,
+    *,
+    scheduler: str | None = None,
+    in_order: bool = True,
+) -> Iterator[Any]:
+    """Return an iterator over ``function(*job)`` of every job, as it is found; what is found does not depend on where.
+
+    Leaving the loop early, or Ctrl-C, ends the work.
+
+    Parameters
+    ----------
+    function : callable
+        With arguments and result that can be pickled. It leaves its arguments as they are, and takes its seed from them.
+    jobs : iterable of tuple
+    processes : int or None
+        Of this machine; None is one for each core. 1 is this process, several use one thread each for linear algebra.
+    scheduler : str, optional
+        Address of a Dask cluster, ``tcp://host:8786``, whose workers do all of it instead (extra ``scale``). They need the same
+        version of the library.
+    in_order : bool
+        Whether results come in the order of the jobs; else as soon as they are there.
+
+    Raises
+    ------
+    InputError
+        Fewer than one process, or no such cluster. Errors of the function are passed on.
+    """
+    if processes is not None and processes < 1:
+        raise InputError(f"processes: expected at least 1, got {processes}")
+    work = list(jobs)
+    if scheduler is not None:
+        return _on_cluster(function, work, _client(scheduler), in_order)
+    if processes == 1 or len(work) < 2:
+        return (function(*job) for job in work)
+    return _in_processes(function, work, processes or -1, in_order)
+
+
+def _in_processes(function: Callable[..., Any], jobs: list[tuple[Any, ...]], processes: int, in_order: bool) -> Iterator[Any]:
+    import joblib
+
+    order = "generator" if in_order else "generator_unordered"
+    with joblib.parallel_config(backend="loky", inner_max_num_threads=1):
+        # arrays are copied, not shared
+        pool = joblib.Parallel(n_jobs=processes, return_as=order, max_nbytes=None)
+    results = pool(joblib.delayed(function)(*job) for job in jobs)
+    try:
+        for result in results:  # noqa: UP028 (closed below, not by "yield from")
+            yield result
+    finally:
+        with warnings.catch_warnings():
+            # that work is given up is what whoever leaves early wants
+            warnings.simplefilter("ignore")
+            results.close()
+
+
+def _client(scheduler: str) -> Any:
+    try:
+        from dask.distributed import Client
+    except ImportError:
+        raise InputError('a Dask cluster needs the extra "scale": pip install "stablepush[scale]"') from None
+    try:
+        return Client(scheduler, timeout="10s")
+    except (OSError, ValueError) as error:
+        raise InputError(f"scheduler: no Dask cluster answers at {scheduler!r}: {error}") from None
+
+
+def _on_cluster(function: Callable[..., Any], jobs: list[tuple[Any, ...]], client: Any, in_order: bool) -> Iterator[Any]:
+    from dask.distributed import as_completed
+
+    with client:
+        # the same call twice is two pieces of work: it may write a file, or take time
+        futures = [client.submit(function, *job, pure=False) for job in jobs]
+        try:
+            for future in futures if in_order else as_completed(futures):
+                yield future.result()
+        finally:
+            client.cancel(futures)

@@ -1,0 +1,192 @@
+"""Doubts about valid values that look like another unit: millimetres for metres, grams for kilograms, degrees for radians.
+
+Each function warns with :class:`~stablepush.core.errors.PlausibilityWarning`, which names place, value and likely unit.
+The limits lie well beyond what is pushed over a table, and well below the same thing in the next unit.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import warnings
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stablepush.core.errors import PlausibilityWarning
+
+#: Largest radius (m) of an object: 5 mm, taken for metres, is beyond.
+_LARGEST_RADIUS = 3.0
+#: Farthest that an object is pushed, in its radii, and largest coordinates (m) of a place to push in.
+_FARTHEST, _LARGEST_SCENE = 200.0, 500.0
+#: Parts that belong to an object (pusher, support, contacts) are no farther from its origin than this, in its radii.
+_NEAR = 10.0
+#: Largest mass (kg/m²) over an area: 0.4 m of steel has 3,100.
+_LARGEST_AREAL_MASS = 4_000.0
+#: Largest speeds (m/s, rad/s): of a push, which is to be quasi-static, and of a thrown body.
+_FASTEST_PUSH, _FASTEST_SLIDE, _FASTEST_TURN = 2.0, 20.0, 60.0
+#: Largest heading (rad): two turns.
+_LARGEST_HEADING = 4 * math.pi
+#: Largest tolerance and margin (rad).
+_LARGEST_TOLERANCE, _LARGEST_MARGIN = 1.0, math.pi / 2
+#: Largest standard deviations of a row: position (m), angle (rad); longest trial (s).
+_NOISY_POSITION, _NOISY_ANGLE, _LONGEST_TRIAL = 0.02, 0.3, 3600.0
+#: Largest coefficient of friction; beyond, it is an angle.
+_LARGEST_FRICTION = 5.0
+#: Largest radius (m) of a finger.
+_LARGEST_FINGER = 0.5
+#: Longest delay (s) of a sensor.
+_LONGEST_DELAY = 5.0
+#: Rotation centres farther than this many characteristic lengths are all but translations; a list has few of them.
+#: Farther than this they are translations, and meant.
+_FAR_COR, _TRANSLATION = 100.0, 1e4
+
+
+def note_size(radius: float, place: str) -> None:
+    """Doubt the distance (m) from the origin to the farthest point of an object."""
+    if radius > _LARGEST_RADIUS:
+        _note(f"{place}: a radius of {radius:.4g} m looks like millimetres ({radius / 1000:.4g} m)")
+
+
+def note_mass(mass: float, area: float, place: str) -> None:
+    """Doubt a mass (kg) over the area (m²) that it stands on."""
+    if mass > _LARGEST_AREAL_MASS * area:
+        _note(f"{place}: {mass:.4g} kg looks like grams ({mass / 1000:.4g} kg)")
+
+
+def note_scene(lengths: ArrayLike, place: str) -> None:
+    """Doubt coordinates (m) in the world."""
+    largest = float(np.abs(lengths).max(initial=0.0))
+    if largest > _LARGEST_SCENE:
+        _note(f"{place}: {largest:.4g} m looks like millimetres ({largest / 1000:.4g} m)")
+
+
+def note_distance(distance: float, radius: float, place: str) -> None:
+    """Doubt how far (m) an object of a radius (m) is to be pushed."""
+    if distance > _FARTHEST * radius:
+        _note(
+            f"{place}: {distance:.4g} m, {distance / radius:.3g} radii of the slider, looks like millimetres "
+            f"({distance / 1000:.4g} m)"
+        )
+
+
+def note_part(points: ArrayLike, radius: float, place: str) -> None:
+    """Doubt points (n, 2) in m of what belongs to a slider of a radius (m)."""
+    farthest = float(np.linalg.norm(np.asarray(points, dtype=np.float64), axis=-1).max(initial=0.0))
+    if farthest > _NEAR * radius:
+        _note(f"{place}: a point {farthest:.4g} m off, with a slider of radius {radius:.4g} m, looks like millimetres")
+
+
+def note_heading(theta: float, place: str, largest: float = _LARGEST_HEADING) -> None:
+    """Doubt a heading (rad) beyond ``largest``: degrees are mostly whole."""
+    if abs(theta) > largest and _is_whole(theta):
+        _note_degrees(theta, place)
+
+
+def note_tolerance(angle: float, place: str) -> None:
+    """Doubt a tolerance of the heading (rad): degrees are mostly whole."""
+    if angle > _LARGEST_TOLERANCE and _is_whole(angle):
+        _note_degrees(angle, place)
+
+
+def note_noise(position: float, angle: float, place: str) -> None:
+    """Doubt standard deviations (m, rad) of a row of a log."""
+    if position > _NOISY_POSITION:
+        _note(f"{place}: a position known to {position:.4g} m looks like millimetres ({position / 1000:.4g} m)")
+    if angle > _NOISY_ANGLE:
+        _note(f"{place}: an angle known to {angle:.4g} rad looks like degrees ({math.radians(angle):.4g} rad)")
+
+
+def note_time(longest: float, place: str) -> None:
+    """Doubt the longest time (s) in a trial."""
+    if longest > _LONGEST_TRIAL:
+        _note(f"{place}: {longest:.4g} s looks like milliseconds ({longest / 1000:.4g} s)")
+
+
+def note_margin(margin: float, place: str) -> None:
+    """Doubt a margin (rad); none is above a right angle."""
+    if margin > _LARGEST_MARGIN:
+        _note_degrees(margin, place)
+
+
+def note_push_speed(speed: float, place: str) -> None:
+    """Doubt the speed (m/s) of a push."""
+    if speed > _FASTEST_PUSH:
+        _note(f"{place}: {speed:.4g} m/s looks like millimetres per second ({speed / 1000:.4g} m/s)")
+
+
+def note_slide(twist: ArrayLike, place: str) -> None:
+    """Doubt the first twist (m/s, rad/s) of a thrown body."""
+    vx, vy, omega = np.asarray(twist, dtype=np.float64)
+    if math.hypot(vx, vy) > _FASTEST_SLIDE:
+        _note(f"{place}: {math.hypot(vx, vy):.4g} m/s looks like millimetres per second ({math.hypot(vx, vy) / 1000:.4g} m/s)")
+    if abs(omega) > _FASTEST_TURN:
+        _note(f"{place}: {omega:.4g} rad/s looks like degrees per second ({math.radians(omega):.4g} rad/s)")
+
+
+def note_friction(mu: float, place: str) -> None:
+    """Doubt a coefficient of friction."""
+    if _LARGEST_FRICTION < mu < 90.0:
+        _note(f"{place}: a coefficient of {mu:.4g} looks like degrees (its coefficient is {math.tan(math.radians(mu)):.3g})")
+
+
+def note_finger(radius: float, place: str) -> None:
+    """Doubt the radius (m) of a finger."""
+    if radius > _LARGEST_FINGER:
+        _note(f"{place}: {radius:.4g} m looks like millimetres ({radius / 1000:.4g} m)")
+
+
+def note_gravity(gravity: float, place: str) -> None:
+    """Doubt a gravity (m/s²)."""
+    if gravity > 100:
+        _note(f"{place}: {gravity:.4g} m/s^2 looks like millimetres or centimetres per second squared")
+
+
+def note_quantity(value: float, unit: str, high: float, place: str) -> None:
+    """Doubt a parameter of an effect: an angle (``rad``), a mass (``kg``), a length on an object (``m``), a delay (``s``).
+
+    ``high``: the upper end of the range in which rigs are found.
+    """
+    if unit == "rad" and abs(value) > 10 * high:
+        _note_degrees(value, place)
+    elif unit == "kg" and value > 100 * high:
+        _note(f"{place}: {value:.4g} kg looks like grams ({value / 1000:.4g} kg)")
+    elif unit == "m":
+        note_finger(abs(value), place)
+    elif unit == "s" and abs(value) > _LONGEST_DELAY:
+        _note(f"{place}: {value:.4g} s looks like milliseconds ({value / 1000:.4g} s)")
+
+
+def note_cors(cors: ArrayLike, characteristic_length: float, place: str) -> None:
+    """Doubt rotation centres (n, 2) in m, if most of them lie far from a slider of this ``rho`` (m)."""
+    distances = np.linalg.norm(np.asarray(cors, dtype=np.float64).reshape(-1, 2), axis=1)
+    if len(distances) < 2:
+        return
+    middle = float(np.median(distances))
+    if _FAR_COR * characteristic_length < middle < _TRANSLATION * characteristic_length:
+        _note(f"{place}: a median distance of {middle:.4g} m looks like millimetres ({middle / 1000:.4g} m)")
+
+
+def note_headings(theta: ArrayLike, place: str) -> None:
+    """Doubt the headings (n,) in rad of a log, which may run on over turns."""
+    angles = np.asarray(theta, dtype=np.float64)
+    largest = float(np.nanmax(np.abs(angles), initial=0.0))
+    if largest > 2 * _LARGEST_HEADING:
+        _note_degrees(largest, place)
+
+
+def _note_degrees(angle: float, place: str) -> None:
+    _note(f"{place}: {angle:.4g} rad looks like degrees ({math.radians(angle):.4g} rad)")
+
+
+def _is_whole(angle: float) -> bool:
+    return abs(angle - round(angle)) < 1e-9
+
+
+def _note(text: str) -> None:
+    # the place to name is where the value came from: the first caller outside of the package
+    package, level = __name__.partition(".")[0], 2
+    frame = sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == package:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(PlausibilityWarning(text), stacklevel=level)

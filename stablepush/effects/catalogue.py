@@ -1,0 +1,252 @@
+"""What a nominal simulation leaves out: the catalogue of effects, as data, and how each changes a rig.
+
+An effect has an id, parameters with unit, nominal value (no effect) and plausible range, and a place where it acts: the friction
+of the support, the mass that is moved, the contact, or the sensors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from stablepush.core import LARGEST_MAGNITUDE, InputError, check_number, note_friction, note_quantity
+
+#: Speed (m/s) at which friction that depends on speed is nominal.
+REFERENCE_SPEED = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter of an effect.
+
+    ``size`` numbers; ``nominal`` value of each (None: that of the rig), and the range ``low`` to ``high`` in which rigs are
+    found; ``least`` and ``most``: values beyond make no sense; ``above``: nor does ``least`` itself; ``whole``: only whole
+    numbers do.
+    """
+
+    name: str
+    unit: str
+    nominal: float | None
+    low: float
+    high: float
+    size: int = 1
+    least: float = -LARGEST_MAGNITUDE
+    most: float = LARGEST_MAGNITUDE
+    above: bool = False
+    whole: bool = False
+
+    def check(self, value: float) -> None:
+        """Refuse a value that makes no sense."""
+        low = value <= self.least if self.above else value < self.least
+        if math.isfinite(value) and not low and value <= self.most and (float(value).is_integer() or not self.whole):
+            return
+        floor = "" if self.least <= -LARGEST_MAGNITUDE else f" {'>' if self.above else '>='} {self.least:g}"
+        kind = "whole number" if self.whole else "number"
+        raise InputError(f"{self.name}: expected a {kind}{floor} of at most {self.most:g}, got {value:g}")
+
+
+@dataclass(frozen=True, slots=True)
+class EffectKind:
+    """An entry of the catalogue; ``acts`` is ``"support"``, ``"inertia"``, ``"contact"`` or ``"sensing"``."""
+
+    id: str
+    what: str
+    acts: str
+    parameters: tuple[Parameter, ...]
+
+
+def _kinds() -> tuple[EffectKind, ...]:
+    ratio = Parameter("ratio", "1", 1.0, 1.0, 1.5, least=1.0)
+    half = math.pi / 2
+    return (
+        EffectKind(
+            "anisotropy-world",
+            "support friction depends on direction over the table",
+            "support",
+            (ratio, Parameter("direction", "rad in W", 0.0, -half, half)),
+        ),
+        EffectKind(
+            "anisotropy-object",
+            "support friction depends on direction, fixed in the slider",
+            "support",
+            (ratio, Parameter("direction", "rad in B", 0.0, -half, half)),
+        ),
+        EffectKind(
+            "speed-dependence",
+            "support friction depends on speed",
+            "support",
+            (Parameter("slope", "1 per e-fold of speed", 0.0, -0.15, 0.15),),
+        ),
+        EffectKind(
+            "spatial-variation",
+            "support friction differs over the table",
+            "support",
+            (Parameter("gradient", "1/m in W", 0.0, -1.0, 1.0, 2),),
+        ),
+        EffectKind(
+            "drift",
+            "support friction changes over the log",
+            "support",
+            (Parameter("rate", "1, first to last trial", 0.0, -0.3, 0.3, least=-1.0, above=True),),
+        ),
+        EffectKind(
+            "pressure-shift",
+            "centre of pressure away from the nominal",
+            "support",
+            (Parameter("offset", "m in B", 0.0, -0.01, 0.01, 2),),
+        ),
+        EffectKind(
+            "pressure-spread",
+            "pressure nearer to or farther from its centre",
+            "support",
+            (Parameter("scale", "1", 1.0, 0.7, 1.4, least=0.0, above=True),),
+        ),
+        EffectKind(
+            "tilt",
+            "the table is not level",
+            "support",
+            (Parameter("slope", "rad in W", 0.0, -0.05, 0.05, 2, least=-0.5, most=0.5),),
+        ),
+        EffectKind("inertia", "the push is not quasi-static", "inertia", (Parameter("mass", "kg", 0.0, 0.0, 3.0, least=0.0),)),
+        EffectKind(
+            "contact-friction",
+            "friction between pusher and slider away from nominal",
+            "contact",
+            (Parameter("mu", "1", None, 0.0, 1.2, least=0.0),),
+        ),
+        EffectKind(
+            "contact-geometry",
+            "finger radius or contact place away from nominal",
+            "contact",
+            (Parameter("radius", "m", None, 0.0, 0.02, least=0.0, most=1.0),),
+        ),
+        EffectKind(
+            "force-bias",
+            "constant offset of the force sensor",
+            "sensing",
+            (Parameter("force", "N in W", 0.0, -1.0, 1.0, 2),),
+        ),
+        EffectKind(
+            "force-rotation",
+            "force sensor mounted at an angle",
+            "sensing",
+            (Parameter("angle", "rad", 0.0, -0.3, 0.3),),
+        ),
+        EffectKind(
+            "frame-offset",
+            "origin of the tracked frame away from the centre of mass",
+            "sensing",
+            (Parameter("offset", "m in B", 0.0, -0.01, 0.01, 2),),
+        ),
+        EffectKind(
+            "latency",
+            "the slider's poses lag the pusher's and the forces",
+            "sensing",
+            (Parameter("delay", "s", 0.0, 0.0, 0.3, least=0.0),),
+        ),
+        EffectKind(
+            "model-capacity",
+            "the nominal surface cannot take the measured shape",
+            "support",
+            (
+                Parameter("facets", "support points", None, 3.0, 8.0, least=3.0, most=1000.0, whole=True),
+                Parameter("degree", "degree of the polynomial", None, 2.0, 6.0, least=2.0, most=6.0, whole=True),
+            ),
+        ),
+    )
+
+
+#: All effects by id, in the order of the contract.
+CATALOGUE: Mapping[str, EffectKind] = MappingProxyType({kind.id: kind for kind in _kinds()})
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """An effect with values of its parameters, each a tuple of numbers; those not given are nominal."""
+
+    id: str
+    values: Mapping[str, tuple[float, ...]]
+
+    def __init__(self, id: str, values: Mapping[str, float | Iterable[float]]) -> None:
+        if id not in CATALOGUE:
+            raise InputError(f"effect: expected one of {', '.join(CATALOGUE)}, got {id!r}")
+        kind = CATALOGUE[id]
+        known = {p.name: p for p in kind.parameters}
+        if not isinstance(values, Mapping):
+            raise InputError(f"effect {id}: expected a mapping from parameters to values, got {values!r}")
+        checked: dict[str, tuple[float, ...]] = {}
+        for name, given in values.items():
+            if name not in known:
+                raise InputError(f"effect {id}: expected the parameters {', '.join(known)}, got {name!r}")
+            parameter = known[name]
+            several = given if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
+            numbers = tuple(check_number(x, f"effect {id}: {name}", largest=math.inf) for x in several)
+            if len(numbers) != parameter.size:
+                raise InputError(f"effect {id}: {name}: expected {parameter.size} number(s), got {len(numbers)}")
+            for value in numbers:
+                try:
+                    parameter.check(value)
+                except InputError as error:
+                    raise InputError(f"effect {id}: {error}") from None
+            checked[name] = numbers
+        object.__setattr__(self, "id", id)
+        object.__setattr__(self, "values", MappingProxyType(checked))
+
+    def __reduce__(self) -> tuple[type[Effect], tuple[str, dict[str, tuple[float, ...]]]]:
+        # a read-only view of a mapping cannot be sent to another process
+        return Effect, (self.id, dict(self.values))
+
+    def number(self, name: str) -> float | None:
+        """Return the value of a parameter of one number; its nominal value, which may be None, if it was not given."""
+        value = self.vector(name)
+        return None if value is None else value[0]
+
+    def vector(self, name: str) -> tuple[float, ...] | None:
+        """Return the numbers of a parameter; nominal ones if it was not given."""
+        if name in self.values:
+            return self.values[name]
+        parameter = next(p for p in CATALOGUE[self.id].parameters if p.name == name)
+        return None if parameter.nominal is None else (parameter.nominal,) * parameter.size
+
+
+def parse_effect(text: str) -> Effect:
+    """Read ``id:param=value,param=value``; the numbers of a vector are separated by slashes, as in ``0.01/0.02``."""
+    if not isinstance(text, str):
+        raise InputError(f"effect: expected a text like drift:rate=-0.1, got {text!r}")
+    id, _, rest = text.partition(":")
+    values: dict[str, tuple[float, ...]] = {}
+    for part in filter(None, rest.split(",")):
+        name, equals, numbers = part.partition("=")
+        if not equals:
+            raise InputError(f"effect {id}: expected param=value, got {part!r}")
+        if name in values:
+            raise InputError(f"effect {id}: {name} is given twice")
+        try:
+            values[name] = tuple(float(x) for x in numbers.split("/"))
+        except ValueError:
+            raise InputError(f"effect {id}: {name}: expected numbers separated by '/', got {numbers!r}") from None
+    effect = Effect(id, values)
+    for parameter in CATALOGUE[id].parameters:
+        for value in values.get(parameter.name, ()):
+            # frames follow the unit: rad in W
+            note_quantity(value, parameter.unit.partition(" ")[0], parameter.high, f"effect {id}: {parameter.name}")
+            if parameter.name == "mu":
+                note_friction(value, f"effect {id}: mu")
+    if not values:
+        parameters = CATALOGUE[id].parameters
+        example = "/".join(f"{parameters[0].high:.3g}" for _ in range(parameters[0].size))
+        raise InputError(
+            f"effect {id}: expected values for {', '.join(p.name for p in parameters)}, as in {id}:{parameters[0].name}={example}"
+        )
+    return effect
+
+
+def principal(ratio: float, direction: float) -> np.ndarray:
+    """Friction over its mean (geometric, 2 x 2) that is ``ratio`` times as large along ``direction`` (rad) as across it."""
+    c, s = math.cos(direction), math.sin(direction)
+    turn = np.array(((c, -s), (s, c)))
+    return np.asarray(turn @ np.diag((math.sqrt(ratio), 1 / math.sqrt(ratio))) @ turn.T)

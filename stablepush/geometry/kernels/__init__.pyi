@@ -1,0 +1,1 @@
+from .twist import way_of as way_of

@@ -1,0 +1,17 @@
+from .baselines import (
+    GridPressure as GridPressure,
+    ellipsoid_from_pressure as ellipsoid_from_pressure,
+    fit_pressure_grid as fit_pressure_grid,
+)
+from .certificate import Certificate as Certificate, certify as certify
+from .cross_validation import CrossValidation as CrossValidation, cross_validate as cross_validate
+from .fit import (
+    LOSSES as LOSSES,
+    MODELS as MODELS,
+    POLYNOMIALS as POLYNOMIALS,
+    WITH_PRIOR as WITH_PRIOR,
+    Fit as Fit,
+    fit_limit_surface as fit_limit_surface,
+)
+from .next_poke import Poke as Poke, poke_candidates as poke_candidates, poke_outcome as poke_outcome, rank_pokes as rank_pokes
+from .online import OnlineEstimate as OnlineEstimate, OnlineIdentifier as OnlineIdentifier

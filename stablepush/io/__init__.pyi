@@ -1,0 +1,36 @@
+from .formats import (
+    contact_from_node as contact_from_node,
+    contact_to_json as contact_to_json,
+    load_contact as load_contact,
+    load_model as load_model,
+    load_slider as load_slider,
+    model_from_node as model_from_node,
+    model_to_json as model_to_json,
+    save_model as save_model,
+    slider_from_node as slider_from_node,
+    slider_to_json as slider_to_json,
+)
+from .json_files import (
+    Node as Node,
+    read_json as read_json,
+    whole_folder as whole_folder,
+    write_atomically as write_atomically,
+    write_json as write_json,
+)
+from .movingai import load_movingai_map as load_movingai_map
+from .pushlog import (
+    Noise as Noise,
+    PushLog as PushLog,
+    Rig as Rig,
+    read_pushlog as read_pushlog,
+    rig_to_json as rig_to_json,
+    told_apart as told_apart,
+    write_pushlog as write_pushlog,
+)
+from .tables import (
+    IS_POSITIVE as IS_POSITIVE,
+    IS_SENSE as IS_SENSE,
+    Column as Column,
+    read_table as read_table,
+    table_text as table_text,
+)

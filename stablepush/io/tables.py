@@ -1,0 +1,130 @@
+"""CSV tables with columns of numbers and words; complaints name line and column."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from array import array
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stablepush.core import LARGEST_MAGNITUDE, LEAST_POSITIVE, InputError
+from stablepush.io.json_files import open_text
+
+Column = np.ndarray[Any, np.dtype[Any]]
+
+#: What a number must satisfy, and how to say so.
+Rule = tuple[Callable[[float], bool], str]
+IS_SENSE: Rule = (lambda value: value in (1.0, -1.0), "1 or -1")
+IS_FLAG: Rule = (lambda value: value in (0.0, 1.0), "1 or 0")
+IS_POSITIVE: Rule = (lambda value: value >= LEAST_POSITIVE, f"a number > 0, at least {LEAST_POSITIVE:g}")
+
+
+def read_table(
+    path: str | Path,
+    *,
+    required: Sequence[str],
+    numbers: Sequence[str],
+    filled: Sequence[str] = (),
+    rules: Mapping[str, Rule] | None = None,
+) -> tuple[dict[str, Column], Sequence[int]]:
+    """Read a CSV file with a header into columns; also returns the line of the file that each row ends in.
+
+    Columns named in ``numbers`` hold floats (blank: NaN); all others hold text (blank: ``""``). ``required`` columns must be
+    there, ``filled`` ones must not have blanks; ``rules`` are what the numbers of a column must obey.
+    """
+    name = str(path)
+    columns: list[Any] = []
+    lines = array("q")
+    # a word that stands in many rows is kept once
+    words: dict[str, str] = {}
+    with open_text(path, newline="") as stream:
+        # strict: a quote that is opened and never closed must not swallow the rest of the file
+        reader = csv.reader(stream, strict=True)
+        try:
+            header = [cell.strip() for cell in next(reader, [])]
+            _check_header(header, required, name)
+            kinds = [column not in numbers for column in header]
+            must = [column in filled for column in header]
+            columns = [[] if is_word else array("d") for is_word in kinds]
+            for row in reader:
+                if not "".join(row).strip():
+                    continue
+                lines.append(reader.line_num)
+                if len(row) != len(header):
+                    raise InputError(
+                        f"{name}: line {reader.line_num}: column {header[min(len(row), len(header) - 1)]}: "
+                        f"expected {len(header)} cells, got {len(row)}"
+                    )
+                for i, cell in enumerate(map(str.strip, row)):
+                    if not cell and must[i]:
+                        raise InputError(f"{name}: line {reader.line_num}: column {header[i]}: expected a value, got a blank")
+                    value = words.setdefault(cell, cell) if kinds[i] else _number(cell, name, reader.line_num, header[i])
+                    rule = (rules or {}).get(header[i])
+                    if rule and cell and not rule[0](value):  # type: ignore[arg-type]
+                        raise InputError(
+                            f"{name}: line {reader.line_num}: column {header[i]}: expected {rule[1]}, got {cell[:40]}"
+                        )
+                    columns[i].append(value)
+        except csv.Error as error:
+            raise InputError(f"{name}: line {reader.line_num}: expected CSV, {error}") from None
+    table = {
+        column: np.array(values, dtype=object) if is_word else np.frombuffer(values) if len(values) else np.zeros(0)
+        for column, values, is_word in zip(header, columns, kinds, strict=True)
+    }
+    return table, lines
+
+
+def _check_header(header: list[str], required: Sequence[str], name: str) -> None:
+    if not any(header):
+        raise InputError(f"{name}: line 1: expected a header of column names")
+    for i, column in enumerate(header):
+        if header.index(column) != i:
+            raise InputError(f"{name}: line 1: column {column}: expected a column to stand once, found it twice")
+    missing = [column for column in required if column not in header]
+    if missing:
+        raise InputError(f"{name}: line 1: column {missing[0]}: missing column")
+
+
+def _number(cell: str, name: str, line: int, column: str) -> float:
+    if not cell:
+        return math.nan
+    try:
+        # float() takes underscores and other scripts' digits, which no CSV writer produces
+        value = float(cell) if cell.isascii() and "_" not in cell else math.nan
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{name}: line {line}: column {column}: expected a finite number, got {cell[:40]!r}")
+    if abs(value) > LARGEST_MAGNITUDE:
+        raise InputError(
+            f"{name}: line {line}: column {column}: expected a magnitude of at most {LARGEST_MAGNITUDE:g} (SI units), "
+            f"got {cell[:40]}"
+        )
+    return value
+
+
+def table_text(columns: Mapping[str, Column]) -> str:
+    """Return the CSV text of columns of equal length; NaN becomes a blank, floats keep every digit."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    cells = [
+        values.tolist() if values.dtype == object else [_cell(v) for v in values.tolist()]
+        for values in (np.asarray(c) for c in columns.values())
+    ]
+    writer.writerows(zip(*cells, strict=True))
+    return stream.getvalue()
+
+
+def _cell(value: float) -> str:
+    if isinstance(value, float):
+        if math.isnan(value):
+            return ""
+        if value.is_integer() and abs(value) < 1e15:
+            return str(int(value))
+    return repr(value)

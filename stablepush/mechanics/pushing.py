@@ -1,0 +1,399 @@
+"""Quasi-static pushing: what a slider does under a pusher of imposed motion, with the modes of its contacts.
+
+At every instant friction balances the contact forces (inertia is left out unless the table has it). With ``F(V)`` the load of the
+limit surface for a body twist ``V``, contacts ``i`` at ``p_i`` with inward normals ``n_i`` and forces ``f_i``, and ``u_i`` the
+pusher's velocity there,
+
+    F(V) = Σ (f_i, p_i × f_i),    0 <= n_i·(v(p_i) - u_i)  ⟂  n_i·f_i >= 0,    |t_i·f_i| <= mu n_i·f_i,
+
+sticking where the last holds strictly, else sliding against ``t_i·f_i``. For one contact the answer exists and is unique (the
+force turns monotonically with the slip). With several, Coulomb's law may have more than one answer, or none. All combinations of
+modes are tried: sticking before sliding, more contacts before fewer; where nothing is consistent the slider is jammed and stays.
+
+Lynch, Maekawa, Tanie (1992), Manipulation and active sensing by pushing using tactile feedback; Goyal, Ruina, Papadopoulos
+(1991).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+
+from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError, check_array, check_number, read_only
+from stablepush.geometry import compose, inverse, point_velocity, transform_points
+from stablepush.objects import PushContact, Slider
+from stablepush.surfaces import IdealLimitSurface, LimitSurface, PolynomialLimitSurface
+
+#: Names of the modes of a contact, by number. Left: the slider slips to the left of the inward normal, seen from the pusher.
+MODES = ("open", "sticking", "left", "right")
+#: Radius (m) of a finger that is said to have none: it rounds corners.
+_POINT = 1e-6
+#: How deep (m) a finger without a radius may be in the slider: contacts are kept that deep.
+_POINT_DEPTH = 2e-4
+#: Steps that a push may have.
+_MOST_STEPS = 20_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pusher:
+    """A rigid pusher: round fingers, or a flat edge.
+
+    Its frame has the origin midway between the fingers' centres (on the middle of a flat edge) and x along the direction it
+    faces.
+
+    Parameters
+    ----------
+    fingers : array-like, shape (k, 2)
+        Centres of one or two fingers in the pusher's frame (m).
+    radius : float
+        Of the fingers, in m.
+    flat : bool
+        Two fingers of no radius are the ends of a flat edge.
+    """
+
+    fingers: FloatArray
+    radius: float
+    flat: bool
+
+    def __init__(self, fingers: ArrayLike = ((0.0, 0.0),), radius: float = 0.0, flat: bool = False) -> None:
+        places = check_array(fingers, "pusher.fingers", (None, 2))
+        if not 1 <= len(places) <= 2:
+            raise InputError(f"pusher.fingers: expected one or two, got {len(places)}")
+        if flat and (len(places) != 2 or radius != 0 or np.abs(places[:, 0]).max() > 1e-9 or abs(places[:, 1].sum()) > 1e-9):
+            raise InputError("pusher: expected two ends of no radius, at (0, y) and (0, -y), for a flat edge")
+        object.__setattr__(self, "fingers", read_only(places))
+        object.__setattr__(self, "radius", check_number(radius, "pusher.radius", at_least=0.0))
+        object.__setattr__(self, "flat", bool(flat))
+
+    @classmethod
+    def finger(cls, radius: float = 0.0) -> Pusher:
+        """Return one round finger."""
+        return cls(((0.0, 0.0),), radius)
+
+    @classmethod
+    def two_fingers(cls, spacing: float, radius: float = 0.0) -> Pusher:
+        """Return two round fingers, ``spacing`` (m) between their centres."""
+        half = check_number(spacing, "spacing", positive=True) / 2
+        return cls(((0.0, -half), (0.0, half)), radius)
+
+    @classmethod
+    def edge(cls, width: float) -> Pusher:
+        """Return a flat edge, ``width`` (m) across."""
+        half = check_number(width, "width", positive=True) / 2
+        return cls(((0.0, -half), (0.0, half)), 0.0, True)
+
+    @classmethod
+    def of_contact(cls, contact: PushContact, radius: float = 0.0) -> Pusher:
+        """Return the pusher that touches at the points of a contact when it is docked (:meth:`docked`)."""
+        x, y, theta = contact.frame
+        c, s = math.cos(theta), math.sin(theta)
+        offset = contact.points - (x, y) - radius * contact.normals
+        places = np.stack((c * offset[:, 0] + s * offset[:, 1], -s * offset[:, 0] + c * offset[:, 1]), axis=-1)
+        return cls(places - places.mean(axis=0), radius)
+
+    def docked(self, contact: PushContact) -> FloatArray:
+        """Return the pose (3,) in B of the pusher's frame that touches at the points of a contact."""
+        centers = contact.points - self.radius * contact.normals
+        return np.array((*centers.mean(axis=0), contact.frame[2]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PushTrace:
+    """What happened in a push: rows for its steps; poses also for its start.
+
+    Attributes
+    ----------
+    t : array, shape (n + 1,)
+        Time in s.
+    poses, pushers : array, shape (n + 1, 3)
+        Of B and of the pusher's frame in W, in step with ``t``.
+    twists : array, shape (n, 3)
+        Body twist (m/s, rad/s) of each step.
+    wrenches : array, shape (n, 3)
+        Load (N, N·m) that the pusher applies in each step, in B.
+    points : array, shape (n, 2, 2)
+        Contact points of the fingers in B; NaN where they are open.
+    modes : array of int, shape (n, 2)
+        Numbers of :data:`MODES`.
+    forces : array, shape (n, 2, 2)
+        Forces (N) of the fingers in B. How two sticking fingers press against each other is not determined: a mean is given.
+    jammed : array of bool, shape (n,)
+        Steps in which no motion was consistent; the slider stayed.
+    """
+
+    t: FloatArray
+    poses: FloatArray
+    pushers: FloatArray
+    twists: FloatArray
+    wrenches: FloatArray
+    points: FloatArray
+    modes: np.ndarray
+    forces: FloatArray
+    jammed: BoolArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PushAnswer:
+    """The motion of an instant.
+
+    ``twist`` (3,) in B, ``wrench`` (3,) that the pusher applies, ``forces`` (k, 2) and ``modes`` (names) of the contacts, and how
+    many combinations of modes are consistent (``answers``): the first is given, sticking before sliding; none is a jam.
+    """
+
+    twist: FloatArray
+    wrench: FloatArray
+    forces: FloatArray
+    modes: list[str]
+    answers: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TableFriction:
+    """Friction between a slider and a table, ready for simulation.
+
+    Parameters
+    ----------
+    surface : LimitSurface
+        An ideal surface acts at its support points, so that effects of place, direction and speed mean what they do on a table. A
+        polynomial one acts as a whole.
+    points : IdealLimitSurface, optional
+        Support points under a polynomial surface: what place, direction and speed change of their friction comes on top.
+    changed : IdealLimitSurface, optional
+        Those points with a pressure that differs.
+    load : float
+        ``mu*N`` in N, for surfaces with forces in units of ``mu*N``.
+    of_slider, of_table : array-like, shape (2, 2)
+        Friction over its mean along the axes of B and of W: ``A`` of ``f = m A² v/|A v|``, symmetric and positive.
+    gradient : array-like, shape (2,)
+        Relative change of friction per m over W, from its origin.
+    slope, reference : float
+        Relative change of friction per e-fold of a point's speed, and the speed (m/s) where it is nominal.
+    pull : array-like, shape (2,)
+        Force (N) in W on the centre of mass besides the pusher's, as on a table that is not level.
+    inertia : tuple of float
+        Mass (kg) and moment of inertia (kg m²) that count.
+    """
+
+    surface: LimitSurface
+    load: float = 1.0
+    points: IdealLimitSurface | None = None
+    changed: IdealLimitSurface | None = None
+    of_slider: ArrayLike = ((1.0, 0.0), (0.0, 1.0))
+    of_table: ArrayLike = ((1.0, 0.0), (0.0, 1.0))
+    gradient: ArrayLike = (0.0, 0.0)
+    slope: float = 0.0
+    reference: float = 0.02
+    pull: ArrayLike = (0.0, 0.0)
+    inertia: tuple[float, float] = (0.0, 0.0)
+
+    def compiled(self, scale: float = 1.0) -> Any:
+        """Return the friction as the kernels take it, times ``scale``."""
+        from stablepush.mechanics.kernels.friction import Table
+
+        surface = self.surface
+        slider, table = (check_array(a, "anisotropy", (2, 2)) for a in (self.of_slider, self.of_table))
+        gradient, pull = check_array(self.gradient, "gradient", (2,)), check_array(self.pull, "pull", (2,))
+        plain = bool((slider == np.eye(2)).all() and (table == np.eye(2)).all())
+        none = np.zeros((0, 2)), np.zeros(0)
+        degree, hessian, exponents, axes, factor = 0, np.zeros((6, 1)), np.zeros((1, 3), np.int64), np.ones(3), 1.0
+        points, nominal = none, none
+        if isinstance(surface, IdealLimitSurface):
+            points = surface.support.points, surface.loads
+        elif isinstance(surface, PolynomialLimitSurface):
+            if self.points is not None:
+                nominal = self.points.support.points, self.points.loads
+                points = nominal if self.changed is None else (self.changed.support.points, self.changed.loads)
+            elif not plain or gradient.any() or self.slope:
+                raise InputError("points: expected support points: place, direction and speed act on points under the slider")
+            from stablepush.surfaces import monomial_exponents
+
+            pure = surface.coefficients[(surface.exponents == surface.degree).any(axis=1)]
+            if not (pure > 0).all():
+                raise ConvergenceError("surface: expected one that is bounded along every axis")
+            half_axes = pure ** (-1.0 / surface.degree)
+            factor, degree = float(half_axes.max()), surface.degree
+            hessian, exponents = surface._hessian * factor**degree, monomial_exponents(degree - 2)
+            axes = (half_axes / factor) ** 2
+            factor *= self.load if surface.force_unit == "mu*N" else 1.0
+        else:
+            raise InputError(f"surface: expected a surface of support points or a polynomial one, got {type(surface).__name__}")
+        return Table(
+            points=np.array(points[0]),
+            loads=np.array(points[1]),
+            nominal_points=np.array(nominal[0]),
+            nominal_loads=np.array(nominal[1]),
+            of_slider=_entries(slider @ slider),
+            of_table=_entries(table),
+            isotropic=plain,
+            gradient=(float(gradient[0]), float(gradient[1])),
+            slope=float(self.slope),
+            reference=float(self.reference),
+            scale=float(scale),
+            pull=(float(pull[0]), float(pull[1])),
+            inertia=(float(self.inertia[0]), float(self.inertia[1])),
+            degree=int(degree),
+            hessian=np.array(hessian),
+            exponents=np.array(exponents, dtype=np.int64),
+            half_axes=(float(axes[0]), float(axes[1]), float(axes[2])),
+            factor=float(factor),
+            rho=float(surface.characteristic_length),
+        )
+
+
+def _entries(matrix: FloatArray) -> tuple[float, float, float]:
+    return float(matrix[0, 0]), float(matrix[0, 1]), float(matrix[1, 1])
+
+
+def push_twist(
+    friction: TableFriction | LimitSurface, contact: PushContact, pusher_twist: ArrayLike, pose: ArrayLike = (0.0, 0.0, 0.0)
+) -> PushAnswer:
+    """Return how a slider moves at an instant under contacts that move together with a body twist.
+
+    Parameters
+    ----------
+    friction : TableFriction or LimitSurface
+    contact : PushContact
+        Its points move rigidly with ``pusher_twist``.
+    pusher_twist : array-like, shape (3,)
+        In B, about the origin of B: the twist of a slider that is stuck to the pusher.
+    pose : array-like, shape (3,)
+        Of B in W; it counts where friction depends on place or direction.
+    """
+    from stablepush.mechanics.kernels.contact_law import respond
+    from stablepush.mechanics.kernels.contacts import MOST_CONTACTS, new_answer, new_touch, new_work
+    from stablepush.mechanics.kernels.friction import Motion
+
+    table = _friction(friction).compiled()
+    pushed = check_array(pusher_twist, "pusher_twist", (3,))
+    x, y, theta = check_array(pose, "pose", (3,))
+    count = len(contact.points)
+    if count > MOST_CONTACTS:
+        raise InputError(f"contact.points: expected at most {MOST_CONTACTS}, got {count}")
+    touch, answer, work = new_touch(), new_answer(), new_work()
+    touch.number[0] = count
+    touch.point[:count], touch.normal[:count] = contact.points, contact.normals
+    touch.velocity[:count] = point_velocity(pushed, contact.points)
+    at = Motion(x, y, math.cos(theta), math.sin(theta), 0.0, 0.0, 0.0, 1.0)
+    respond(table, at, touch, np.array(pushed), contact.mu, table.rho, 1.0, True, answer, work)
+    modes = [MODES[m] for m in answer.mode[:count]]
+    return PushAnswer(answer.twist, answer.load, answer.force[:count].copy(), modes, int(answer.found[0]))
+
+
+def simulate_push(
+    friction: TableFriction | LimitSurface,
+    slider: Slider,
+    pusher: Pusher,
+    mu: float,
+    start: ArrayLike,
+    place: ArrayLike,
+    motion: Sequence[tuple[ArrayLike, float]],
+    *,
+    step: float = 2e-4,
+    scale: float = 1.0,
+) -> PushTrace:
+    """Simulate a push: a pusher follows an imposed motion and moves the slider where it touches it.
+
+    Steps by the midpoint rule; its errors shrink with the square of ``step`` where modes do not change, and gaps are kept closed:
+    they do not drift. A push whose motion is stuck to the pusher is exact.
+
+    Parameters
+    ----------
+    friction : TableFriction or LimitSurface
+        Between slider and table.
+    slider : Slider
+    pusher : Pusher
+    mu : float
+        Friction between pusher and slider.
+    start, place : array-like, shape (3,)
+        First poses of B and of the pusher's frame in W.
+    motion : sequence of (twist, duration)
+        Twists (3,) of the pusher in its own frame (m/s, rad/s), held for durations in s, one after the other.
+    step : float
+        Way (m) of the fastest finger in a step, at most.
+    scale : float
+        Friction over its nominal value.
+    """
+    begin, docked = check_array(start, "start", (3,)), check_array(place, "place", (3,))
+    friction_mu = check_number(mu, "mu", at_least=0.0)
+    table = _friction(friction).compiled(check_number(scale, "scale", positive=True))
+    return follow(table, slider, pusher, friction_mu, begin, docked, course_of(pusher, motion, step))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """A pusher's motion in steps: twists (n, 3) in its own frame, held for ``durations`` (n,) in s, in ``counts`` (n,) steps."""
+
+    twists: FloatArray
+    durations: FloatArray
+    counts: np.ndarray
+
+
+def course_of(pusher: Pusher, motion: Sequence[tuple[ArrayLike, float]], step: float) -> Course:
+    """Cut a pusher's motion, as :func:`simulate_push` takes it, into steps."""
+    pieces = _pieces(motion)
+    twists = np.array([twist for twist, _ in pieces]).reshape(-1, 3)
+    durations = np.array([duration for _, duration in pieces])
+    kept = durations > 0
+    twists, durations = twists[kept], durations[kept]
+    way = check_number(step, "step", positive=True)
+    x, y = pusher.fingers.T
+    fastest = np.hypot(twists[:, :1] - twists[:, 2:] * y, twists[:, 1:2] + twists[:, 2:] * x).max(axis=1, initial=0.0)
+    counts = np.maximum(1, np.ceil(fastest * durations / way - 1e-9)).astype(np.int64)
+    if counts.sum() > _MOST_STEPS:
+        raise InputError(f"step: expected at most {_MOST_STEPS} steps in a push, {way:g} m asks for {counts.sum()}")
+    return Course(np.ascontiguousarray(twists), durations, counts)
+
+
+def follow(
+    table: Any, slider: Slider, pusher: Pusher, mu: float, start: FloatArray, place: FloatArray, course: Course
+) -> PushTrace:
+    """Simulate a push of which all is ready: :meth:`TableFriction.compiled`, :func:`course_of`."""
+    from stablepush.mechanics.kernels import rollout as _pushing
+    from stablepush.mechanics.kernels.contacts import new_answer, new_touch, new_work
+
+    _require_outside(slider, pusher, start, place)
+    total = int(course.counts.sum())
+    half = float(np.abs(pusher.fingers[:, 1]).max()) if pusher.flat else 0.0
+    body = _pushing.Pusher(np.array(pusher.fingers), max(pusher.radius, 0.0 if pusher.flat else _POINT), half)
+    poses, pushers = np.zeros((total + 1, 3)), np.zeros((total + 1, 3))
+    moves, loads = np.zeros((total, 3)), np.zeros((total, 3))
+    points, forces = np.zeros((total, 2, 2)), np.zeros((total, 2, 2))
+    modes, times, jams = np.zeros((total, 2), dtype=np.int64), np.zeros(total), np.zeros(total, dtype=np.bool_)
+    _pushing.run(
+        table, np.array(slider.vertices), body, mu, np.array(start), np.array(place),
+        course.twists, course.durations, course.counts, float(table.rho),
+        poses, pushers, moves, loads, points, modes, forces, times, jams,
+        new_touch(), new_touch(), new_answer(), new_work(),
+    )  # fmt: skip
+    return PushTrace(np.concatenate(((0.0,), times)), poses, pushers, moves, loads, points, modes, forces, jams)
+
+
+def _pieces(motion: Sequence[tuple[ArrayLike, float]]) -> list[tuple[FloatArray, float]]:
+    try:
+        pairs = [(twist, duration) for twist, duration in motion]
+    except (TypeError, ValueError):
+        raise InputError("motion: expected pairs of a twist (3,) and a duration in s") from None
+    return [(check_array(v, "motion", (3,)), check_number(d, "motion", at_least=0.0)) for v, d in pairs]
+
+
+def _require_outside(slider: Slider, pusher: Pusher, start: FloatArray, place: FloatArray) -> None:
+    """Refuse fingers whose centres lie in the slider: the contact law would let them pass through it."""
+    if pusher.flat:
+        return
+    centers = transform_points(compose(inverse(start), place), pusher.fingers)
+    inside = shapely.contains_xy(shapely.Polygon(slider.vertices), *centers.T)
+    if not inside.any():
+        return
+    depth = float((inside * shapely.distance(shapely.LinearRing(slider.vertices), shapely.points(centers))).max())
+    if depth > max(0.0, _POINT_DEPTH - pusher.radius):
+        raise InputError(f"place: expected fingers outside of the slider, one has its centre {1000 * depth:.3g} mm inside")
+
+
+def _friction(friction: TableFriction | LimitSurface) -> TableFriction:
+    return friction if isinstance(friction, TableFriction) else TableFriction(friction)

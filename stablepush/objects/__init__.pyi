@@ -1,0 +1,4 @@
+from .contact import PushContact as PushContact
+from .slider import Slider as Slider, check_simple_polygon as check_simple_polygon
+from .support import SupportDistribution as SupportDistribution
+from .wrench_cone import WrenchCone as WrenchCone

@@ -1,0 +1,17 @@
+from .check import CheckReport as CheckReport, check_plan as check_plan
+from .collision import SweptBody as SweptBody, body_of as body_of, world_of as world_of
+from .comparison import RegionPlan as RegionPlan, certified_share as certified_share, compare_regions as compare_regions
+from .feasibility import infeasibility as infeasibility
+from .options import REGIONS as REGIONS, PlanOptions as PlanOptions
+from .problem import PlanningProblem as PlanningProblem, load_scene as load_scene, save_scene as save_scene
+from .registry import least_probability as least_probability, plan as plan, planner_names as planner_names
+from .result import PlanResult as PlanResult, Push as Push, Transfer as Transfer, load_plan as load_plan, save_plan as save_plan
+from .rosbag import load_rosbag as load_rosbag, save_rosbag as save_rosbag
+from .trajectory import (
+    PASSES as PASSES,
+    Trajectory as Trajectory,
+    load_trajectory as load_trajectory,
+    pusher_on_the_way as pusher_on_the_way,
+    sample_plan as sample_plan,
+    save_trajectory as save_trajectory,
+)

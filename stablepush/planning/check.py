@@ -1,0 +1,325 @@
+"""Verify a plan from the problem alone: nothing here is shared with the planners.
+
+Arcs are tested exactly: while a polygon turns about a point, contact begins where a vertex of one polygon crosses an
+edge of the other, so a start without overlap and no crossing of vertex circles with edges, both ways, means no collision.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import shapely
+
+from stablepush.core import FloatArray
+from stablepush.geometry import compose, exp, transform_points, wrap_angle
+from stablepush.planning.problem import PlanningProblem
+from stablepush.planning.result import PlanResult, Push, Transfer
+from stablepush.stability import StabilityOracle
+
+#: Poses and sums must agree to this (m, rad, s), and bodies may overlap by it (m): touching is no collision.
+TOLERANCE = 1e-6
+_STILL = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class CheckReport:
+    """Verdict on a plan and every objection to it, in words."""
+
+    valid: bool
+    objections: tuple[str, ...]
+
+
+def check_plan(problem: PlanningProblem, result: PlanResult) -> CheckReport:
+    """Verify status, sums, poses, speed, stability, bounds, collisions, transfers and goal of a plan."""
+    objections: list[str] = []
+    if result.status != "solved":
+        objections.append(f"status: expected solved, got {result.status}")
+    if not result.segments:
+        objections.append("segments: expected at least one")
+    else:
+        objections += _check_sums(problem, result)
+        objections += _check_chain(problem, result)
+        for index, segment in enumerate(result.segments):
+            if isinstance(segment, Push):
+                objections += _check_push(problem, segment, f"segment {index}")
+        objections += _check_goal(problem, result)
+    return CheckReport(not objections, tuple(objections))
+
+
+def _check_sums(problem: PlanningProblem, result: PlanResult) -> list[str]:
+    found = []
+    pushes = result.pushes
+    sums = {
+        "duration": (result.duration, sum(s.duration for s in result.segments)),
+        "length": (result.length, sum(p.length for p in pushes)),
+        "switches": (result.switches, len(result.segments) - len(pushes)),
+        "min_margin": (result.min_margin, min((p.margin for p in pushes), default=0.0)),
+    }
+    for name, (said, summed) in sums.items():
+        if abs(said - summed) > TOLERANCE:
+            found.append(f"{name}: says {said:.9g}, the segments give {summed:.9g}")
+    if result.lower_bound is not None and result.lower_bound > result.duration + TOLERANCE:
+        found.append(f"lower_bound: {result.lower_bound:.9g} s is above the duration {result.duration:.9g} s")
+    if result.planning_time < 0:
+        found.append(f"planning_time: expected a time >= 0, got {result.planning_time:g}")
+    if not pushes:
+        found.append("segments: expected at least one push")
+    return found
+
+
+def _check_chain(problem: PlanningProblem, result: PlanResult) -> list[str]:
+    """Poses that follow on each other, contacts that do, and transfers."""
+    found = []
+    pose, contact = problem.start, 0
+    for index, segment in enumerate(result.segments):
+        place = f"segment {index}"
+        if isinstance(segment, Transfer):
+            if segment.source != contact:
+                found.append(f"{place}: leaves contact {segment.source}, the pusher is at {contact}")
+            if segment.source == segment.target:
+                found.append(f"{place}: goes from contact {segment.source} to itself")
+            found += _check_transfer(problem, segment, pose, place)
+            contact = segment.target
+            continue
+        if segment.contact != contact:
+            found.append(f"{place}: pushes at contact {segment.contact}, the pusher is at {contact}")
+            contact = segment.contact
+        if _pose_difference(segment.start, pose) > TOLERANCE:
+            expected = "the start of the problem" if index == 0 else "where the slider stands"
+            found.append(f"{place}: its start differs from {expected} by {_pose_difference(segment.start, pose):.2g}")
+        pose = segment.end
+    return found
+
+
+def _check_push(problem: PlanningProblem, push: Push, place: str) -> list[str]:
+    if not 0 <= push.contact < len(problem.contacts):
+        return [f"{place}: expected a contact from 0 to {len(problem.contacts) - 1}, got {push.contact}"]
+    if not push.twist.any():
+        return [f"{place}: expected a twist that is not zero"]
+    if push.duration <= 0:
+        return [f"{place}: expected a duration > 0, got {push.duration:g}"]
+    found = []
+    error = _pose_difference(push.end, compose(push.start, exp(push.twist * push.duration)))
+    if error > TOLERANCE:
+        found.append(f"{place}: its end differs from start * exp(twist * duration) by {error:.2g}")
+    speed = float(problem.push_speed(push.twist))
+    if speed > problem.speed * (1 + TOLERANCE):
+        found.append(f"{place}: a point of the outline moves at {speed:.6g} m/s, the limit is {problem.speed:g}")
+    margin = float(StabilityOracle(problem.surface, problem.contacts[push.contact]).margin(push.twist))
+    if abs(margin - push.margin) > TOLERANCE:
+        found.append(f"{place}: says a margin of {push.margin:.9g} rad, the oracle gives {margin:.9g}")
+    least = max(0.0, problem.min_margin)
+    if margin < least - TOLERANCE:
+        found.append(f"{place}: margin {margin:.6g} rad is below {least:g}")
+    for name, outline in _bodies(problem, push.contact):
+        found += _check_sweep(problem, outline, push, f"{place}: {name}")
+    return found
+
+
+def _bodies(problem: PlanningProblem, contact: int) -> list[tuple[str, FloatArray]]:
+    """Outlines (n, 2) in B that move during a push."""
+    bodies = [("slider", problem.slider.vertices)]
+    if problem.pusher is not None:
+        bodies.append(("pusher", transform_points(problem.contacts[contact].frame, problem.pusher)))
+    return bodies
+
+
+def _check_sweep(problem: PlanningProblem, outline: FloatArray, push: Push, place: str) -> list[str]:
+    found = []
+    placed = transform_points(push.start, outline)
+    sweep = _Sweep.from_push(push)
+    extremes = sweep.extremes(placed)
+    if not _within(problem.bounds, extremes):
+        found.append(f"{place} leaves the bounds")
+    low, high = extremes.min(axis=0), extremes.max(axis=0)
+    rings = _shrunk(placed)
+    for i, obstacle in enumerate(problem.obstacles):
+        if (obstacle.max(axis=0) < low).any() or (obstacle.min(axis=0) > high).any():
+            continue
+        if any(sweep.hits(ring, obstacle) for ring in rings):
+            found.append(f"{place} hits obstacle {i}")
+    return found
+
+
+def _check_transfer(problem: PlanningProblem, transfer: Transfer, pose: FloatArray, place: str) -> list[str]:
+    found = []
+    if abs(transfer.duration - problem.switch_cost) > TOLERANCE:
+        found.append(f"{place}: takes {transfer.duration:g} s, a change of contact costs {problem.switch_cost:g} s")
+    count = len(problem.contacts)
+    if not (0 <= transfer.source < count and 0 <= transfer.target < count):
+        return [
+            *found,
+            f"{place}: expected contacts from 0 to {count - 1}, got {transfer.source} and {transfer.target}",
+        ]
+    path = transfer.pusher_path
+    if not len(path):
+        return found if problem.pusher is None else [*found, f"{place}: expected a path for the pusher"]
+    for name, contact, end in (("first", transfer.source, path[0]), ("last", transfer.target, path[-1])):
+        error = _pose_difference(end, compose(pose, problem.contacts[contact].frame))
+        if error > TOLERANCE:
+            found.append(f"{place}: the {name} pusher pose differs from the docked one by {error:.2g}")
+    if problem.pusher is None:
+        return found
+    radius = float(np.linalg.norm(problem.pusher, axis=1).max())
+    obstacles = [shapely.Polygon(o) for o in (*problem.obstacles, transform_points(pose, problem.slider.vertices))]
+    blocked = shapely.union_all(obstacles)
+    rings = _shrunk(problem.pusher)
+    for i, (a, b) in enumerate(pairwise(path)):
+        step = np.array((*(b[:2] - a[:2]), float(wrap_angle(b[2] - a[2]))))
+        # motions of less than this (m) are rounding
+        if np.hypot(*step[:2]) < _STILL:
+            step[:2] = 0.0
+        if abs(step[2]) * radius < _STILL:
+            step[2] = 0.0
+        if step[:2].any() and step[2]:
+            clear = _motion_is_clear(problem, blocked, a, step, radius)
+        else:
+            # straight, or turning on the spot: exact, also where the pusher slides along something
+            sweep = _Sweep(a[:2] if step[2] else None, float(step[2]), step[:2])
+            placed = [transform_points(a, ring) for ring in rings]
+            clear = not any(sweep.hits(ring, shapely.get_coordinates(o)[:-1]) for ring in placed for o in obstacles)
+            clear = clear and all(_within(problem.bounds, sweep.extremes(ring)) for ring in placed)
+        if not clear:
+            found.append(f"{place}: the pusher hits something between path poses {i} and {i + 1}")
+    return found
+
+
+def _motion_is_clear(
+    problem: PlanningProblem, blocked: shapely.Geometry, start: FloatArray, step: FloatArray, radius: float
+) -> bool:
+    """Halve the motion until every part is clear by more than it moves, or some pose overlaps."""
+    assert problem.pusher is not None
+    rings = _shrunk(problem.pusher)
+    parts = [(0.0, 1.0)]
+    way = float(np.hypot(step[0], step[1]) + radius * abs(step[2]))
+    while parts:
+        low, high = parts.pop()
+        pose = start + (low + high) / 2 * step
+        reach = way * (high - low) / 2
+        placed = [transform_points(pose, ring) for ring in rings]
+        clear = True
+        for ring in placed:
+            polygon = shapely.Polygon(ring)
+            gap = shapely.distance(polygon, blocked) if not shapely.is_empty(blocked) else np.inf
+            if problem.bounds is not None:
+                gap = min(gap, float((ring - problem.bounds[:2]).min()), float((problem.bounds[2:] - ring).min()))
+            if gap <= 0 and (reach == 0 or shapely.intersects(polygon, blocked) or gap < 0):
+                return False
+            clear = clear and gap > reach
+        if not clear and reach > TOLERANCE / 10:
+            parts += [(low, (low + high) / 2), ((low + high) / 2, high)]
+    return True
+
+
+def _check_goal(problem: PlanningProblem, result: PlanResult) -> list[str]:
+    pushes = result.pushes
+    if not pushes:
+        return []
+    end = pushes[-1].end
+    found = []
+    distance = float(np.hypot(*(end[:2] - problem.goal[:2])))
+    turn = abs(float(wrap_angle(end[2] - problem.goal[2])))
+    if distance > problem.tolerance[0] + TOLERANCE:
+        found.append(f"goal: missed by {distance:.6g} m, the tolerance is {problem.tolerance[0]:g} m")
+    if turn > problem.tolerance[1] + TOLERANCE:
+        found.append(f"goal: missed by {turn:.6g} rad, the tolerance is {problem.tolerance[1]:g} rad")
+    return found
+
+
+def _within(bounds: FloatArray | None, points: FloatArray) -> bool:
+    if bounds is None:
+        return True
+    return bool((points >= bounds[:2] - TOLERANCE).all() and (points <= bounds[2:] + TOLERANCE).all())
+
+
+def _pose_difference(a: FloatArray, b: FloatArray) -> float:
+    return max(float(np.abs(a[:2] - b[:2]).max()), abs(float(wrap_angle(a[2] - b[2]))))
+
+
+def _shrunk(outline: FloatArray) -> list[FloatArray]:
+    """Rings of an outline moved inwards by the tolerance, so that what only touches does not overlap."""
+    inner = shapely.buffer(shapely.Polygon(outline), -TOLERANCE, join_style="mitre")
+    return [
+        shapely.get_coordinates(shapely.get_exterior_ring(part))[:-1]
+        for part in shapely.get_parts(inner)
+        if not shapely.is_empty(part)
+    ]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sweep:
+    """Rigid motion in W: a turn by ``angle`` (rad) about ``center``, or a translation by ``shift`` when ``center`` is None."""
+
+    center: FloatArray | None
+    angle: float
+    shift: FloatArray
+
+    @classmethod
+    def from_push(cls, push: Push) -> _Sweep:
+        vx, vy, omega = push.twist
+        angle = omega * push.duration
+        # a turn too small to have a usable centre moves like a translation to far below the tolerance
+        if abs(angle) < 1e-9:
+            return cls(None, 0.0, compose(push.start, exp(push.twist * push.duration))[:2] - push.start[:2])
+        center = transform_points(push.start, np.array(((-vy / omega, vx / omega),)))[0]
+        return cls(center, float(angle), np.zeros(2))
+
+    def reversed(self) -> _Sweep:
+        return _Sweep(self.center, -self.angle, -self.shift)
+
+    def extremes(self, points: FloatArray) -> FloatArray:
+        """Ends of the points' ways (m, 2), and the places where they run parallel to an axis."""
+        if self.center is None:
+            return np.concatenate((points, points + self.shift))
+        arm = points - self.center
+        start = np.arctan2(arm[:, 1], arm[:, 0])
+        radius = np.hypot(arm[:, 0], arm[:, 1])
+        ends = start + self.angle
+        ways = [points, self.center + radius[:, None] * np.stack((np.cos(ends), np.sin(ends)), axis=-1)]
+        for quarter in np.arange(4) * (np.pi / 2):
+            passed = _turned(start, np.full_like(start, quarter), self.angle)
+            direction = np.array((np.cos(quarter), np.sin(quarter)))
+            ways.append(self.center + radius[passed, None] * direction)
+        return np.concatenate(ways)
+
+    def hits(self, ring: FloatArray, obstacle: FloatArray) -> bool:
+        """Return whether a ring (n, 2) that makes this motion overlaps an obstacle (m, 2) at any time."""
+        if shapely.intersects(shapely.Polygon(ring), shapely.Polygon(obstacle)):
+            return True
+        return self._crosses(ring, obstacle) or self.reversed()._crosses(obstacle, ring)
+
+    def _crosses(self, points: FloatArray, ring: FloatArray) -> bool:
+        """Return whether the way of any point (n, 2) crosses any edge of a ring (m, 2)."""
+        a, edge = ring[None], np.roll(ring, -1, axis=0)[None] - ring[None]
+        p = points[:, None]
+        if self.center is None:
+            # p + s shift = a + t edge
+            across = self.shift[0] * edge[..., 1] - self.shift[1] * edge[..., 0]
+            gap = a - p
+            with np.errstate(divide="ignore", invalid="ignore"):
+                s = (gap[..., 0] * edge[..., 1] - gap[..., 1] * edge[..., 0]) / across
+                t = (gap[..., 0] * self.shift[1] - gap[..., 1] * self.shift[0]) / across
+                return bool(((s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)).any())
+        arm, rel = p - self.center, a - self.center
+        start = np.arctan2(arm[..., 1], arm[..., 0])
+        # |rel + t edge|² = |arm|²
+        qa = (edge**2).sum(axis=-1)
+        qb = (rel * edge).sum(axis=-1)
+        qc = (rel**2).sum(axis=-1) - (arm**2).sum(axis=-1)
+        discriminant = qb * qb - qa * qc
+        root = np.sqrt(np.maximum(discriminant, 0.0))
+        for sign in (-1.0, 1.0):
+            t = (-qb + sign * root) / qa
+            at = rel + t[..., None] * edge
+            passed = _turned(start, np.arctan2(at[..., 1], at[..., 0]), self.angle)
+            if ((discriminant >= 0) & (t >= 0) & (t <= 1) & passed).any():
+                return True
+        return False
+
+
+def _turned(start: FloatArray, angle: FloatArray, turn: float) -> np.ndarray:
+    """Return whether a turn (rad, signed) from ``start`` passes ``angle``."""
+    way = np.mod((angle - start) * np.sign(turn), 2 * np.pi)
+    return np.asarray(way <= abs(turn))

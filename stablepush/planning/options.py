@@ -1,0 +1,52 @@
+"""What is asked of a plan beyond its problem."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from stablepush.core import InputError, check_number
+
+#: Sets of rotation centres that a plan may draw on.
+REGIONS = ("model", "all-pressure", "conservative")
+
+
+@dataclass(frozen=True, slots=True)
+class PlanOptions:
+    """How sure and how good a plan is to be.
+
+    Parameters
+    ----------
+    region : {"model", "all-pressure", "conservative"}
+        Which CORs may be used: those the limit surface calls stable, or only those of these that hold for every pressure
+        distribution, all of them or what Lynch and Mason's STABLE finds of them.
+    probability : float
+        Least share of the surface's ensemble that must call each push stable (a chance constraint for each arc); 0 asks nothing.
+    margin_weight : float
+        A push costs its duration times ``1 + margin_weight (1 - margin/m)``, with ``m`` the largest margin of a straight push:
+        with 1, one on the boundary of the stable set costs twice as much as the safest. 0 minimises the duration.
+    cor_rate : float
+        Largest rate (rad/s) at which the unit twist ``(vx, vy, rho omega)`` turns from one push to the next at the same contact:
+        corners are blended by short pushes between the two. Infinite: at once. A corner that cannot be blended, since its
+        pushes are too short or the blend would not be stable or free, is left for the slider to stop at.
+    improve : float
+        Steps of search (poses expanded, motions looked at) in which planners that can look for better plans after the first; a
+        count and not a time, so that plans repeat. Infinite: until the time limit.
+    """
+
+    region: str = "model"
+    probability: float = 0.0
+    margin_weight: float = 0.0
+    cor_rate: float = math.inf
+    improve: float = 20_000
+
+    def __post_init__(self) -> None:
+        if self.region not in REGIONS:
+            raise InputError(f"region: expected {' or '.join(REGIONS)}, got {self.region!r}")
+        if not 0 <= check_number(self.probability, "probability") <= 1:
+            raise InputError(f"probability: expected a number from 0 to 1, got {self.probability:g}")
+        check_number(self.margin_weight, "margin_weight", at_least=0.0)
+        if self.cor_rate != math.inf:
+            check_number(self.cor_rate, "cor_rate", positive=True)
+        if self.improve != math.inf:
+            check_number(self.improve, "improve", at_least=0.0)

@@ -1,0 +1,237 @@
+"""A planning problem: what is pushed, how, among what, from where to where (``scene/1``)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stablepush.core import (
+    FloatArray,
+    InputError,
+    check_array,
+    check_number,
+    note_distance,
+    note_heading,
+    note_margin,
+    note_part,
+    note_push_speed,
+    note_scene,
+    note_tolerance,
+    read_only,
+)
+from stablepush.io import (
+    Node,
+    contact_from_node,
+    contact_to_json,
+    load_model,
+    model_from_node,
+    model_to_json,
+    read_json,
+    slider_from_node,
+    slider_to_json,
+    write_json,
+)
+from stablepush.objects import PushContact, Slider, check_simple_polygon
+from stablepush.surfaces import LimitSurface
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanningProblem:
+    """Push a slider from a start pose into a goal region without losing it or hitting anything.
+
+    Parameters
+    ----------
+    slider : Slider
+    surface : LimitSurface
+        Limit surface that decides which pushes are stable.
+    contacts : sequence of PushContact
+        Ways of pushing; the pusher starts docked at the first.
+    start, goal : array-like, shape (3,)
+        Poses ``(x, y, theta)`` of B in W (m, rad).
+    obstacles : sequence of array-like, shape (n, 2)
+        Simple polygons in W (m), of either orientation. Touching them is no collision.
+    bounds : array-like, shape (4,), optional
+        ``(xmin, ymin, xmax, ymax)`` in W (m), which hold the whole outline of slider and pusher; unbounded if None.
+    pusher : array-like, shape (n, 2), optional
+        Outline of the pusher (m) in its own frame: origin midway between the contact points, x axis along their mean normal.
+    tolerance : pair of floats
+        Largest distance (m) and heading difference (rad) from the goal.
+    speed : float
+        Speed limit (m/s) of the fastest point of the slider's outline.
+    switch_cost : float
+        Time (s) that a change of contact takes.
+    min_margin : float
+        Least margin (rad) that every push must have.
+    """
+
+    slider: Slider
+    surface: LimitSurface
+    contacts: tuple[PushContact, ...]
+    start: FloatArray
+    goal: FloatArray
+    obstacles: tuple[FloatArray, ...]
+    bounds: FloatArray | None
+    pusher: FloatArray | None
+    tolerance: tuple[float, float]
+    speed: float
+    switch_cost: float
+    min_margin: float
+
+    def __init__(
+        self,
+        slider: Slider,
+        surface: LimitSurface,
+        contacts: Sequence[PushContact],
+        start: ArrayLike,
+        goal: ArrayLike,
+        obstacles: Sequence[ArrayLike] = (),
+        bounds: ArrayLike | None = None,
+        pusher: ArrayLike | None = None,
+        tolerance: tuple[float, float] = (0.01, 0.05),
+        speed: float = 0.05,
+        switch_cost: float = 0.0,
+        min_margin: float = 0.0,
+    ) -> None:
+        if len(contacts) == 0:
+            raise InputError("contacts: expected at least one contact")
+        box = None
+        if bounds is not None:
+            box = check_array(bounds, "bounds", (4,))
+            if not (box[:2] < box[2:]).all():
+                raise InputError("bounds: expected xmin < xmax and ymin < ymax")
+            box = read_only(box)
+        limits = check_array(tolerance, "tolerance", (2,))
+        if (limits < 0).any():
+            raise InputError("tolerance: expected numbers >= 0")
+        polygons = tuple(read_only(check_simple_polygon(outline, f"obstacles[{i}]")) for i, outline in enumerate(obstacles))
+        outline = None if pusher is None else read_only(check_simple_polygon(pusher, "pusher.outline"))
+        object.__setattr__(self, "slider", slider)
+        object.__setattr__(self, "surface", surface)
+        object.__setattr__(self, "contacts", tuple(contacts))
+        object.__setattr__(self, "start", read_only(check_array(start, "start", (3,))))
+        object.__setattr__(self, "goal", read_only(check_array(goal, "goal", (3,))))
+        object.__setattr__(self, "obstacles", polygons)
+        object.__setattr__(self, "bounds", box)
+        object.__setattr__(self, "pusher", outline)
+        object.__setattr__(self, "tolerance", (float(limits[0]), float(limits[1])))
+        object.__setattr__(self, "speed", check_number(speed, "speed", positive=True))
+        object.__setattr__(self, "switch_cost", check_number(switch_cost, "switch_cost", at_least=0.0))
+        object.__setattr__(self, "min_margin", check_number(min_margin, "min_margin"))
+        self._doubt()
+
+    def _doubt(self) -> None:
+        """Note what looks like another unit."""
+        for name in ("start", "goal"):
+            pose = getattr(self, name)
+            note_scene(pose[:2], name)
+            note_heading(float(pose[2]), f"{name}[2]")
+        if self.bounds is not None:
+            note_scene(self.bounds, "bounds")
+        if self.obstacles:
+            note_scene(np.concatenate(self.obstacles), "obstacles")
+        note_distance(float(np.hypot(*(self.goal - self.start)[:2])), self.slider.radius, "goal, from the start")
+        note_distance(self.tolerance[0], self.slider.radius, "tolerance[0]")
+        note_tolerance(self.tolerance[1], "tolerance[1]")
+        note_push_speed(self.speed, "speed")
+        note_margin(self.min_margin, "min_margin")
+        for i, contact in enumerate(self.contacts):
+            note_part(contact.points, self.slider.radius, f"contacts[{i}].points")
+        if self.pusher is not None:
+            note_part(self.pusher, self.slider.radius, "pusher.outline")
+        note_part([(self.surface.characteristic_length, 0.0)], self.slider.radius, "model.characteristic_length")
+
+    def push_speed(self, twists: ArrayLike) -> FloatArray:
+        """Return the speed (...) in m/s of the fastest point of the slider's outline at body twists (..., 3)."""
+        v = np.asarray(twists, dtype=np.float64)[..., None, :]
+        p = self.slider.vertices
+        return np.asarray(np.hypot(v[..., 0] - v[..., 2] * p[:, 1], v[..., 1] + v[..., 2] * p[:, 0]).max(axis=-1))
+
+
+_OF_SCENE = (
+    *("format", "slider", "model", "contacts", "pusher", "obstacles", "bounds", "start", "goal"),
+    *("tolerance", "speed", "switch_cost", "min_margin"),
+)
+
+
+def load_scene(path: str | Path) -> PlanningProblem:
+    """Read a ``scene/1`` file; a model given as a path is relative to it."""
+    root = read_json(path, "scene/1")
+    root.expect_keys(*_OF_SCENE)
+    slider = slider_from_node(root["slider"])
+    surface = _model(root["model"], Path(path).parent)
+    contacts = [contact_from_node(node) for node in root["contacts"].items()]
+    if not contacts:
+        root["contacts"].fail("expected at least one contact")
+    pusher_node = root["pusher"] if root["pusher"].value is not None else None
+    pusher = None
+    if pusher_node is not None:
+        pusher_node.expect_keys("outline")
+        outline_node = pusher_node["outline"]
+        pusher = outline_node.array(None, 2)
+        outline_node.checked(lambda: check_simple_polygon(pusher, ""))
+    obstacles = []
+    for node in root["obstacles"].items():
+        outline = node.array(None, 2)
+        obstacles.append(node.checked(lambda outline=outline: check_simple_polygon(outline, "")))  # type: ignore[misc]
+    tolerance = root["tolerance"].array(2)
+    if (tolerance < 0).any():
+        root["tolerance"].fail(f"expected numbers >= 0, got {tolerance.tolist()}")
+    bounds = root["bounds"].array(4)
+    if not (bounds[:2] < bounds[2:]).all():
+        root["bounds"].fail(f"expected xmin < xmax and ymin < ymax, got {bounds.tolist()}")
+    start, goal = root["start"].array(3), root["goal"].array(3)
+    speed = root["speed"].number(positive=True)
+    switch_cost = root["switch_cost"].number(at_least=0.0)
+    min_margin = root["min_margin"].number()
+    return root.built(
+        lambda: PlanningProblem(
+            slider,
+            surface,
+            contacts,
+            start,
+            goal,
+            obstacles,
+            bounds,
+            pusher,
+            (float(tolerance[0]), float(tolerance[1])),
+            speed,
+            switch_cost,
+            min_margin,
+        )
+    )
+
+
+def _model(node: Node, folder: Path) -> LimitSurface:
+    if isinstance(node.value, str):
+        return load_model(folder / node.value)
+    if not isinstance(node.value, dict):
+        node.fail("expected a model/1 object or the path of one")
+    return model_from_node(node)
+
+
+def save_scene(problem: PlanningProblem, path: str | Path) -> None:
+    """Write a ``scene/1`` file with its model inside. A problem without bounds has no ``scene/1``."""
+    if problem.bounds is None:
+        raise InputError("bounds: expected bounds, a scene/1 file must have them")
+    write_json(
+        path,
+        {
+            "format": "scene/1",
+            "slider": slider_to_json(problem.slider),
+            "model": model_to_json(problem.surface),
+            "contacts": [contact_to_json(c) for c in problem.contacts],
+            "pusher": None if problem.pusher is None else {"outline": problem.pusher.tolist()},
+            "obstacles": [o.tolist() for o in problem.obstacles],
+            "bounds": problem.bounds.tolist(),
+            "start": problem.start.tolist(),
+            "goal": problem.goal.tolist(),
+            "tolerance": list(problem.tolerance),
+            "speed": problem.speed,
+            "switch_cost": problem.switch_cost,
+            "min_margin": problem.min_margin,
+        },
+    )

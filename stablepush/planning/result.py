@@ -1,0 +1,200 @@
+"""Push paths and their file format ``plan/1``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stablepush.core import LARGEST_MAGNITUDE, FloatArray, read_only
+from stablepush.geometry import compose, exp
+from stablepush.io import Node, read_json, write_json
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Push:
+    """One constant body twist (m/s, rad/s) held for ``duration`` (s) at a contact: ``end = start * exp(twist * duration)``."""
+
+    contact: int
+    twist: FloatArray
+    duration: float
+    start: FloatArray
+    end: FloatArray
+    margin: float
+
+    @classmethod
+    def from_start(cls, contact: int, twist: ArrayLike, duration: float, start: ArrayLike, margin: float) -> Push:
+        """Return the push from a start pose, its end computed."""
+        v, pose = read_only(np.asarray(twist)), read_only(np.asarray(start))
+        return cls(contact, v, duration, pose, read_only(compose(pose, exp(v * duration))), margin)
+
+    @property
+    def length(self) -> float:
+        """Way (m) of the body origin."""
+        return float(np.hypot(self.twist[0], self.twist[1])) * self.duration
+
+    def poses(self, times: ArrayLike) -> FloatArray:
+        """Poses (..., 3) of B in W at times (s) after the start of the push."""
+        return compose(self.start, exp(self.twist * np.asarray(times)[..., None]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Transfer:
+    """The pusher goes from contact ``source`` to contact ``target`` while the slider rests; poses (n, 3) of its frame in W."""
+
+    source: int
+    target: int
+    pusher_path: FloatArray
+    duration: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanResult:
+    """What a planner found.
+
+    ``status`` is ``"solved"``, ``"no-path"`` (there is none, or the search space is exhausted), ``"timeout"``, ``"interrupted"``
+    (stopped before there was a path) or ``"rejected"`` (the check refuses what the planner made); ``message`` says more.
+    ``duration`` in s, ``length`` (way of the body origin during pushes) in m, ``min_margin`` in rad;
+    ``lower_bound`` (s) is below the duration of every plan that solves the problem, or None; ``planning_time`` in s.
+    """
+
+    status: str
+    planner: str
+    segments: tuple[Push | Transfer, ...] = ()
+    duration: float = 0.0
+    length: float = 0.0
+    switches: int = 0
+    min_margin: float = 0.0
+    lower_bound: float | None = None
+    planning_time: float = 0.0
+    seed: int = 0
+    message: str = ""
+
+    @classmethod
+    def from_segments(
+        cls,
+        segments: list[Push | Transfer],
+        *,
+        planner: str,
+        seed: int = 0,
+        lower_bound: float | None = None,
+        planning_time: float = 0.0,
+        message: str = "",
+    ) -> PlanResult:
+        """Return a solved plan with its sums."""
+        pushes = [s for s in segments if isinstance(s, Push)]
+        return cls(
+            status="solved",
+            planner=planner,
+            segments=tuple(segments),
+            duration=sum(s.duration for s in segments),
+            length=sum(p.length for p in pushes),
+            switches=len(segments) - len(pushes),
+            min_margin=min((p.margin for p in pushes), default=0.0),
+            lower_bound=lower_bound,
+            planning_time=planning_time,
+            seed=seed,
+            message=message,
+        )
+
+    @property
+    def solved(self) -> bool:
+        """True if the plan reaches the goal."""
+        return self.status == "solved"
+
+    @property
+    def pushes(self) -> list[Push]:
+        """The pushes in order."""
+        return [s for s in self.segments if isinstance(s, Push)]
+
+
+def plan_to_json(result: PlanResult) -> dict[str, Any]:
+    """Return the ``plan/1`` of a result."""
+    return {
+        "format": "plan/1",
+        "status": result.status,
+        "planner": result.planner,
+        "seed": result.seed,
+        "duration": result.duration,
+        "length": result.length,
+        "switches": result.switches,
+        "min_margin": result.min_margin,
+        "lower_bound": result.lower_bound,
+        "planning_time": result.planning_time,
+        "message": result.message,
+        "segments": [_segment_to_json(s) for s in result.segments],
+    }
+
+
+def _segment_to_json(segment: Push | Transfer) -> dict[str, Any]:
+    if isinstance(segment, Transfer):
+        return {
+            "kind": "transfer",
+            "from": segment.source,
+            "to": segment.target,
+            "pusher_path": segment.pusher_path.tolist(),
+            "duration": segment.duration,
+        }
+    return {
+        "kind": "push",
+        "contact": segment.contact,
+        "twist": segment.twist.tolist(),
+        "duration": segment.duration,
+        "start": segment.start.tolist(),
+        "end": segment.end.tolist(),
+        "margin": segment.margin,
+    }
+
+
+def save_plan(result: PlanResult, path: str | Path) -> None:
+    """Write a ``plan/1`` file."""
+    write_json(path, plan_to_json(result))
+
+
+def load_plan(path: str | Path) -> PlanResult:
+    """Read a ``plan/1`` file. Whether the plan is right is for :func:`stablepush.check_plan` to say."""
+    root = read_json(path, "plan/1")
+    root.expect_keys("format", *(f.name for f in fields(PlanResult)))
+    bound = root["lower_bound"]
+    return PlanResult(
+        status=root["status"].text(),
+        planner=root["planner"].text(),
+        seed=_any_integer(root["seed"], 2**63),
+        duration=root["duration"].number(),
+        length=root["length"].number(),
+        switches=_any_integer(root["switches"]),
+        min_margin=root["min_margin"].number(),
+        lower_bound=None if bound.value is None else bound.number(),
+        planning_time=root["planning_time"].number(),
+        message="" if root.get("message") is None else root["message"].text(),
+        segments=tuple(_segment_from_node(node) for node in root["segments"].items()),
+    )
+
+
+def _any_integer(node: Node, largest: float = LARGEST_MAGNITUDE) -> int:
+    if isinstance(node.value, bool) or not isinstance(node.value, int) or abs(node.value) > largest:
+        node.fail(f"expected a whole number of at most {largest:g}")
+    return int(node.value)
+
+
+def _segment_from_node(node: Node) -> Push | Transfer:
+    if node["kind"].text(("push", "transfer")) == "transfer":
+        node.expect_keys("kind", "from", "to", "pusher_path", "duration")
+        return Transfer(
+            _any_integer(node["from"]),
+            _any_integer(node["to"]),
+            read_only(node["pusher_path"].array(None, 3)),
+            node["duration"].number(),
+        )
+    node.expect_keys("kind", *(f.name for f in fields(Push)))
+    return Push(
+        _any_integer(node["contact"]),
+        read_only(node["twist"].array(3)),
+        node["duration"].number(),
+        read_only(node["start"].array(3)),
+        read_only(node["end"].array(3)),
+        node["margin"].number(),
+    )

@@ -1,0 +1,463 @@
+"""A rig to push on: executes commands with effects that the nominal simulation leaves out, and logs what a laboratory would."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import shapely
+
+from stablepush.core import LEAST_POSITIVE, EffectError, FloatArray, InputError, check_number, check_seed, run_parallel
+from stablepush.effects import REFERENCE_SPEED, Effect, principal
+from stablepush.geometry import compose, inverse, transform_points
+from stablepush.io import Noise, PushLog, Rig
+from stablepush.mechanics import Pusher, PushTrace, TableFriction, simulate_push
+from stablepush.objects import Slider, SupportDistribution
+from stablepush.rig.commands import AWAY, Command
+from stablepush.rig.log_book import LogBook
+from stablepush.surfaces import IdealLimitSurface, LimitSurface, PolynomialLimitSurface
+
+#: Effects that act on points under the slider.
+_ON_POINTS = (
+    *("anisotropy-world", "anisotropy-object", "speed-dependence", "spatial-variation"),
+    *("pressure-shift", "pressure-spread"),
+)
+#: Motions whose loads stand for a surface when another kind of surface takes its place.
+_MOTIONS = 200
+#: Fingers deeper (m) in the slider than this start farther back; steps of that way; places looked at along a flat edge.
+_DEEP, _BACK_STEP, _EDGE_PLACES = 1e-6, 2.5e-4, 21
+#: Speed (m/s) of a pusher on its way to a push that does not move.
+_WAY_SPEED = 0.02
+#: Steps of the simulation in which the pusher moves as far as the slider's radius.
+_STEPS = 400
+#: Least share of the nominal friction that must be left where a slider is pushed.
+_LEAST_FRICTION = 0.02
+#: Models of the degrees that a support may follow instead of the nominal surface.
+_MODELS = {2: "quadratic", 4: "poly4-cvx", 6: "poly6-cvx"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Execution:
+    """A log, and what really happened in each of its trials, with the pusher as it really was.
+
+    ``plans``: how many plans were followed; ``ended``: why the last one was not followed to its end, blank if it was.
+    """
+
+    log: PushLog
+    traces: list[PushTrace]
+    pushers: list[Pusher]
+    plans: int = 1
+    ended: str = ""
+
+    @property
+    def final_pose(self) -> FloatArray:
+        """Pose (3,) of B in W after the last trial."""
+        return self.traces[-1].poses[-1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VirtualRig:
+    """A slider, a table and a pusher, with effects.
+
+    Parameters
+    ----------
+    slider : Slider
+    surface : LimitSurface
+        Nominal friction of the support. Effects that act on points under the slider change the points of an ideal surface. To a
+        polynomial one they add what they change of the friction of points that stand for it: the slider's support if it has one,
+        else pressures on a grid under the outline that come as near to the surface as pressures can.
+    mu : float
+        Nominal friction between pusher and slider.
+    pusher : Pusher
+        With its nominal radius.
+    effects : sequence of Effect
+    noise : Noise, optional
+        Standard deviations of a row; none if not given.
+    outliers, scatter : float
+        Share of rows that are ten times as far off, and relative standard deviation of the friction from trial to trial.
+    support_friction : float, optional
+        ``mu`` of the support: the scale of surfaces in units of ``mu*N``.
+    gravity : float
+        In m/s².
+    step : float, optional
+        Way of the pusher in a step of the simulation, in m; a four-hundredth of the slider's radius if not given.
+
+    Raises
+    ------
+    InputError
+        ``stablepush.core.errors.EffectError``, a kind of it, for effects that cannot be on this rig.
+    """
+
+    slider: Slider
+    surface: LimitSurface
+    mu: float
+    pusher: Pusher
+    effects: Sequence[Effect] = ()
+    noise: Noise | None = None
+    outliers: float = 0.0
+    scatter: float = 0.0
+    support_friction: float | None = None
+    gravity: float = 9.81
+    step: float | None = None
+    _by_id: dict[str, Effect] = field(init=False, repr=False)
+    _friction: TableFriction = field(init=False, repr=False)
+    _slope_share: float = field(init=False, repr=False)
+    _points: IdealLimitSurface = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        by_id: dict[str, Effect] = {}
+        if not isinstance(self.effects, Sequence):
+            raise EffectError(f"effects: expected a sequence of effects, got {self.effects!r}")
+        for effect in self.effects:
+            if not isinstance(effect, Effect):
+                raise EffectError(f"effects: expected effects, as of parse_effect, got {effect!r}")
+            if effect.id in by_id:
+                raise EffectError(f"effects: expected every effect once, {effect.id} is given twice")
+            by_id[effect.id] = effect
+        object.__setattr__(self, "_by_id", by_id)
+        if check_number(self.outliers, "outliers", at_least=0.0) > 1:
+            raise InputError(f"outliers: expected a share from 0 to 1, got {self.outliers:g}")
+        if check_number(self.scatter, "scatter", at_least=0.0) > 1:
+            raise InputError(f"scatter: expected a share from 0 to 1, got {self.scatter:g}")
+        if self.noise is not None:
+            for name in ("force", "position", "angle"):
+                check_number(getattr(self.noise, name), f"noise.{name}", at_least=0.0)
+        if self.pusher.flat and "contact-geometry" in by_id:
+            raise EffectError("effect contact-geometry: expected fingers, a flat edge has no radius")
+        check_number(self.mu, "mu", at_least=0.0)
+        check_number(self.gravity, "gravity", positive=True)
+        if self.step is not None:
+            check_number(self.step, "step", positive=True)
+        if self.support_friction is not None:
+            check_number(self.support_friction, "support_friction", positive=True)
+        if self.surface.force_unit == "mu*N" and (self.support_friction is None or not self.slider.mass):
+            raise InputError(
+                "surface: its forces are in units of mu*N: expected the friction of the support and the slider's mass"
+            )
+        object.__setattr__(self, "_slope_share", self._pull_share())
+        ideal = isinstance(self.surface, IdealLimitSurface)
+        object.__setattr__(self, "_points", self.surface if ideal else _as_points(self.surface, self.slider, self._load()))
+        object.__setattr__(self, "_friction", self._make_friction())
+
+    def _pull_share(self) -> float:
+        """How much of what the nominal friction holds a slope of the table pulls with."""
+        if "tilt" not in self._by_id:
+            return 0.0
+        if not self.slider.mass:
+            raise EffectError("effect tilt: expected a slider with a mass")
+        angles = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
+        size = float(np.hypot(*self._pull())) / self._load()
+        loads = size * np.stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))), axis=-1)
+        # H grows with a power of the load
+        degree = self.surface.degree if isinstance(self.surface, PolynomialLimitSurface) else 1
+        share = float(np.max(self.surface.value(loads))) ** (1 / degree)
+        if share >= 1.0:
+            raise EffectError(
+                f"effect tilt: slope: expected one on which friction holds the slider, it pulls with {share:.3g} of that"
+            )
+        return share
+
+    def _require_friction(self, pose: FloatArray, scale: float) -> None:
+        """Refuse a place of the table where so little of the friction is left that the slider would not rest."""
+        gradient = np.array(self._by_id["spatial-variation"].vector("gradient") if "spatial-variation" in self._by_id else (0, 0))
+        least = scale * float((1 + transform_points(pose, self.slider.vertices) @ gradient).min())
+        if least < _LEAST_FRICTION:
+            raise EffectError(
+                f"effects and scatter: expected friction of at least {_LEAST_FRICTION:g} of the nominal one, "
+                f"at x {pose[0]:.3f} m, y {pose[1]:.3f} m it is {least:.3g} of it"
+            )
+        if self._slope_share >= least:
+            raise EffectError(
+                f"effect tilt: slope: expected one on which friction holds the slider, it pulls with {self._slope_share:.3g} of "
+                f"what the nominal friction holds; {least:.3g} of it is left"
+            )
+
+    def _load(self) -> float:
+        """Newtons in the unit of the surface's forces."""
+        if self.surface.force_unit != "mu*N":
+            return 1.0
+        return float(self.support_friction or 0.0) * float(self.slider.mass or 0.0) * self.gravity
+
+    def _pull(self) -> FloatArray:
+        """Force (2,) in N in W that a slope of the table makes."""
+        if "tilt" not in self._by_id:
+            return np.zeros(2)
+        return float(self.slider.mass or 0.0) * self.gravity * np.array(self._by_id["tilt"].vector("slope"))
+
+    @property
+    def friction(self) -> TableFriction:
+        """Friction of the table with all effects of the support and of inertia."""
+        return self._friction
+
+    def _make_friction(self) -> TableFriction:
+        by_id = self._by_id
+        surface, load = self._of_other_shape(self._load())
+        points: IdealLimitSurface | None = None
+        changed: IdealLimitSurface | None = None
+        if isinstance(surface, IdealLimitSurface):
+            surface = self._moved_pressure(surface)
+        elif any(id in by_id for id in _ON_POINTS):
+            points = self._points if surface is self.surface else _as_points(surface, self.slider, load)
+            changed = self._moved_pressure(points)
+        tables = [np.eye(2), np.eye(2)]
+        for i, id in enumerate(("anisotropy-object", "anisotropy-world")):
+            if id in by_id:
+                tables[i] = principal(by_id[id].number("ratio") or 1.0, by_id[id].number("direction") or 0.0)
+        slope = by_id["speed-dependence"].number("slope") if "speed-dependence" in by_id else 0.0
+        gradient = by_id["spatial-variation"].vector("gradient") if "spatial-variation" in by_id else (0.0, 0.0)
+        mass = (by_id["inertia"].number("mass") or 0.0) if "inertia" in by_id else 0.0
+        inertia = (mass, mass * self.slider.radius_of_gyration**2)
+        return TableFriction(
+            surface,
+            load,
+            points,
+            changed,
+            tables[0],
+            tables[1],
+            gradient or (0.0, 0.0),
+            slope or 0.0,
+            REFERENCE_SPEED,
+            self._pull(),
+            inertia,
+        )
+
+    def _of_other_shape(self, load: float) -> tuple[LimitSurface, float]:
+        """The nominal surface, or the one of another kind that comes nearest to it, a few support points or a polynomial, and
+        the newtons in the unit of its forces."""
+        if "model-capacity" not in self._by_id:
+            return self.surface, load
+        effect = self._by_id["model-capacity"]
+        facets, degree = effect.number("facets"), effect.number("degree")
+        if (facets is None) == (degree is None):
+            raise EffectError("effect model-capacity: expected either facets or degree")
+        if degree is not None:
+            if degree not in _MODELS:
+                raise EffectError(
+                    f"effect model-capacity: degree: expected one of {', '.join(map(str, _MODELS))}, got {degree:g}"
+                )
+            from stablepush.identify import fit_limit_surface
+
+            loads, twists = _samples(self.surface, load)
+            rho = self.surface.characteristic_length
+            surface = fit_limit_surface(loads, twists, model=_MODELS[int(degree)], characteristic_length=rho).surface
+            return surface, float(surface.provenance["force_scale_N"]) if surface.force_unit == "mu*N" else 1.0
+        ideal = self._points
+        # as many even feet on a circle, about the same centre, as far from it on average
+        count = int(facets or 0)
+        points, weights = ideal.support.points, ideal.support.weights
+        angles = 2 * np.pi * (np.arange(count) + 0.25) / count
+        radius = math.sqrt(float(weights @ ((points - ideal.support.center) ** 2).sum(axis=1) / weights.sum()))
+        feet = ideal.support.center + radius * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+        feet_on = SupportDistribution(feet, np.ones(count))
+        return IdealLimitSurface(feet_on, ideal.friction_load, self.surface.characteristic_length), load
+
+    def _moved_pressure(self, surface: IdealLimitSurface) -> IdealLimitSurface:
+        """The support with its pressure moved or spread."""
+        by_id, support = self._by_id, surface.support
+        points, center = support.points, support.center
+        if "pressure-spread" in by_id:
+            points = center + (by_id["pressure-spread"].number("scale") or 1.0) * (points - center)
+        if "pressure-shift" in by_id:
+            offset = np.array(by_id["pressure-shift"].vector("offset"))
+            points = points + offset
+            hull = shapely.Polygon(self.slider.vertices).convex_hull
+            if not hull.buffer(-LEAST_POSITIVE).contains(shapely.Point(center + offset)):
+                raise EffectError("effect pressure-shift: offset: expected a centre of pressure that stays under the slider")
+        if points is support.points:
+            return surface
+        try:
+            moved = SupportDistribution(points, support.weights)
+            return IdealLimitSurface(moved, surface.friction_load, surface.characteristic_length)
+        except InputError as error:
+            # a shift that leaves the slider is refused above
+            raise EffectError(f"effect pressure-spread: scale: {error}") from None
+
+    def session(self, *, rows: int = 7, seed: int = 0, trials: int | None = None) -> Session:
+        """Begin a log: commands are carried out one by one. ``trials``: how many there will be, over which friction drifts."""
+        return Session(self, rows, seed, trials)
+
+    def execute(
+        self,
+        commands: Sequence[Command],
+        *,
+        rows: int = 7,
+        seed: int = 0,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Execution:
+        """Carry out commands, one trial each, and log ``rows`` rows of each push, each the mean of readings over an equal part of
+        it."""
+        session = self.session(rows=rows, seed=seed, trials=len(commands))
+        for k, command in enumerate(commands):
+            session.push(command)
+            if progress is not None:
+                progress(k + 1, len(commands))
+        return session.done()
+
+
+class Session:
+    """A log in the making: see :meth:`VirtualRig.session`."""
+
+    def __init__(self, rig: VirtualRig, rows: int, seed: int, trials: int | None) -> None:
+        if isinstance(rows, bool) or not isinstance(rows, int | np.integer) or rows < 1:
+            raise InputError(f"rows: expected a whole number >= 1, got {rows!r}")
+        self._rig, self._rng = rig, np.random.default_rng(check_seed(seed))
+        self._book = _log_book(rig, self._rng, rows)
+        self._friction = rig.friction
+        self._traces: list[PushTrace] = []
+        self._pushers: list[Pusher] = []
+        self._last = max(1, (100 if trials is None else trials) - 1)
+        self._two = True
+        by_id = rig._by_id
+        mu = by_id["contact-friction"].number("mu") if "contact-friction" in by_id else None
+        radius = by_id["contact-geometry"].number("radius") if "contact-geometry" in by_id else None
+        self._mu, self._radius = mu, radius
+        self._step = rig.slider.radius / _STEPS if rig.step is None else rig.step
+        self._drift = (by_id["drift"].number("rate") or 0.0) if "drift" in by_id else 0.0
+
+    def push(self, command: Command) -> PushTrace:
+        """Carry out one command.
+
+        Where the pusher would start inside the slider, which is not where the command expects it, it comes from farther back
+        along its own x axis instead.
+
+        Raises :class:`InputError` with the number of the push.
+        """
+        try:
+            return self._push(command)
+        except InputError as error:
+            raise type(error)(f"push {len(self._traces) + 1}: {error}") from None
+
+    def _push(self, command: Command) -> PushTrace:
+        rig = self._rig
+        nominal = command.pusher or rig.pusher
+        pusher = nominal if self._radius is None else Pusher(nominal.fingers, self._radius, nominal.flat)
+        start = command.start
+        if start is None:
+            if not self._traces:
+                raise InputError("commands: expected the first one to say where the slider starts")
+            start = self._traces[-1].poses[-1]
+        place, motion = _from_outside(rig.slider, start, pusher, command)
+        done = len(self._traces)
+        if not any(duration > 0 for _, duration in motion):
+            raise InputError("motion: expected at least one piece that lasts")
+        # more pushes than were foreseen go on with the friction of the last
+        share = min(1.0, done / self._last)
+        scale = (1 + self._drift * share) * math.exp(rig.scatter * float(self._rng.normal()))
+        mu = self._mu if self._mu is not None else (rig.mu if command.mu is None else command.mu)
+        rig._require_friction(start, scale)
+        trace = simulate_push(self._friction, rig.slider, pusher, mu, start, place, motion, step=self._step, scale=scale)
+        rig._require_friction(trace.poses[-1], scale)
+        self._traces.append(trace)
+        self._pushers.append(pusher)
+        self._two &= len(nominal.fingers) == 2
+        self._book.write(command, trace, nominal)
+        return trace
+
+    def done(self) -> Execution:
+        """Return the log."""
+        if not self._traces:
+            raise InputError("commands: expected at least one push")
+        log = self._book.log()
+        kind = "two-point" if self._two else "point"
+        return Execution(PushLog(replace(log.rig, contact_kind=kind), log.trials, log.samples), self._traces, self._pushers)
+
+
+def _log_book(rig: VirtualRig, rng: np.random.Generator, rows: int) -> LogBook:
+    """A log whose rig is the nominal one, and sensors that err as the rig's do.
+
+    The rig of a log knows support points only: those of an ideal surface, or those that stand for another one.
+    """
+    support, slider = rig.support_friction, rig.slider
+    ideal = rig._points
+    if slider.mass:
+        support = ideal.friction_load / (slider.mass * rig.gravity)
+    if slider.support is None:
+        slider = Slider(slider.vertices, slider.mass, ideal.support)
+    nominal = Rig(slider, "point", support, rig.mu, rig.gravity, rig.pusher.radius, rig.noise)
+
+    def of(id: str, name: str, size: int) -> FloatArray:
+        return np.array(rig._by_id[id].vector(name) if id in rig._by_id else (0.0,) * size)
+
+    bias, offset = of("force-bias", "force", 2), of("frame-offset", "offset", 2)
+    angle, delay = float(of("force-rotation", "angle", 1)[0]), float(of("latency", "delay", 1)[0])
+    return LogBook(nominal, rng, rows, rig.noise or Noise(0.0, 0.0, 0.0), rig.outliers, bias, angle, offset, delay)
+
+
+def _from_outside(
+    slider: Slider, start: FloatArray, pusher: Pusher, command: Command
+) -> tuple[FloatArray, Sequence[tuple[FloatArray, float]]]:
+    """First pose of the pusher and its motion: those of the command, or from as far back as it takes to be outside."""
+
+    places = pusher.fingers
+    if pusher.flat:
+        shares = np.linspace(0.0, 1.0, _EDGE_PLACES)[:, None]
+        places = (1 - shares) * places[0] + shares * places[1]
+    ring, face = shapely.LinearRing(slider.vertices), shapely.Polygon(slider.vertices)
+
+    def depth(back: FloatArray) -> FloatArray:
+        """How deep (n,) in m the pusher would be in the slider, so far back (n,)."""
+        behind = np.stack((-back, np.zeros_like(back), np.zeros_like(back)), axis=-1)
+        centers = transform_points(compose(compose(inverse(start), command.place), behind), places)
+        away = shapely.distance(ring, shapely.points(centers))
+        inside = shapely.contains_xy(face, centers[..., 0], centers[..., 1])
+        return np.asarray((pusher.radius + np.where(inside, away, -away)).max(axis=1))
+
+    if depth(np.zeros(1))[0] <= _DEEP or not len(command.motion):
+        return command.place, command.motion
+    reach = 2 * slider.radius + 2 * float(np.abs(pusher.fingers).max()) + pusher.radius
+    back = np.arange(0.0, reach + float(np.hypot(*(command.place[:2] - start[:2]))), _BACK_STEP)
+    inside = np.flatnonzero(depth(back) > _DEEP)
+    clear = float(back[inside[-1]]) + AWAY if len(inside) else AWAY
+    first = np.asarray(command.motion[0][0])
+    x, y = pusher.fingers.T
+    speed = float(np.hypot(first[0] - first[2] * y, first[1] + first[2] * x).max()) or _WAY_SPEED
+    return compose(command.place, (-clear, 0.0, 0.0)), [(np.array((speed, 0.0, 0.0)), clear / speed), *command.motion]
+
+
+def _as_points(surface: LimitSurface, slider: Slider, load: float) -> IdealLimitSurface:
+    """Support points that stand for a limit surface: the slider's own, else pressures on a grid that fit it."""
+    loads, twists = _samples(surface, load)
+    if slider.support is not None:
+        # with the load that explains most of the surface
+        one = IdealLimitSurface(slider.support, 1.0, surface.characteristic_length)
+        shape = one.wrench(twists) / (1, 1, surface.characteristic_length)
+        scaled = loads / (1, 1, surface.characteristic_length)
+        total = float((shape * scaled).sum() / (shape * shape).sum())
+        return IdealLimitSurface(slider.support, total, surface.characteristic_length)
+    from stablepush.identify import fit_pressure_grid
+
+    return fit_pressure_grid(loads, twists, slider).surface
+
+
+def _samples(surface: LimitSurface, load: float) -> tuple[FloatArray, FloatArray]:
+    """Loads (n, 3) in N and twists of motions in all directions."""
+    twists = np.random.default_rng(0).normal(size=(_MOTIONS, 3)) / (1.0, 1.0, surface.characteristic_length)
+    return surface.wrench(twists) * load, twists
+
+
+def execute_batch(
+    jobs: Sequence[tuple[VirtualRig, Sequence[Command], int]],
+    *,
+    rows: int = 7,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Execution]:
+    """Carry out many logs side by side: each job is a rig, its commands and a seed. Results do not depend on ``workers``.
+
+    ``workers``: processes; as many as there are cores if not given. ``scheduler``: address of a Dask cluster instead.
+    """
+    results: list[Execution] = []
+    if workers is not None and workers < 1:
+        raise InputError(f"workers: expected at least 1, got {workers}")
+    for result in run_parallel(_execute_job, [(*job, rows) for job in jobs], workers, scheduler=scheduler):
+        results.append(result)
+        if progress is not None:
+            progress(len(results), len(jobs))
+    return results
+
+
+def _execute_job(rig: VirtualRig, commands: Sequence[Command], seed: int, rows: int) -> Execution:
+    return rig.execute(commands, rows=rows, seed=seed)

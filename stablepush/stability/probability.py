@@ -1,0 +1,149 @@
+"""How sure a region is, given the ensemble of surfaces that the pokes leave likely."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from stablepush.core import BoolArray, FloatArray, InputError, check_count, check_number, read_only
+from stablepush.objects import PushContact
+from stablepush.stability.kernels.chart import Rings, add_coverage, grid_places, only_polygons, rings_from_disc
+from stablepush.stability.oracle import StabilityOracle
+from stablepush.stability.region import EXTENT_RADII, Interval, StableRegion, stable_region, widest_first
+from stablepush.surfaces import LimitSurface, ensemble_of
+
+#: Slack of a share of surfaces: k of n must pass for p = k/n.
+_SLACK = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProbabilityMap:
+    """Probability of stability on a grid of CORs.
+
+    ``x`` (n,), ``y`` (n,): places (m, in B); ``counter_clockwise``, ``clockwise`` (n, n): share of the ensemble's surfaces
+    for which the COR ``(x[j], y[i])`` is stable.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    counter_clockwise: FloatArray
+    clockwise: FloatArray
+
+
+def probability_map(surface: LimitSurface, contact: PushContact, extent: float, cells: int = 400) -> ProbabilityMap:
+    """Return the probability of stability at ``cells x cells`` CORs in the square ``|x|, |y| <= extent`` (m) about the origin
+    of B.
+
+    The exact region of every surface of the ensemble is drawn into the grid by scan lines: no ``H_inv`` is needed.
+
+    Raises
+    ------
+    InputError
+        If the surface has no ensemble.
+    UnsupportedContactError
+        As :func:`stablepush.stable_region` does.
+    """
+    size = check_number(extent, "extent", positive=True)
+    check_count(cells, "cells", most=10_000)
+    regions = _member_regions(surface, contact)
+    places = grid_places(size, cells)
+    shares = []
+    for sense in (1, -1):
+        counts = np.zeros((cells, cells + 1))
+        for region in regions:
+            for polygon in region.polygons(sense, size):
+                add_coverage(counts, polygon, size)
+        shares.append(read_only(np.cumsum(counts, axis=1)[:, :-1] / len(regions)))
+    return ProbabilityMap(read_only(places), read_only(places.copy()), *shares)
+
+
+def chance_region(surface: LimitSurface, contact: PushContact, probability: float = 0.9) -> StableRegion:
+    """Return the motions that are stable with at least the given probability, by the ensemble of a surface.
+
+    A motion is in it if at least the share ``probability`` of the surfaces calls it stable. Its boundary consists of pieces
+    of the exact boundaries of the surfaces' own regions.
+
+    Raises
+    ------
+    InputError
+        If the surface has no ensemble, or the probability is not above 0 and at most 1.
+    UnsupportedContactError
+        As :func:`stablepush.stable_region` does.
+    """
+    level = check_number(probability, "probability")
+    if not 0 < level <= 1:
+        raise InputError(f"probability: expected a number above 0 and up to 1, got {probability!r}")
+    regions = _member_regions(surface, contact)
+    needed = max(1, int(np.ceil(level * len(regions) - _SLACK)))
+    oracle = StabilityOracle(surface, contact)
+    rho = surface.characteristic_length
+
+    def accepts(twists: FloatArray) -> BoolArray:
+        share = oracle.probability(twists)
+        assert share is not None
+        return np.asarray(share >= needed / len(regions) - _SLACK)
+
+    def rings(sense: int) -> Rings:
+        return rings_from_disc(_covered([region.disc(sense) for region in regions], needed), sense)
+
+    return StableRegion(
+        name=f"probability {level:g}",
+        characteristic_length=rho,
+        default_extent=EXTENT_RADII * max(contact.radius, rho),
+        translation_intervals=_common([region.translation_intervals for region in regions], needed),
+        _accepts=accepts,
+        _rings=rings,
+    )
+
+
+def _member_regions(surface: LimitSurface, contact: PushContact) -> list[StableRegion]:
+    members = ensemble_of(surface)
+    if not members:
+        raise InputError("surface: expected one with an ensemble, as a convex fit gives it")
+    return [stable_region(member, contact) for member in members]
+
+
+def _covered(discs: list[shapely.Geometry], needed: int) -> shapely.Geometry:
+    """The part of the chart that at least so many polygons cover: the faces of the arrangement of all boundaries, counted."""
+    lines = shapely.union_all([shapely.boundary(disc) for disc in discs if not disc.is_empty])
+    faces = shapely.get_parts(shapely.polygonize([lines]))
+    if not len(faces):
+        return shapely.Polygon()
+    inner = shapely.get_coordinates(shapely.point_on_surface(faces))
+    shapely.prepare(discs)
+    count = np.sum([shapely.contains_xy(disc, *inner.T) for disc in discs], axis=0)
+    return only_polygons(shapely.union_all(faces[count >= needed]))
+
+
+def _common(intervals: list[tuple[Interval, ...]], needed: int) -> tuple[Interval, ...]:
+    """Directions that at least so many sets of intervals hold, the widest first."""
+    turn = 2 * np.pi
+    ends = np.unique(np.mod([end for several in intervals for interval in several for end in interval], turn))
+    if not len(ends):
+        return ()
+    following = np.append(ends[1:], ends[0] + turn)
+    middle = (ends + following) / 2
+    count = np.zeros(len(middle), dtype=int)
+    for several in intervals:
+        inside = np.zeros(len(middle), dtype=bool)
+        for low, high in several:
+            inside |= np.mod(middle - low, turn) <= high - low
+        count += inside
+    good = count >= needed
+    if good.all():
+        return ((0.0, turn),)
+    found: list[Interval] = []
+    # from the first gap on, so that no interval is cut
+    start = int(np.argmin(good))
+    for i in np.roll(np.arange(len(good)), -start):
+        if not good[i]:
+            continue
+        shift = turn if i < start else 0.0
+        low, high = float(ends[i] + shift), float(following[i] + shift)
+        if found and abs(found[-1][1] - low) < 1e-12:
+            found[-1] = (found[-1][0], high)
+        else:
+            found.append((low, high))
+    return widest_first(found)

@@ -1,0 +1,115 @@
+"""A baseline without physics: sums of squared-exponential kernels from loads to twists and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stablepush.core import ConvergenceError, FloatArray, InputError, check_array, check_number, check_vectors, read_only
+from stablepush.geometry import normalize_twist, normalize_wrench, unit
+
+#: Size (of a unit twist, or N) of a mean below which it says nothing.
+_SILENT = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KernelSum:
+    """``g(x) = Σ_i c_i exp(-|x - x_i|²/(2 l²))``: inputs ``x_i`` (n, 3), coefficients ``c_i`` (n, k), length ``l``."""
+
+    inputs: FloatArray
+    coefficients: FloatArray
+    length: float
+
+    def __init__(self, inputs: ArrayLike, coefficients: ArrayLike, length: float) -> None:
+        x = check_array(inputs, "inputs", (None, 3))
+        c = check_array(coefficients, "coefficients", (None, None))
+        if len(x) != len(c) or not len(x):
+            raise InputError(f"coefficients: expected {len(x)} rows, one an input, got {len(c)}")
+        object.__setattr__(self, "inputs", read_only(x))
+        object.__setattr__(self, "coefficients", read_only(c))
+        object.__setattr__(self, "length", check_number(length, "length", positive=True))
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        """Return ``g`` (..., k) at points (..., 3)."""
+        square = ((x[..., None, :] - self.inputs) ** 2).sum(axis=-1)
+        return np.asarray(np.exp(-0.5 * square / self.length**2) @ self.coefficients)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GaussianProcessSurface:
+    """Means of Gaussian processes that stand for a limit surface (the paper's baseline).
+
+    ``slip`` takes unit normalised loads to twists, ``log_size`` unit normalised loads to the logarithm of their size over
+    ``mean_size`` (N), ``load`` unit normalised twists to normalised loads in N. Nothing makes the three agree or the surface
+    convex.
+    """
+
+    slip: KernelSum
+    log_size: KernelSum
+    load: KernelSum
+    mean_size: float
+    characteristic_length: float
+    provenance: Mapping[str, Any]
+
+    def __init__(
+        self,
+        slip: KernelSum,
+        log_size: KernelSum,
+        load: KernelSum,
+        mean_size: float,
+        characteristic_length: float,
+        *,
+        provenance: Mapping[str, Any] | None = None,
+    ) -> None:
+        for name, kernel, width in (("slip", slip, 3), ("log_size", log_size, 1), ("load", load, 3)):
+            if kernel.coefficients.shape[1] != width:
+                raise InputError(f"{name}: expected {width} coefficients an input, got {kernel.coefficients.shape[1]}")
+        object.__setattr__(self, "slip", slip)
+        object.__setattr__(self, "log_size", log_size)
+        object.__setattr__(self, "load", load)
+        object.__setattr__(self, "mean_size", check_number(mean_size, "mean_size", positive=True))
+        object.__setattr__(
+            self, "characteristic_length", check_number(characteristic_length, "characteristic_length", positive=True)
+        )
+        object.__setattr__(self, "provenance", MappingProxyType(dict(provenance or {})))
+
+    @property
+    def force_unit(self) -> str:
+        """Unit of the forces: always N."""
+        return "N"
+
+    def value(self, wrenches: ArrayLike) -> FloatArray:
+        """Return the size (...) of wrenches (..., 3) over the size that slips in their direction: 1 on the surface."""
+        f = normalize_wrench(check_vectors(wrenches, "wrenches", 3), self.characteristic_length)
+        size = np.linalg.norm(f, axis=-1)
+        slipping = self.mean_size * np.exp(self.log_size(unit(f))[..., 0])
+        return np.asarray(size / slipping)
+
+    def twist(self, wrenches: ArrayLike) -> FloatArray:
+        """Return the slip twists (..., 3) of wrenches (..., 3), of unit length in ``(vx, vy, rho*omega)``."""
+        f = unit(normalize_wrench(check_vectors(wrenches, "wrenches", 3), self.characteristic_length))
+        if not f.any(axis=-1).all():
+            raise InputError("wrenches: expected wrenches that are not zero")
+        return unit(_nonzero(self.slip(f), "wrenches")) / (1.0, 1.0, self.characteristic_length)
+
+    def wrench(self, twists: ArrayLike) -> FloatArray:
+        """Return the loads (..., 3) of twists (..., 3)."""
+        v = unit(normalize_twist(check_vectors(twists, "twists", 3), self.characteristic_length))
+        if not v.any(axis=-1).all():
+            raise InputError("twists: expected twists that are not zero")
+        return np.asarray(_nonzero(self.load(v), "twists") * (1.0, 1.0, self.characteristic_length))
+
+
+def _nonzero(vectors: FloatArray, asked: str) -> FloatArray:
+    """Far from all that it has seen the mean of a process is zero, which is no answer."""
+    silent = np.linalg.norm(vectors, axis=-1) < _SILENT
+    if silent.any():
+        raise ConvergenceError(
+            f"Gaussian process: {int(silent.sum())} of {silent.size} {asked} are too far from all pairs that it knows"
+        )
+    return vectors

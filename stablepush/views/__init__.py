@@ -1,0 +1,8 @@
+"""Pages and pictures of what the other rooms return. Nothing is computed here that a result does not hold.
+
+Imports everything but ``cli``.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -1,0 +1,10 @@
+from .gap_page import gap_html as gap_html
+from .pages import (
+    Section as Section,
+    execution_html as execution_html,
+    plan_html as plan_html,
+    region_html as region_html,
+    report_html as report_html,
+    slide_html as slide_html,
+    surface_html as surface_html,
+)

@@ -1,0 +1,254 @@
+"""The page of a diagnosis."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from itertools import count, groupby
+from typing import Any
+
+import numpy as np
+
+from stablepush.core import FloatArray
+from stablepush.diagnosis import Evidence, GapReport, percent, readable
+from stablepush.geometry import rotate_vectors
+from stablepush.objects import Slider
+from stablepush.views.pages import Section, render, script
+from stablepush.views.plot.canvas import figure_png
+from stablepush.views.plot.gaps import plot_effects, plot_ends, plot_residuals, plot_residuals_against
+
+#: Rows that a page has, at most.
+_MOST_ROWS = 2000
+#: Length of a large arrow over the extent of the table.
+_ARROW = 0.12
+#: Covariates that every row has.
+_PLACE = (("x", "m"), ("y", "m"), ("turned by", "deg"))
+
+
+def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
+    """Return a diagnosis as one HTML page that needs no network: verdict, evidence to look at row by row, pictures, all effects,
+    what to try next."""
+    size = (
+        "Root mean squares over all trials; floor: what noise alone leaves; p: how often noise alone would leave as much as the "
+        "nominal simulation does."
+    )
+    sections = [
+        Section("Verdict", report.sentence, [("verdict", report.verdict), ("effects", ", ".join(report.named) or "none")]),
+    ]
+    if report.gap:
+        sections.append(Section("How large the gap is", size, [(entry["channel"], _gap(entry)) for entry in report.gap]))
+    left_out = (
+        "Root mean squares on trials that the mended simulation was not fitted to; the floor is no higher than what is left."
+    )
+    shrink = [
+        (
+            entry["channel"],
+            f"{readable(entry['before'])}{_unit(entry)} before, {readable(entry['after'])} after, "
+            f"floor {readable(entry['floor'])}; "
+            f"closed {100 * entry['closed']:.0f} % ({percent(entry['ci95'][0])} to {percent(entry['ci95'][1])}), "
+            f"{entry['held_out_trials']} held-out trials",
+        )
+        for entry in report.shrink
+    ]
+    sections.append(Section("How far the gap shrinks", left_out, shrink))
+    if report.residuals:
+        sections.append(Section.with_picture("Where: over the table", figure_png(plot_residuals(report))))
+        text = "Residuals of the nominal simulation and of the mended one."
+        sections.append(Section.with_picture("Where: heading and order", figure_png(plot_residuals_against(report)), text))
+    if report.where:
+        found = [
+            (
+                f"{f.channel}, {f.component}: {f.covariate}",
+                f"{100 * f.share:.0f} % of the variance, p {f.p_value:.4f}",
+            )
+            for f in report.where[:12]
+        ]
+        sections.append(Section("Where: what residuals follow", "On held-out trials.", found))
+    if report.ends and len(report.places):
+        words = "Pushes carried out again in simulation, from where the slider lay and as the pusher went."
+        sections.append(Section.with_picture("Where: ends of pushes", figure_png(plot_ends(report)), words))
+    rows = [(entry["effect"], _effect(entry, report.evidence[entry["effect"]])) for entry in report.ranking]
+    text = (
+        "Probability of each effect of the catalogue given the others that are named, its parameters with 95 % intervals, and "
+        "what speaks for and against it; or why this log cannot judge it."
+    )
+    sections.append(Section.with_picture("Why", figure_png(plot_effects(report)), text, rows))
+    after = report.next_experiment
+    numbers = count(1)
+    pushes = [(f"push {' and '.join(str(next(numbers)) for _ in same)}", _push(push)) for push, same in groupby(after["pushes"])]
+    words = f"To separate {' and '.join(after['separates'])}: {after['why']}." if after["separates"] else f"{after['why']}."
+    if pushes:
+        words += (
+            " Edges are counted from 0, places along them from their first corner; directions turn counter-clockwise "
+            "from the inward normal."
+        )
+    sections.append(Section("What to try next", words, pushes))
+    how = (
+        "Loads of support points under the outline and the parameters of effects are fitted jointly to the measured "
+        "wrenches and to the gaps between fingers and outline, each row weighted by the noise of forces and motion and by "
+        "how far off it is. Without forces the ends of pushes are fitted in the place of wrenches, each carried out again "
+        "in simulation. An effect is named if no effect would show so clearly by chance more than once in a hundred logs "
+        "(signs of the trials' scores drawn at random; without forces a larger gain may do instead), and the log density "
+        "grows by enough over its scatter between pushes; the others are judged given it. Pressure is named if it "
+        "predicts held-out trials as well as any pressure does, friction of the fingers if forces of those that slip say "
+        "so. Which effects act was found on all trials; shares of the gap are those of trials left out of the fit, five "
+        "folds, repeats kept together."
+    )
+    sections.append(Section("How it was computed", how))
+    sections.append(Section("Data quality", "", [("note", note) for note in report.notes] or [("note", "nothing to remark")]))
+    lead = f"{report.log}, {report.trials} pushes"
+    values = {"title": title, "lead": lead, "sections": sections}
+    seen = _rows_of_loads(report) if report.residuals else _rows_of_ends(report)
+    if not seen.rows:
+        return render("report.html", **values)
+    about, label = seen.about, "the slider on the table with what the simulations leave, as arrows"
+    return render("diagnosis.html", **values, about=about, label=label, data=seen.data(report.rig.slider))
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What can be looked at row by row: poses of the slider, arrows and components before and after mending, covariates.
+
+    ``scale``: m of the table for a unit of an arrow; ``behind``: whether arrows end where the slider is, else they begin there.
+    """
+
+    about: str
+    rows: list[dict[str, Any]]
+    components: list[tuple[str, str]]
+    covariates: list[tuple[str, str]]
+    scale: float
+    behind: bool
+
+    def data(self, slider: Slider) -> str:
+        """The JSON that the page's script reads."""
+        poses = np.array([row["at"] for row in self.rows])
+        low, high = poses[:, :2].min(axis=0) - slider.radius, poses[:, :2].max(axis=0) + slider.radius
+        return script(
+            {
+                "rows": self.rows,
+                "components": [{"name": name, "unit": unit} for name, unit in self.components],
+                "covariates": [{"name": name, "unit": unit} for name, unit in self.covariates],
+                "frame": [*low.tolist(), *high.tolist()],
+                "scale": self.scale,
+                "behind": int(self.behind),
+                "slider": slider.vertices.tolist(),
+            }
+        )
+
+
+def _scale(rows: list[dict[str, Any]], slider: Slider) -> float:
+    """Factor by which large arrows get a good length on the table."""
+    if not rows:
+        return 1.0
+    extent = float(np.ptp([row["at"][:2] for row in rows], axis=0).max()) + slider.radius
+    large = float(np.quantile(np.linalg.norm([row["arrow"]["before"] for row in rows], axis=1), 0.95))
+    return _ARROW * extent / max(large, 1e-12)
+
+
+def _rows_of_loads(report: GapReport) -> _Seen:
+    along = report.loads[:, :2] / np.maximum(np.linalg.norm(report.loads[:, :2], axis=1, keepdims=True), 1e-9)
+    across = np.stack((-along[:, 1], along[:, 0]), axis=-1)
+    parts = {}
+    for key in ("before", "after"):
+        force, moment = report.residuals[key][:, :2], report.residuals[key][:, 2]
+        parts[key] = np.column_stack(((force * along).sum(axis=1), (force * across).sum(axis=1), 1000 * moment))
+    arrows = {key: rotate_vectors(report.poses[:, 2], report.residuals[key][:, :2]) for key in ("before", "after")}
+    covariates = np.column_stack(
+        (np.degrees(report.headings), report.orders, 1000 * report.speeds, report.poses[:, :2], np.degrees(report.poses[:, 2]))
+    )
+    rows = _rows(report.row_names, report.poses, arrows, parts, covariates)
+    return _Seen(
+        "Arrows: the force that a simulation lacks, from where the slider lay.",
+        rows,
+        [("along the load", "N"), ("across the load", "N"), ("moment", "N mm")],
+        [("heading of the motion", "deg"), ("place in the log", ""), ("speed", "mm/s"), *_PLACE],
+        _scale(rows, report.rig.slider),
+        behind=False,
+    )
+
+
+def _rows_of_ends(report: GapReport) -> _Seen:
+    ends: dict[str, FloatArray] = {key: report.ends[key] for key in ("before", "after") if key in report.ends}
+    parts = {key: 1000 * miss for key, miss in ends.items()}
+    arrows = {key: report.misses(key) for key in ends}
+    covariates = np.column_stack((report.places[:, :2], np.degrees(report.places[:, 2]), np.arange(len(report.places))))
+    rows = _rows(report.end_names, report.places, arrows, parts, covariates)
+    scale = max(1.0, round(_scale(rows, report.rig.slider)))
+    longer = f", {scale:.0f} times as long" if scale > 1 else ""
+    return _Seen(
+        f"Arrows: from where a push ends in simulation to where the slider was measured to end{longer}.",
+        rows,
+        [("along x of the slider", "mm"), ("along y of the slider", "mm"), ("turn times the radius of gyration", "mm")],
+        [*_PLACE, ("number", "")],
+        scale,
+        behind=True,
+    )
+
+
+def _rows(
+    names: list[str], poses: FloatArray, arrows: dict[str, FloatArray], parts: dict[str, FloatArray], covariates: FloatArray
+) -> list[dict[str, Any]]:
+    """Rows whose numbers are all known, as many as a page can take."""
+    if not arrows:
+        return []
+    numbers = np.column_stack([poses, covariates, *arrows.values(), *parts.values()])
+    known = np.flatnonzero(np.isfinite(numbers).all(axis=1))
+    chosen = known[np.unique(np.linspace(0, max(0, len(known) - 1), min(len(known), _MOST_ROWS)).round().astype(int))]
+    return [
+        {
+            "trial": names[i],
+            "at": poses[i].tolist(),
+            "arrow": {key: arrow[i].tolist() for key, arrow in arrows.items() if key in ("before", "after")},
+            **{key: part[i].tolist() for key, part in parts.items() if key in ("before", "after")},
+            "covariates": covariates[i].tolist(),
+        }
+        for i in chosen
+    ]
+
+
+def _gap(entry: dict[str, Any]) -> str:
+    """A channel of ``gap``."""
+    unit, chance = _unit(entry), entry["p_lack_of_fit"]
+    nominal, refitted, floor = (readable(entry[key]) for key in ("nominal", "refitted", "noise_floor"))
+    words = f"{nominal}{unit} from the nominal simulation, {refitted} with a refitted surface, floor {floor}"
+    return f"{words}; p {f'{chance:.2g}' if chance > 1e-4 else 'below 0.0001'}"
+
+
+def _unit(entry: dict[str, Any]) -> str:
+    """The unit of a channel, with the space before it; none for numbers."""
+    return f" {entry['unit']}".removesuffix(" 1")
+
+
+def _effect(entry: dict[str, Any], evidence: Evidence) -> str:
+    """An effect: probability, parameters, and what speaks for it and against it; or why the log cannot judge it."""
+    parameters = "; ".join(_parameter(name, p) for name, p in entry["parameters"].items()) if entry["identifiable"] else ""
+    if evidence.unseen:
+        return "\n".join(filter(None, (parameters, evidence.unseen)))
+    lines = [f"{entry['probability']:.2f}" + (f": {parameters}" if parameters else "")]
+    lines += [f"for: {clause}" for clause in evidence.supporting] + [f"against: {clause}" for clause in evidence.opposing]
+    return "\n".join(lines)
+
+
+def _parameter(name: str, found: dict[str, Any]) -> str:
+    """A parameter with intervals and unit."""
+    several = isinstance(found["estimate"], list)
+    values = zip(found["estimate"], found["ci95"], strict=True) if several else [(found["estimate"], found["ci95"])]
+    numbers = ", ".join(f"{readable(value)} ({readable(low)} to {readable(high)})" for value, (low, high) in values)
+    return f"{name} {numbers} {re.sub('^1(, | |$)', '', found['unit'])}".strip()
+
+
+def _push(push: dict[str, Any]) -> str:
+    """A proposed push as a lab would read it."""
+    x, y = 1000 * push["x"], 1000 * push["y"]
+    words = (
+        f"slider at x {x:.0f} mm, y {y:.0f} mm, turned by {math.degrees(push['theta']):.0f}°; on edge {push['edge']}, "
+        f"{1000 * push['along']:.1f} mm along it, {math.degrees(push['direction']):.0f}° off its normal, "
+        f"{1000 * push['way']:.0f} mm at {1000 * push['speed']:.0f} mm/s; the causes differ by "
+    )
+    if "expected_difference_of_ends_m" in push:
+        return f"{words}{1000 * push['expected_difference_of_ends_m']:.2g} mm in where it ends"
+    return (
+        f"{words}{push['expected_difference_N']:.2g} N in the load, {1000 * push['expected_difference_m']:.2g} mm in the gap "
+        "between finger and outline"
+    )

@@ -1,0 +1,16 @@
+from .calibration import plot_calibration as plot_calibration
+from .canvas import figure_png as figure_png, save_figure as save_figure
+from .gaps import (
+    plot_effects as plot_effects,
+    plot_ends as plot_ends,
+    plot_residuals as plot_residuals,
+    plot_residuals_against as plot_residuals_against,
+)
+from .motions import plot_push as plot_push, plot_slide as plot_slide, plot_wrench_paths as plot_wrench_paths
+from .plans import plot_plan as plot_plan
+from .regions import (
+    plot_contacts as plot_contacts,
+    plot_margins as plot_margins,
+    plot_regions as plot_regions,
+    plot_twist_sphere as plot_twist_sphere,
+)

@@ -1,0 +1,110 @@
+"""Pictures of the gap between simulation and reality."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stablepush.diagnosis import GapReport
+from stablepush.geometry import rotate_vectors
+from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, OBSTACLE, PUSHER, canvas, legend
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Names of effects that a log cannot judge; still read on white.
+_HIDDEN = "#767676"
+
+
+def plot_residuals(report: GapReport) -> Figure:
+    """Draw the forces that the nominal simulation lacks, as arrows over the table, with what is left after mending."""
+    figure, axes = canvas((8.0, 6.6))
+    for key, word, color in (("before", "nominal", PUSHER), ("after", "mended", COUNTER_CLOCKWISE)):
+        force = rotate_vectors(report.poses[:, 2], report.residuals[key][:, :2])
+        axes.quiver(*report.poses[:, :2].T, *force.T, color=color, angles="xy", width=0.0025, scale=_scale(report), label=word)
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.set_title("Measured less predicted force, over the table")
+    legend(axes, columns=2)
+    return figure
+
+
+def _scale(report: GapReport) -> float:
+    size = float(np.quantile(np.linalg.norm(report.residuals["before"][:, :2], axis=1), 0.95))
+    extent = float(np.ptp(report.poses[:, :2], axis=0).max())
+    return max(size, 1e-9) / max(0.12 * extent, 1e-9)
+
+
+def plot_residuals_against(report: GapReport) -> Figure:
+    """Draw the residual force, along and across the measured one, against heading and over the log, before and after mending."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 5.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(2, 2, sharey="row")
+    load = report.loads[:, :2] / np.maximum(np.linalg.norm(report.loads[:, :2], axis=1, keepdims=True), 1e-9)
+    across = np.stack((-load[:, 1], load[:, 0]), axis=-1)
+    for row, (direction, name) in enumerate(((load, "along the load [N]"), (across, "across it [N]"))):
+        for column, (values, label) in enumerate(
+            ((np.degrees(report.headings), "heading of the motion [deg in W]"), (report.orders, "place in the log"))
+        ):
+            axes = panels[row, column]
+            for key, color, marker in (("before", PUSHER, "o"), ("after", COUNTER_CLOCKWISE, ".")):
+                residual = (report.residuals[key][:, :2] * direction).sum(axis=1)
+                axes.plot(
+                    values,
+                    residual,
+                    linestyle="none",
+                    marker=marker,
+                    markersize=3,
+                    color=color,
+                    label="nominal" if key == "before" else "mended",
+                )
+            axes.axhline(0.0, color=OBSTACLE, linewidth=0.8)
+            axes.grid(visible=True, color="0.9", linewidth=0.6)
+            if row == 1:
+                axes.set_xlabel(label)
+        panels[row, 0].set_ylabel(name)
+    panels[0, 0].legend(frameon=False, fontsize=9)
+    return figure
+
+
+def plot_ends(report: GapReport) -> Figure:
+    """Draw where pushes were measured to end against where they end in simulation, as arrows over the table."""
+    figure, axes = canvas((8.0, 6.6))
+    good = np.isfinite([report.ends[key] for key in ("before", "after")]).all(axis=(0, 2))
+    places = report.places[good]
+    size = float(np.quantile(np.linalg.norm(report.ends["before"][good][:, :2], axis=1), 0.9)) if good.any() else 0.0
+    extent = float(np.ptp(places[:, :2], axis=0).max()) if good.any() else 1.0
+    times = max(1.0, round(0.08 * max(extent, 0.05) / max(size, 1e-9)))
+    for key, word, color in (("before", "nominal", PUSHER), ("after", "mended", COUNTER_CLOCKWISE)):
+        miss = report.misses(key)[good]
+        # to the measured end
+        tails = places[:, :2] - times * miss
+        axes.quiver(*tails.T, *miss.T, color=color, angles="xy", scale_units="xy", scale=1 / times, width=0.0025, label=word)
+    axes.plot(*places[:, :2].T, linestyle="none", marker=".", markersize=3, color=OBSTACLE)
+    axes.margins(0.12)
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    longer = f", {times:.0f} times as long" if times > 1 else ""
+    axes.set_title(f"From the simulated to the measured end of pushes{longer}")
+    legend(axes, columns=2)
+    return figure
+
+
+def plot_effects(report: GapReport) -> Figure:
+    """Draw how probable each effect of the catalogue is; those that the log cannot judge have grey names and no bar."""
+    figure, axes = canvas((8.0, 4.8), equal=False)
+    entries = report.ranking[::-1]
+    unseen = [bool(report.evidence[entry["effect"]].unseen) for entry in entries]
+    colors = [COUNTER_CLOCKWISE if entry["effect"] in report.named else CLOCKWISE for entry in entries]
+    lengths = [0.0 if hidden else entry["probability"] for entry, hidden in zip(entries, unseen, strict=True)]
+    axes.barh([entry["effect"] for entry in entries], lengths, color=colors)
+    for label, hidden in zip(axes.get_yticklabels(), unseen, strict=True):
+        label.set_color(_HIDDEN if hidden else "black")
+    axes.set_xlim(0, 1)
+    axes.set_xlabel("probability")
+    axes.set_title("Effects: named blue, others orange; grey: this log cannot judge it")
+    return figure

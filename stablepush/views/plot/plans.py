@@ -1,0 +1,94 @@
+"""Pictures of plans."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from stablepush.core import FloatArray
+from stablepush.geometry import cor_from_twist, transform_points
+from stablepush.planning import PlanningProblem, PlanResult, Push, Transfer
+from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, GOAL, OBSTACLE, PUSHER, SLIDER, START, canvas, fill, legend
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def plot_plan(problem: PlanningProblem, result: PlanResult, title: str | None = None) -> Figure:
+    """Draw a plan in W (m): outlines of slider and pusher along the path, obstacles, start, goal and rotation centres."""
+    figure, axes = canvas((9.0, 7.4))
+    for i, obstacle in enumerate(problem.obstacles):
+        fill(axes, shapely.Polygon(obstacle), facecolor=OBSTACLE, edgecolor="black", label="_" if i else "obstacle")
+    if problem.bounds is not None:
+        fill(axes, shapely.box(*problem.bounds), facecolor="none", edgecolor="black", linewidth=1.5)
+    ways: list[FloatArray] = []
+    for push in result.pushes:
+        outlines = max(2, int(np.ceil(float(problem.push_speed(push.twist)) * push.duration / (0.5 * problem.slider.radius))))
+        for pose in push.poses(np.linspace(0, push.duration, outlines)[:-1]):
+            _outline(axes, problem, pose, push.contact, alpha=0.16)
+        ways.append(push.poses(np.linspace(0, push.duration, 50))[:, :2])
+    if ways:
+        way = np.concatenate(ways)
+        axes.plot(way[:, 0], way[:, 1], color="black", linewidth=1.3, label="way of the centre of mass")
+        end = result.pushes[-1]
+        _outline(axes, problem, end.end, end.contact, alpha=0.5)
+    _draw_centers(axes, result)
+    changes = [s.pusher_path for s in result.segments if isinstance(s, Transfer) and len(s.pusher_path)]
+    for i, path in enumerate(changes):
+        axes.plot(path[:, 0], path[:, 1], color=PUSHER, linewidth=1.3, linestyle=":", label="_" if i else "way of the pusher")
+    for name, pose, color, style in (("start", problem.start, START, "-"), ("goal", problem.goal, GOAL, "--")):
+        ring = shapely.Polygon(transform_points(pose, problem.slider.vertices))
+        fill(axes, ring, facecolor="none", edgecolor=color, linewidth=2.4, linestyle=style, label=name)
+        tip = transform_points(pose, np.array(((0.0, 0.0), (0.6 * problem.slider.radius, 0.0))))
+        axes.plot(tip[:, 0], tip[:, 1], color=color, linewidth=2)
+    _frame(axes, problem, ways)
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.set_title(title or _plan_title(result))
+    legend(axes, columns=3)
+    return figure
+
+
+def _outline(axes: Axes, problem: PlanningProblem, pose: FloatArray, contact: int, alpha: float) -> None:
+    ring = shapely.Polygon(transform_points(pose, problem.slider.vertices))
+    fill(axes, ring, facecolor=SLIDER, edgecolor="black", linewidth=0.7, alpha=alpha)
+    if problem.pusher is not None:
+        docked = transform_points(problem.contacts[contact].frame, problem.pusher)
+        fill(axes, shapely.Polygon(transform_points(pose, docked)), facecolor=PUSHER, edgecolor="none", alpha=alpha)
+
+
+def _draw_centers(axes: Axes, result: PlanResult) -> None:
+    drawn = set()
+    for push in result.pushes:
+        # no turn but for rounding
+        if abs(push.twist[2]) * push.duration < 1e-9:
+            continue
+        center, sense = cor_from_twist(push.twist)
+        at = transform_points(push.start, center[None])[0]
+        word, color = ("counter-clockwise", COUNTER_CLOCKWISE) if sense > 0 else ("clockwise", CLOCKWISE)
+        label = "_" if word in drawn else f"COR, {word}"
+        drawn.add(word)
+        axes.plot(*at, marker="x", color=color, markersize=7, markeredgewidth=2, linestyle="none", label=label)
+
+
+def _frame(axes: Axes, problem: PlanningProblem, ways: list[FloatArray]) -> None:
+    if problem.bounds is not None:
+        low, high = problem.bounds[:2], problem.bounds[2:]
+    else:
+        points = np.concatenate([problem.start[None, :2], problem.goal[None, :2], *problem.obstacles, *ways])
+        low, high = points.min(axis=0) - 2 * problem.slider.radius, points.max(axis=0) + 2 * problem.slider.radius
+    room = 0.03 * float((high - low).max())
+    axes.set_xlim(low[0] - room, high[0] + room)
+    axes.set_ylim(low[1] - room, high[1] + room)
+
+
+def _plan_title(result: PlanResult) -> str:
+    if not result.solved:
+        return f"{result.planner}: {result.status}"
+    pushes = [s for s in result.segments if isinstance(s, Push)]
+    return (
+        f"{len(pushes)} pushes, {result.length:.2f} m, {result.duration:.1f} s, least margin {np.degrees(result.min_margin):.2f}°"
+    )

@@ -1,0 +1,436 @@
+"""A fuzzer of everything that is read: valid files are broken at random, and every reader and command has to take or refuse them.
+
+    python tests/cli/fuzzing.py [--inputs 1000] [--seed 0] [--readers model pushlog ...] [--keep FOLDER]
+
+Refusing means :class:`stablepush.StablepushError` with a message that names the file; for a command exit code 2 and one line on
+standard error. Anything else is a crash, and so is a warning of Python's; more than :data:`PATIENCE` seconds is a hang. Bytes,
+JSON values and cells of tables are changed, cut out, repeated, scaled and swapped, and replaced by what has broken readers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import copy
+import io
+import json
+import shutil
+import signal
+import tempfile
+import time
+import traceback
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import stablepush as sp
+
+#: Seconds after which a reader, or a command, is said to hang.
+PATIENCE = 60.0
+#: What JSON values are replaced by.
+VALUES: tuple[Any, ...] = (
+    None, True, False, 0, -1, 1, 2**63, -(2**70), 10**400, 0.5, -0.0, 1e-320, 1e-160, 1e-30, 1e-9, 1e6, 1e7, 1e300, float("nan"),
+    float("inf"), -float("inf"), "", "nan", "1", "../../etc/passwd", "\u0000", "\ud800", "é" * 300, [], [[]], [None],
+    [[1, 2], [3]], [1e-12, 1e-12], {}, {"format": "model/1"}, [[[[[[]]]]]], [0, 0], [[0, 0], [0, 0], [0, 0]],
+)  # fmt: skip
+#: What numbers, and all numbers of a list or an object, are multiplied by.
+FACTORS = (-1, 0, 1e-160, 1e-12, 1e-9, 1e-6, 1e-3, 1e3, 1e6, 1 + 1e-12)
+#: What cells of tables are replaced by.
+CELLS = (
+    "", " ", "nan", "inf", "-inf", "1e400", "1e7", "-1e7", "1e-320", "1e-160", "0", "-1", "1", "true", "0x10", "1_0",
+    "١", "1,5", '"', '"1"', "=1+1",
+    "\x00", "é", "None", "9" * 400, "1;2", "rest", "push", "-",
+)  # fmt: skip
+#: Bytes that are put in anywhere.
+PIECES = (
+    b"\x00", b"\xff", b"\xef\xbb\xbf", b"\r", b"\n\n", b'"', b",", b"[" * 300, b"{" * 300, b"}", b"NaN", b"Infinity", b"1e999",
+    b"-", b"\\u0000", b"//", b"\xf0\x9f\x92\xa9", b" " * 5000, b"0" * 5000,
+)  # fmt: skip
+
+
+class HangError(Exception):
+    """Something took longer than :data:`PATIENCE`."""
+
+
+@dataclass
+class Tally:
+    """What became of the inputs of a reader."""
+
+    taken: int = 0
+    refused: int = 0
+    crashes: list[str] = field(default_factory=list)
+    hangs: int = 0
+    slowest: float = 0.0
+
+    @property
+    def inputs(self) -> int:
+        return self.taken + self.refused + len(self.crashes) + self.hangs
+
+
+@contextlib.contextmanager
+def patience(seconds: float) -> Iterator[None]:
+    def stop(*_: object) -> None:
+        raise HangError
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def changes(rng: np.random.Generator) -> int:
+    """How many: mostly one, for the first that is refused hides the others."""
+    return int(rng.choice((1, 2, 3), p=(0.7, 0.2, 0.1)))
+
+
+def broken_bytes(data: bytes, rng: np.random.Generator) -> bytes:
+    """Some bytes changed, cut out, repeated or put in."""
+    for _ in range(changes(rng)):
+        at, end = sorted(int(i) for i in rng.integers(0, len(data) + 1, 2))
+        kind = rng.integers(6)
+        if kind == 0 and len(data):
+            i = min(at, len(data) - 1)
+            data = data[:i] + bytes([int(rng.integers(256))]) + data[i + 1 :]
+        elif kind == 1:
+            data = data[:at] + data[end:]
+        elif kind == 2:
+            data = data[:at]
+        elif kind == 3:
+            data = data[:end] + data[at:]
+        else:
+            data = data[:at] + PIECES[int(rng.integers(len(PIECES)))] + data[at:]
+    return data
+
+
+def places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Paths to all that is in a JSON value."""
+    yield path
+    children = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, child in children:
+        yield from places(child, (*path, key))
+
+
+def scaled(value: Any, factor: float) -> Any:
+    """A JSON value with all numbers in it times a factor."""
+    if isinstance(value, dict):
+        return {key: scaled(child, factor) for key, child in value.items()}
+    if isinstance(value, list):
+        return [scaled(child, factor) for child in value]
+    is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e290
+    return value * factor if is_number else value
+
+
+def broken_json(data: bytes, rng: np.random.Generator) -> bytes:
+    """Some values replaced, scaled with all in them, removed, repeated or swapped with others."""
+    try:
+        value = json.loads(data)
+    except ValueError:
+        return broken_bytes(data, rng)
+    for _ in range(changes(rng)):
+        paths = [p for p in places(value) if p]
+        if not paths:
+            break
+        # by depth first: a file of a thousand coefficients has a handful of keys
+        depth = int(rng.choice(sorted({len(p) for p in paths})))
+        paths = [p for p in paths if len(p) == depth]
+        path = paths[int(rng.integers(len(paths)))]
+        parent = value
+        for key in path[:-1]:
+            parent = parent[key]
+        key, kind = path[-1], rng.integers(7)
+        old = parent[key]
+        if kind == 0:
+            del parent[key]
+        elif kind in (1, 6):
+            parent[key] = scaled(old, float(rng.choice(FACTORS)))
+        elif kind == 2 and isinstance(parent, list):
+            parent.insert(int(rng.integers(len(parent) + 1)), copy.deepcopy(old))
+        elif kind == 3 and isinstance(parent, list):
+            rng.shuffle(parent)
+        else:
+            parent[key] = copy.deepcopy(VALUES[int(rng.integers(len(VALUES)))])
+    return json.dumps(value).encode("utf-8", "surrogatepass")
+
+
+def broken_table(data: bytes, rng: np.random.Generator) -> bytes:
+    """Some cells, rows, columns and line ends changed, and columns scaled."""
+    text = data.decode("utf-8", "replace")
+    rows = [line.split(",") for line in text.splitlines()] or [[""]]
+    for _ in range(changes(rng)):
+        i = int(rng.integers(len(rows))) if rng.random() < 0.8 else 0
+        j = int(rng.integers(len(rows[i]))) if rows[i] else 0
+        kind = rng.integers(9)
+        if kind <= 2 and rows[i]:
+            rows[i][j] = CELLS[int(rng.integers(len(CELLS)))]
+        elif kind == 3:
+            rows.insert(int(rng.integers(len(rows) + 1)), list(rows[i]))
+        elif kind == 4 and len(rows) > 1:
+            del rows[i]
+        elif kind == 5:
+            for row in rows:
+                if j < len(row):
+                    del row[j]
+        elif kind == 6 and rows[i]:
+            rows[i].append(rows[i][j])
+        elif kind == 7:
+            factor = float(rng.choice(FACTORS))
+            for row in rows[1:]:
+                with contextlib.suppress(ValueError, IndexError):
+                    row[j] = repr(float(row[j]) * factor)
+        elif len(rows) > 1:
+            rows[1:] = [rows[1 + int(k)] for k in rng.permutation(len(rows) - 1)]
+        if not rows:
+            rows = [[""]]
+    end = str(rng.choice(("\n", "\n", "\r\n", "\r")))
+    return end.join(",".join(row) for row in rows).encode("utf-8", "surrogatepass")
+
+
+def broken(path: Path, rng: np.random.Generator) -> None:
+    """Break a file in place, now as bytes, now as what it is."""
+    data = path.read_bytes()
+    ways = {".json": broken_json, ".csv": broken_table}
+    way = ways.get(path.suffix, broken_bytes) if rng.random() < 0.7 else broken_bytes
+    path.write_bytes(way(data, rng))
+
+
+def seeds(folder: Path) -> dict[str, Path]:
+    """Write one valid input of every kind."""
+    from stablepush.demo import demo_pokes, demo_slider
+    from stablepush.io.formats import contact_to_json, slider_to_json
+    from stablepush.io.json_files import write_json
+
+    sp.write_pushlog(demo_pokes(6), folder / "log")
+    log = sp.read_pushlog(folder / "log")
+    loads, twists, _ = log.pairs()
+    slider = demo_slider()
+    sp.save_model(sp.fit_limit_surface(loads, twists, slider=slider).surface, folder / "polynomial.json")
+    points = sp.SupportDistribution([[0.0, 0.03], [-0.03, -0.02], [0.03, -0.02]], [1, 2, 3])
+    sp.save_model(sp.IdealLimitSurface(points, 3.0), folder / "support.json")
+    contact = sp.PushContact.on_edge(slider, 0, 0.16 / 3, 0.05, 0.9)
+    write_json(folder / "contact.json", contact_to_json(contact))
+    write_json(folder / "slider.json", slider_to_json(slider))
+    (folder / "cors.csv").write_text("cor_x,cor_y,sense\n-2,0,1\n0,0.01,1\n2,0,-1\n", encoding="utf-8")
+    (folder / "pushes.csv").write_text("edge,along,direction,way,x,y,theta\n0,0.03,0.1,0.02,0,0,1\n1,0.02,0,0.02,0,0,0\n")
+    scene = json.loads((Path(__file__).parents[2] / "examples" / "scenes" / "tight-turn.json").read_text(encoding="utf-8"))
+    write_json(folder / "scene.json", {**scene, "model": "polynomial.json"})
+    problem = sp.load_scene(folder / "scene.json")
+    result = sp.plan(problem, improve=0)
+    sp.save_plan(result, folder / "plan.json")
+    sp.save_trajectory(sp.sample_plan(problem, result, rate=5, acceleration=0.1), folder / "trajectory.csv")
+    (folder / "small.map").write_text("type octile\nheight 4\nwidth 6\nmap\n......\n.@@T..\n.@@..W\nS..G@@\n", encoding="utf-8")
+    (folder / "raw").mkdir()
+    (folder / "raw" / "raw.txt").write_text(raw_log(3), encoding="utf-8")
+    found = {p.stem: p for p in folder.iterdir() if p.is_file()} | {"log": folder / "log", "raw": folder / "raw" / "raw.txt"}
+    if find_spec("mujoco") and find_spec("cryptography"):
+        found["check"] = blind_check(folder / "check")
+    if find_spec("pyarrow"):
+        found["parquet"] = in_parquet(folder / "log", folder / "parquet")
+    if find_spec("rosbags"):
+        found["bag"] = folder / "bag"
+        sp.save_rosbag(sp.load_trajectory(found["trajectory"]), found["bag"])
+    return found
+
+
+def in_parquet(log: Path, folder: Path) -> Path:
+    """A log whose samples are Parquet."""
+    import pyarrow
+    import pyarrow.parquet
+
+    shutil.copytree(log, folder)
+    (folder / "samples.csv").unlink()
+    columns = sp.read_pushlog(log).samples
+    table = {name: pyarrow.array(values, from_pandas=True) for name, values in columns.items()}
+    pyarrow.parquet.write_table(pyarrow.table(table), folder / "samples.parquet")
+    return folder
+
+
+def blind_check(folder: Path) -> Path:
+    """A blind check of one short log."""
+    from stablepush.blind.check import BlindCheck
+
+    check = BlindCheck(folder, sets=1, pushes=4, seed=3)
+    check.seal(lambda *_: None)
+    check.diagnose(lambda *_: None)
+    check.score(lambda *_: None)
+    return folder
+
+
+def files_in(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+def raw_log(pushes: int) -> str:
+    """Pokes as the Manipulation Lab's robot wrote them down."""
+    lines = [str(pushes)]
+    for i in range(pushes):
+        lines += ["500 0 10 1 0 0 0", "515 1 10 0.9995 0 0 0.0316", "12"]
+        lines += [f"{1000 + 30 * i + k / 10} {-0.01 - (0.5 * (k > 1)):.4f} {-0.5 * (k > 1):.4f}" for k in range(12)]
+        lines += ["3", *(f"{1000 + 30 * i + k} {495 + k} 30 50 1 0 0 0" for k in range(3))]
+    return "\n".join(lines) + "\n"
+
+
+def readers(at: dict[str, Path]) -> dict[str, tuple[list[Path], Callable[[], object]]]:
+    """Files that are broken, and what reads them."""
+    from stablepush.io.importers.mlab import find_sources, import_source
+
+    found: dict[str, tuple[list[Path], Callable[[], object]]] = {
+        "model, polynomial": ([at["polynomial"]], lambda: sp.load_model(at["polynomial"])),
+        "model, support": ([at["support"]], lambda: sp.load_model(at["support"])),
+        "slider": ([at["slider"]], lambda: sp.load_slider(at["slider"])),
+        "contact": ([at["contact"]], lambda: sp.load_contact(at["contact"])),
+        "scene": ([at["scene"]], lambda: sp.load_scene(at["scene"])),
+        "plan": ([at["plan"]], lambda: sp.load_plan(at["plan"])),
+        "pushlog": (files_in(at["log"]), lambda: sp.read_pushlog(at["log"]).pairs()),
+        "trajectory": ([at["trajectory"]], lambda: sp.load_trajectory(at["trajectory"])),
+        "list of pushes": (
+            [at["pushes"]], lambda: sp.read_commands(at["pushes"], sp.load_scene(at["scene"]), 0.005),
+        ),
+        "raw log of the lab": ([at["raw"]], lambda: [import_source(source) for source in find_sources(at["raw"].parent)]),
+        "grid map": ([at["small"]], lambda: sp.load_movingai_map(at["small"], 0.1)),
+    }  # fmt: skip
+    if "parquet" in at:
+        found["pushlog, parquet"] = [at["parquet"] / "samples.parquet"], lambda: sp.read_pushlog(at["parquet"]).pairs()
+    if "bag" in at:
+        found["ROS bag"] = files_in(at["bag"]), lambda: sp.load_rosbag(at["bag"])
+    return found
+
+
+def commands(at: dict[str, Path], out: Path) -> dict[str, tuple[list[Path], list[object]]]:
+    """Files that are broken, and arguments of the command that reads them."""
+    drawn = out.with_suffix(".png")
+    model, contact, slider, scene, plan = (at[k] for k in ("polynomial", "contact", "slider", "scene", "plan"))
+    log, quick = files_in(at["log"]), ["--time-limit", "0.5", "--improve", "0"]
+    found: dict[str, tuple[list[Path], list[object]]] = {
+        "import": ([at["raw"], slider], ["import", at["raw"], "--slider", slider, "-o", out.with_suffix(".log")]),
+        "classify": ([model, contact, at["cors"]], ["classify", model, "--contact", contact, "--cors", at["cors"], "-o", out]),
+        "check": ([scene, plan], ["check", scene, plan]),
+        "plan": ([scene], ["plan", scene, *quick, "-o", out]),
+        "slide": ([model, slider], ["slide", model, "--slider", slider, "--twist", "0.3", "-0.1", "2", "-o", out]),
+        "map": (
+            [model, contact, slider],
+            ["map", model, "--contact", contact, "--slider", slider, "-o", drawn],
+        ),
+        "contacts": (
+            [model, slider],
+            ["contacts", model, "--slider", slider, "--mu", "0.5", "--width", "0.05", "--places", "3", "-o", out],
+        ),
+        "compare": ([scene], ["compare", scene, *quick, "--csv", out]),
+        "trajectory": ([scene, plan], ["trajectory", scene, plan, "-o", out]),
+        "fit": (log, ["fit", at["log"], "--model", "quadratic", "-o", out]),
+        "diagnose": (log, ["diagnose", at["log"], "--json", out]),
+        "simulate": ([scene, plan], ["simulate", scene, plan, "-o", out.with_suffix(".log")]),
+    }
+    if "check" in at:
+        found["blind"] = [p for p in files_in(at["check"]) if p.name != "lock"], ["blind", "-o", at["check"]]
+    return found
+
+
+def judged(tally: Tally, files: list[Path], run: Callable[[], bool]) -> None:
+    """Count what becomes of an input; ``run`` returns whether it was taken."""
+    began = time.perf_counter()
+    try:
+        with patience(PATIENCE):
+            taken = run()
+        tally.taken += taken
+        tally.refused += not taken
+    except sp.StablepushError as error:
+        # the place is what a user needs: a file, or the folder it is in
+        if any(str(file) in str(error) or str(file.parent) in str(error) for file in files):
+            tally.refused += 1
+        else:
+            tally.crashes.append(f"no file in: {error}")
+    except HangError:
+        tally.hangs += 1
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
+        tally.crashes.append(traceback.format_exc(limit=-2))
+    tally.slowest = max(tally.slowest, time.perf_counter() - began)
+
+
+def by_command(arguments: list[object], out: Path) -> bool:
+    """Run a command; whether it took its input. Raises on what no command may do; ``out`` is what it writes."""
+    from stablepush.cli import main
+
+    said, complained = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(complained):
+        code = main([str(a) for a in arguments])
+    assert code in (0, 1, 2), f"exit code {code}"
+    lines = complained.getvalue().splitlines()
+    if code == 2:
+        assert len(lines) == 1 and lines[0].startswith("stablepush: error: "), complained.getvalue()
+        left = [path.name for path in out.parent.glob("*out*")]
+        assert not left, f"left behind: {left}"
+        assert str(out.parent / "bad") in lines[0], f"no file in: {lines[0]}"
+    assert "Traceback" not in complained.getvalue()
+    return code != 2
+
+
+def fuzz(inputs: int, seed: int, only: list[str] | None = None, keep: Path | None = None) -> dict[str, Tally]:
+    """Break valid inputs of readers, ``inputs`` of each, and a tenth as many of commands."""
+    tallies: dict[str, Tally] = {}
+    with warnings.catch_warnings(), tempfile.TemporaryDirectory(prefix="fuzz ünicode ") as place:
+        warnings.simplefilter("error")
+        # what looks like another unit is taken, with a note
+        warnings.simplefilter("ignore", sp.StablepushWarning)
+        folder = Path(place)
+        (folder / "good").mkdir()
+        good = seeds(folder / "good")
+        at = {name: folder / "bad" / path.relative_to(folder / "good") for name, path in good.items()}
+        shutil.copytree(folder / "good", folder / "bad")
+        out = folder / "out.json"
+        whole: dict[str, tuple[int, list[Path], Callable[[], bool]]] = {}
+        for name, (files, read) in readers(at).items():
+            whole[name] = (inputs, files, lambda read=read: read() is not None or True)
+        for name, (files, arguments) in commands(at, out).items():
+            whole[f"stablepush {name}"] = (max(1, inputs // 10), files, lambda a=arguments: by_command(a, out))
+        for number, (name, (count, files, run)) in enumerate(whole.items()):
+            if only is not None and name not in only:
+                continue
+            rng = np.random.default_rng([seed, number])
+            tally = tallies[name] = Tally()
+            assert run(), f"{name}: what is to be broken is refused"
+            for _ in range(count):
+                for left in (out, out.with_suffix(".png")):
+                    left.unlink(missing_ok=True)
+                shutil.rmtree(out.with_suffix(".log"), ignore_errors=True)
+                broken(files[int(rng.integers(len(files)))], rng)
+                before = len(tally.crashes) + tally.hangs
+                judged(tally, files, run)
+                if keep is not None and len(tally.crashes) + tally.hangs > before:
+                    shutil.copytree(folder / "bad", keep / f"{name} {tally.inputs}", dirs_exist_ok=True)
+                shutil.rmtree(folder / "bad")
+                shutil.copytree(folder / "good", folder / "bad")
+    return tallies
+
+
+def show(tallies: dict[str, Tally]) -> None:
+    print(f"{'':<24s}{'inputs':>9s}{'taken':>9s}{'refused':>9s}{'crashes':>9s}{'hangs':>9s}{'slowest/s':>11s}")
+    for name, t in tallies.items():
+        print(f"{name:<24s}{t.inputs:>9d}{t.taken:>9d}{t.refused:>9d}{len(t.crashes):>9d}{t.hangs:>9d}{t.slowest:>11.2f}")
+    for name, t in tallies.items():
+        for text, count in Counter(t.crashes).most_common(5):
+            print(f"\n{name}, {count} times:\n{text}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--inputs", type=int, default=1000, help="of each reader; commands get a tenth")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--readers", nargs="*", help="only these")
+    parser.add_argument("--keep", type=Path, help="folder for inputs that crashed or hung")
+    options = parser.parse_args()
+    show(fuzz(options.inputs, options.seed, options.readers, options.keep))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,109 @@
+"""The pages that people look at: they need no network, and in a browser they open, move and complain of nothing."""
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import FORCES, LOAD, MASS, edited, make_log, pressure, triangle
+
+import stablepush as sp
+from stablepush.diagnosis.evidence import readable
+from stablepush.views.gap_page import gap_html
+from stablepush.views.pages import plan_html, push_html, region_html, slide_html, surface_html
+
+BROWSER = next((p for p in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if p), None)
+SLIDER = sp.Slider(triangle().vertices, MASS, pressure())
+SURFACE = sp.IdealLimitSurface(pressure(), LOAD)
+CONTACT = sp.PushContact([[-0.02, -0.05], [0.02, -0.05]], [[0, 1], [0, 1]], 0.5)
+#: What a page says when something is moved, by the script that moves it.
+MOVES = {
+    "surface": ("chosen.value = 2; chosen.dispatchEvent(new Event('input'));", r"Poke two: load .* slip [\d.]+° off"),
+    "diagnosis": (
+        "bar.value = 5; bar.dispatchEvent(new Event('input')); covariate.value = 2; covariate.dispatchEvent(new Event('change'));"
+        " show.click();",
+        r"Push \d+, slider at .* nominal leaves along the load .* mended leaves .* N mm",
+    ),
+    "ends": ("bar.value = 5; bar.dispatchEvent(new Event('input'));", r"Push \d+, slider at .* mended leaves .* mm"),
+    "region": ("bar.value = 30; bar.dispatchEvent(new Event('input'));", r"model: stable · .*margin [\d.]+° · turned by 30°"),
+    "plan": (
+        "bar.value = 500; bar.dispatchEvent(new Event('input'));",
+        r"[\d.]+ of [\d.]+ s · segment \d+ of \d+ · .* turn · margin",
+    ),
+    "push": ("bar.value = 1000; bar.dispatchEvent(new Event('input'));", r"(\d+\.\d+) of \1 s"),
+    "slide": ("bar.value = 1000; bar.dispatchEvent(new Event('input'));", r"(\d+\.\d+) of \1 s"),
+}
+
+
+def page_of(kind):
+    if kind == "surface":
+        motions = np.random.default_rng(0).normal(size=(3, 3)) * (1, 1, 20)
+        return surface_html(SURFACE, SURFACE.wrench(motions), motions, ["one", "two", "three"], title="A <surface>")
+    if kind == "region":
+        regions = [sp.stable_region(SURFACE, CONTACT), sp.lynch_mason_region(SLIDER, CONTACT)]
+        return region_html(SURFACE, CONTACT, regions, SLIDER)
+    if kind in ("diagnosis", "ends"):
+        log = make_log("tilt:slope=0.03/0.01", count=20)
+        return gap_html(sp.diagnose(log if kind == "diagnosis" else edited(log, FORCES), name="A <surface>"))
+    if kind == "plan":
+        problem = sp.load_scene(Path(__file__).parents[2] / "examples" / "scenes" / "tight-turn.json")
+        return plan_html(problem, sp.plan(problem, improve=0))
+    if kind == "push":
+        pusher = sp.Pusher.finger(0.005)
+        trace = sp.simulate_push(SURFACE, SLIDER, pusher, 0.5, (0, 0, 0), (0.0, -0.06, np.pi / 2), [((0.02, 0, 0), 2.0)])
+        return push_html(SLIDER, pusher, trace)
+    return slide_html(SLIDER, sp.simulate_free_sliding(SURFACE, SLIDER, (0.4, 0.1, 3.0), mu=0.3))
+
+
+@pytest.fixture(scope="module", params=sorted(MOVES))
+def page(request):
+    return request.param, page_of(request.param)
+
+
+def test_a_page_needs_nothing_else(page):
+    _, text = page
+    assert not re.search(r"(src|href)=\"(?!data:)", text)
+    data = json.loads(re.search(r"const data = (.*);\n", text).group(1))
+    assert data
+    assert "A <surface>" not in text
+
+
+def test_a_page_works_in_a_browser(page, tmp_path):
+    if BROWSER is None:
+        pytest.skip("no Chromium on this machine")
+    kind, text = page
+    script, wanted = MOVES[kind]
+    # errors are written into the page, and one control is moved
+    watch = "<script>addEventListener('error', (e) => document.body.append('BROKEN ' + e.message));</script>"
+    moved = f"<script>{script}</script>"
+    file = tmp_path / "page with spaces.html"
+    file.write_text(text.replace("<body>", "<body>" + watch).replace("</body>", moved + "</body>"), encoding="utf-8")
+    options = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom"]
+    done = subprocess.run([BROWSER, *options, file.as_uri()], capture_output=True, text=True, timeout=120, check=True)
+    assert "BROKEN" not in done.stdout.replace("'BROKEN '", "")
+    state = re.search(r'<output id="state"[^>]*>(.*?)</output>', done.stdout, re.DOTALL).group(1)
+    assert re.search(wanted, state), state
+
+
+@pytest.mark.parametrize(
+    ("page", "row"),
+    [("diagnosis", r"0\.\d\d: rate [-\d.]+ "), ("ends", "this log cannot show it: needs forces over many trials</td>")],
+    indirect=["page"],
+)
+def test_a_diagnosis_gives_no_probability_to_what_its_log_cannot_show(page, row):
+    assert re.search(f">drift</th><td>{row}", page[1])
+
+
+@pytest.mark.parametrize(
+    ("value", "words"), [(12345.6, "12346"), (9999.6, "10000"), (9999.4, "9999"), (-0.123456, "-0.1235"), (2, "2")]
+)
+def test_numbers_are_readable(value, words):
+    assert readable(value) == words
+
+
+def test_a_region_page_refuses_no_region():
+    with pytest.raises(sp.InputError, match="regions"):
+        region_html(SURFACE, CONTACT, [])
