@@ -63,7 +63,7 @@ class PlanningContext:
         if problem.pusher is not None and len(problem.contacts) > 1:
             self.routes = routes_of(problem)
         if len(problem.contacts) > _MOST_CONTACTS:
-            raise InputError(f"contacts: expected at most {_MOST_CONTACTS}, got {len(problem.contacts)}")
+            raise InputError("contacts", f"expected at most {_MOST_CONTACTS}", len(problem.contacts))
         self.stable: dict[int, StableSet] = {}
         refused: UnsupportedContactError | None = None
         for i in range(len(problem.contacts)):

@@ -41,7 +41,7 @@ class StableSet:
         if asked.probability > 0:
             members = ensemble_of(problem.surface)
             if not members:
-                raise InputError("probability: expected a limit surface with an ensemble, as a fit leaves it")
+                raise InputError("probability", "expected a limit surface with an ensemble, as a fit leaves it")
             self._members = [StabilityOracle(member, problem.contacts[contact]) for member in members]
         self._weight, self._best = asked.margin_weight, 1.0
         if self._weight > 0:

@@ -67,19 +67,19 @@ class BlindCheck:
             begun = self.ledger.entries[0]
             wished = {"generator": generator, "sets": sets, "seed": seed, "pushes": pushes}
             if begun["event"] != "begun" or not set(wished) <= set(begun):
-                raise InputError(f"{self.ledger.file}, line 1: expected how the check was begun")
+                raise InputError("line 1", "expected how the check was begun", file=self.ledger.file)
             for name, value in wished.items():
                 if value is not None and value != begun[name]:
-                    raise InputError(f"{self.folder}: this check was begun with {name} {begun[name]}, not {value}")
+                    raise InputError("", f"this check was begun with {name} {begun[name]}, not {value}", file=self.folder)
             if not key.is_file() or digest(key.read_bytes()) != begun["key"]:
-                raise InputError(f"{key}: expected the key that this check was begun with")
+                raise InputError("", "expected the key that this check was begun with", file=key)
             if (begun["generator"] == "lab") != (self.data is not None):
-                raise InputError(f"{self.folder}: this check was begun with generator {begun['generator']}")
+                raise InputError("", f"this check was begun with generator {begun['generator']}", file=self.folder)
             return {"generator": str(begun["generator"])} | {name: int(begun[name]) for name in ("sets", "seed", "pushes")}
         from cryptography.fernet import Fernet
 
         if any(file.name != _LOCK for file in self.folder.iterdir()):
-            raise InputError(f"{self.folder}: expected an empty folder, or that of a check that was begun")
+            raise InputError("", "expected an empty folder, or that of a check that was begun", file=self.folder)
         number = len(cases(self.data)) if self.data is not None else 12
         about = {
             "generator": generator or "mujoco",
@@ -117,7 +117,7 @@ class BlindCheck:
         missing = [k for k in range(self.sets) if not self.ledger.find("diagnosed", k)]
         for number in missing:
             if digest_of_folder(self.of(number) / "log") != self.ledger.find("sealed", number)[0][1]["log"]:
-                raise InputError(f"{self.of(number) / 'log'}: this is not the log that was sealed")
+                raise InputError("", "this is not the log that was sealed", file=self.of(number) / "log")
         jobs = [(k, _read(self.of(k) / "log")) for k in missing]
         for done, (number, answer) in enumerate(self._run(diagnosed, jobs), 1):
             write_atomically(self.of(number) / "diagnosis.json", answer.decode())
@@ -177,7 +177,7 @@ def _made(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot write: {error.strerror}") from None
+        raise InputError("", f"cannot write: {error.strerror}", file=folder) from None
 
 
 @contextmanager
@@ -194,7 +194,7 @@ def alone(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise InputError(f"{folder}: another check is at work in this folder") from None
+            raise InputError("", "another check is at work in this folder", file=folder) from None
         yield
 
 

@@ -44,7 +44,7 @@ class Ledger:
         try:
             lines = file.read_bytes().decode("utf-8").split("\n")
         except UnicodeDecodeError:
-            raise InputError(f"{file}: expected the ledger of a blind check, this is no text") from None
+            raise InputError("", "expected the ledger of a blind check, this is no text", file=file) from None
         for number, line in enumerate(lines, 1):
             if not line and number == len(lines):
                 break
@@ -59,9 +59,9 @@ class Ledger:
             entry = dict(json.loads(line))
             own = entry.pop("hash")
         except (ValueError, KeyError, TypeError):
-            raise InputError(f"{self.file}, line {number}: expected an entry of the ledger of a blind check") from None
+            raise InputError(f"line {number}", "expected an entry of the ledger of a blind check", file=self.file) from None
         if entry.get("before") != self.head or _hash(entry) != own:
-            raise InputError(f"{self.file}, line {number}: the chain is broken: the ledger was changed after it was written")
+            raise InputError(f"line {number}", "the chain is broken: the ledger was changed after it was written", file=self.file)
         return {**entry, "hash": own}
 
     @property
@@ -74,7 +74,7 @@ class Ledger:
         for head in heads:
             if all(entry["hash"] != head for entry in self.entries):
                 raise InputError(
-                    f"{self.file}: the hash {head} is not in it: the ledger was written anew, or its end was cut off"
+                    "", f"the hash {head} is not in it: the ledger was written anew, or its end was cut off", file=self.file
                 )
 
     def add(self, event: str, number: int, **what: Any) -> None:
@@ -118,7 +118,7 @@ def open_label(ledger: Ledger, number: int, sealed: bytes, key: bytes) -> dict[s
         label = dict(json.loads(Fernet(key).decrypt(sealed)))
     except (InvalidToken, ValueError):
         raise InputError(
-            f"set {number}: the sealed label does not open with the key of this check: one of them was changed"
+            f"set {number}", "the sealed label does not open with the key of this check: one of them was changed"
         ) from None
     if not ledger.find("opened", number):
         ledger.add("opened", number, label=digest(sealed))

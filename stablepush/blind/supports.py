@@ -27,7 +27,9 @@ def cases(data: Path) -> list[tuple[Source, str]]:
     sources = find_sources(data, "mlab-poke")
     arrangements = sorted({s.arrangement for s in sources if triangle_slider(s.arrangement).support is not None})
     if len(arrangements) < 2:
-        raise InputError(f"{data}: expected poking logs on two arrangements of supports at least, found {len(arrangements)}")
+        raise InputError(
+            "", f"expected poking logs on two arrangements of supports at least, found {len(arrangements)}", file=data
+        )
     return [(source, arrangement) for source in sources if source.arrangement in arrangements for arrangement in arrangements]
 
 

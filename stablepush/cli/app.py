@@ -9,7 +9,7 @@ import typer
 
 from stablepush import __version__
 from stablepush.cli import blind, diagnosis, identification, plans, regions, simulation
-from stablepush.cli.common import require_folder, require_seed, whole_number
+from stablepush.cli.common import require_folder, whole_number
 
 app = typer.Typer(
     add_completion=False,
@@ -39,8 +39,9 @@ def demo(
 ) -> None:
     """Run the whole chain on a small built-in rig: pokes, fit, map, plan, check, report."""
     from stablepush.cli.demo import run_demo
+    from stablepush.core import check_seed
 
-    require_seed(seed)
+    check_seed(seed)
     require_folder(output)
     raise typer.Exit(run_demo(output, seed))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stablepush.cli.common import Progress, require_folder, require_seed, whole_number
+from stablepush.cli.common import Progress, require_folder, whole_number
 from stablepush.core import InputError
 
 if TYPE_CHECKING:
@@ -53,16 +53,18 @@ def blind(
     Exits with 1 if the seal of any set is broken.
     """
     if generator is not None and generator not in _NEEDS:
-        raise InputError(f"--generator: expected {', '.join(list(_NEEDS)[:-1])} or lab, got {generator!r}")
+        raise InputError("--generator", f"expected {', '.join(list(_NEEDS)[:-1])} or lab", f"{generator!r}")
     if (generator == "lab") != (data is not None):
-        raise InputError("--data: the generator lab needs the folder of the lab's logs, others take none")
+        raise InputError("--data", "the generator lab needs the folder of the lab's logs, others take none")
     for word, value, least, most in (("sets", sets, 1, 100_000), ("pushes", pushes, 4, 10_000), ("jobs", jobs, 1, 1024)):
         if value is not None and not least <= value <= most:
-            raise InputError(f"--{word}: expected a whole number from {least} to {most}, got {value}")
+            raise InputError(f"--{word}", f"expected a whole number from {least} to {most}", value)
     if earlier is not None and earlier < 0:
-        raise InputError(f"--earlier: expected a whole number from 0, got {earlier}")
+        raise InputError("--earlier", "expected a whole number from 0", earlier)
     if seed is not None:
-        require_seed(seed)
+        from stablepush.core import check_seed
+
+        check_seed(seed)
     require_folder(output)
     # one that was begun has its generator
     _require(generator or ("lab" if (output / "ledger.jsonl").is_file() else "mujoco"))
@@ -97,7 +99,7 @@ def _require(generator: str) -> None:
     missing = [module for module in _NEEDS[generator] if find_spec(module) is None]
     if missing:
         extras = ",".join(dict.fromkeys("drake" if module == "pydrake" else "sim" for module in missing))
-        raise InputError(f'the blind check needs {" and ".join(missing)}: pip install "stablepush[{extras}]"')
+        raise InputError(f"the blind check needs {' and '.join(missing)}", f'pip install "stablepush[{extras}]"')
 
 
 def _table(score: Score) -> str:

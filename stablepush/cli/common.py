@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -34,7 +34,7 @@ def numbers(option: str, names: Sequence[str], texts: Sequence[str]) -> list[flo
         except ValueError:
             value = math.nan
         if not (math.isfinite(value) and abs(value) <= LARGEST):
-            raise InputError(f"{option}: {name}: expected a finite number of at most {LARGEST:g}, got {text!r}")
+            raise InputError(f"{option}: {name}", f"expected a finite number of at most {LARGEST:g}", f"{text!r}")
         found.append(value)
     return found
 
@@ -54,20 +54,21 @@ Contact = Annotated[Path, typer.Option("--contact", help="Contact of the pusher 
 
 
 @contextmanager
-def about(path: Path, contact: Path | None = None) -> Iterator[None]:
-    """Put the file that a complaint of the library is about before it: ``contact`` if it is about the contacts, else ``path``.
+def about(path: Path, contact: Path | None = None, options: Mapping[str, str] | None = None) -> Iterator[None]:
+    """Say of what the user gave a complaint of the library is: an option, or a file that is put before the complaint.
 
-    Effects are given by no file.
+    ``options``: by the name of an argument of the library, the option that gives it. A complaint about contacts is about the
+    file ``contact``, any other about ``path``; effects are given by no file.
     """
     try:
         yield
     except EffectError:
         raise
     except StablepushError as error:
+        if isinstance(error, InputError) and error.place in (options or {}):
+            raise InputError((options or {})[error.place], error.expected, error.got) from None
         file = contact if contact is not None and isinstance(error, UnsupportedContactError) else path
-        if str(error).startswith(str(file)):
-            raise
-        raise InputError(f"{file}: {error}") from None
+        raise (error.within(file=file) if isinstance(error, InputError) else InputError("", str(error), file=file)) from None
 
 
 @contextmanager
@@ -95,12 +96,12 @@ def interruptible() -> Iterator[Callable[[], bool]]:
 def require_outside(path: Path, folder: Path) -> None:
     """Refuse to write a file into a folder that is read, or replaced as a whole."""
     if folder.resolve() in (path.resolve(), *path.resolve().parents):
-        raise InputError(f"{path}: expected a place outside of {folder}")
+        raise InputError("", f"expected a place outside of {folder}", file=path)
 
 
-def require_seed(seed: int) -> None:
-    if not 0 <= seed < 2**32:
-        raise InputError(f"--seed: expected a whole number from 0 to 4294967295, got {seed}")
+def options_of(*names: str, **others: str) -> dict[str, str]:
+    """Options by the names of the arguments that they give: ``time_limit`` is given by ``--time-limit``; others as stated."""
+    return {name: f"--{name.replace('_', '-')}" for name in names} | {name: f"--{option}" for name, option in others.items()}
 
 
 def require_files(*paths: Path | None, read: Sequence[Path | None] = ()) -> None:
@@ -109,17 +110,17 @@ def require_files(*paths: Path | None, read: Sequence[Path | None] = ()) -> None
     sources = [path.resolve() for path in read if path is not None]
     for i, path in enumerate(given):
         if path.is_dir():
-            raise InputError(f"{path}: cannot write: is a directory")
+            raise InputError("", "cannot write: is a directory", file=path)
         _require_parent(path)
         if path.resolve() in (other.resolve() for other in given[:i]):
-            raise InputError(f"{path}: expected different files to write, it is named twice")
+            raise InputError("", "expected different files to write, it is named twice", file=path)
         if path.resolve() in sources:
-            raise InputError(f"{path}: expected a file to write, it is one that is read")
+            raise InputError("", "expected a file to write, it is one that is read", file=path)
 
 
 def require_folder(path: Path) -> None:
     if path.exists() and not path.is_dir():
-        raise InputError(f"{path}: cannot write: exists and is not a folder")
+        raise InputError("", "cannot write: exists and is not a folder", file=path)
     _require_parent(path)
 
 
@@ -128,9 +129,9 @@ def _require_parent(path: Path) -> None:
     while not parent.exists() and parent != parent.parent:
         parent = parent.parent
     if not parent.is_dir():
-        raise InputError(f"{path}: cannot write: {parent} is not a folder")
+        raise InputError("", f"cannot write: {parent} is not a folder", file=path)
     if not os.access(parent, os.W_OK):
-        raise InputError(f"{path}: cannot write: no permission in {parent}")
+        raise InputError("", f"cannot write: no permission in {parent}", file=path)
 
 
 class Progress:

@@ -30,7 +30,7 @@ def diagnose(
     if mended is not None:
         require_folder(mended)
         if mended in (answer, html, pushes):
-            raise InputError(f"{mended}: expected different places to write, it is named twice")
+            raise InputError("", "expected different places to write, it is named twice", file=mended)
     for path in (answer, html, pushes, mended):
         if path is not None:
             require_outside(path, log)

@@ -13,10 +13,10 @@ from stablepush.cli.common import (
     Progress,
     about,
     number,
+    options_of,
     require_files,
     require_folder,
     require_outside,
-    require_seed,
     whole_number,
 )
 from stablepush.core import InputError
@@ -58,7 +58,7 @@ def import_logs(
             step.say(f"{target}: {item.kind}, {len(log)} pushes{summary}", error=False)
             step()
     if not imported:
-        raise InputError(f"{source}: expected at least one whole log, none of {len(sources)} could be read")
+        raise InputError("", f"expected at least one whole log, none of {len(sources)} could be read", file=source)
 
 
 def fit(
@@ -83,20 +83,9 @@ def fit(
     """Identify a limit surface from a log of pokes."""
     import numpy as np
 
-    from stablepush.identify import LOSSES, MODELS, WITH_PRIOR, fit_limit_surface
+    from stablepush.identify import fit_limit_surface
     from stablepush.io import read_pushlog
 
-    if model not in MODELS:
-        raise InputError(f"--model: expected one of {', '.join(MODELS)}, got {model!r}")
-    if loss not in LOSSES:
-        raise InputError(f"--loss: expected one of {', '.join(LOSSES)}, got {loss!r}")
-    if not (math.isfinite(com_tolerance) and 0 <= com_tolerance <= 1e6):
-        raise InputError(f"--com-tolerance: expected a length in m >= 0, got {com_tolerance:g}")
-    if com_tolerance and (no_slider or loss != "squared" or model not in WITH_PRIOR):
-        raise InputError(
-            f"--com-tolerance: {com_tolerance:g} is of use only where the slider is: {' or '.join(WITH_PRIOR)}, squared loss"
-        )
-    require_seed(seed)
     require_files(output, view)
     for path in (output, view):
         if path is not None:
@@ -104,8 +93,8 @@ def fit(
     pokes = read_pushlog(log)
     loads, twists, names = pokes.pairs()
     if not names:
-        raise InputError(f"{log}: expected push rows with forces and motion, found none")
-    with Progress("fit") as step, about(log):
+        raise InputError("", "expected push rows with forces and motion, found none", file=log)
+    with Progress("fit") as step, about(log, options=options_of("model", "loss", "com_tolerance", "seed")):
         result = fit_limit_surface(
             loads,
             twists,

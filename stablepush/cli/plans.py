@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stablepush.cli import clock
-from stablepush.cli.common import Output, Progress, about, interruptible, number, require_files, require_seed, whole_number
-from stablepush.core import InputError
+from stablepush.cli.common import Output, Progress, about, interruptible, number, options_of, require_files, whole_number
 
 if TYPE_CHECKING:
     from stablepush.planning import PlanResult
@@ -22,16 +21,7 @@ Improve = Annotated[
 ]
 
 
-def _require_search(planner: str, time_limit: float, seed: int, improve: float) -> None:
-    from stablepush.planning import planner_names
-
-    if not (math.isfinite(time_limit) and 0 <= time_limit <= 1e6):
-        raise InputError(f"--time-limit: expected a time in s from 0 to 1e6, got {time_limit:g}")
-    if planner not in planner_names():
-        raise InputError(f"--planner: expected one of {', '.join(planner_names())}, got {planner!r}")
-    if not 0 <= improve:
-        raise InputError(f"--improve: expected a number >= 0, or inf, got {improve:g}")
-    require_seed(seed)
+_OPTIONS = options_of("planner", "time_limit", "seed", "region", "probability", "margin_weight", "cor_rate", "improve")
 
 
 def plan(
@@ -63,25 +53,15 @@ def plan(
     picture: Annotated[Path | None, typer.Option(help="Picture of the plan as PNG, if one is found.")] = None,
 ) -> None:
     """Plan a path of stable pushes."""
-    from stablepush.core import LARGEST_MAGNITUDE, LEAST_POSITIVE
+    from stablepush.core import check_number
     from stablepush.io import write_atomically
-    from stablepush.planning import REGIONS, least_probability, load_scene, plan as make_plan, save_plan
+    from stablepush.planning import least_probability, load_scene, plan as make_plan, save_plan
 
-    _require_search(planner, time_limit, seed, improve)
-    if region not in REGIONS:
-        raise InputError(f"--region: expected {' or '.join(REGIONS)}, got {region!r}")
-    if probability is not None and not 0 <= probability <= 1:
-        raise InputError(f"--probability: expected a number from 0 to 1, got {probability:g}")
-    if not (math.isfinite(margin_weight) and 0 <= margin_weight <= 1e6):
-        raise InputError(f"--margin-weight: expected a number >= 0, got {margin_weight:g}")
-    if not (LEAST_POSITIVE <= cor_rate <= LARGEST_MAGNITUDE or cor_rate == math.inf):
-        raise InputError(
-            f"--cor-rate: expected a number from {LEAST_POSITIVE:g} to {LARGEST_MAGNITUDE:g}, or inf, got {cor_rate:g}"
-        )
+    check_number(time_limit, "--time-limit", at_least=0.0)
     require_files(output, view, picture, read=(scene,))
     problem = load_scene(scene)
-    left = max(0.0, time_limit - (clock.elapsed()))
-    with Progress("plan") as step, about(scene), interruptible() as interrupted:
+    left = max(0.0, time_limit - clock.elapsed())
+    with Progress("plan") as step, about(scene, options=_OPTIONS), interruptible() as interrupted:
         result = make_plan(
             problem,
             planner,
@@ -143,7 +123,6 @@ def compare(
     from stablepush.io import table_text, write_atomically
     from stablepush.planning import compare_regions, load_scene
 
-    _require_search(planner, time_limit, seed, improve)
     require_files(table, read=scenes)
     problems = [load_scene(scene) for scene in scenes]
     head = ("duration", "length", "switches", "min_margin_deg", "certified", "planning_time")
@@ -151,7 +130,7 @@ def compare(
     print(f"{'scene':<24s} {'region':<13s} {'status':<9s}" + "".join(f" {word:>14s}" for word in head))
     with Progress("compare", len(problems)) as step:
         for scene, problem in zip(scenes, problems, strict=True):
-            with about(scene):
+            with about(scene, options=_OPTIONS):
                 plans = compare_regions(problem, planner, time_limit, seed, improve=improve, progress=step.describe)
             for one in plans:
                 found = one.result
@@ -181,15 +160,11 @@ def trajectory(
     ] = None,
 ) -> None:
     """Sample a plan in time: poses of slider and pusher as CSV."""
-    from stablepush.core import check_number
     from stablepush.planning import load_plan, load_scene, sample_plan, save_trajectory
 
-    for name, value in (("--rate", rate), ("--acceleration", acceleration)):
-        if value is not None:
-            check_number(value, name, positive=True)
     require_files(output, read=(scene, plan_file))
     problem, result = load_scene(scene), load_plan(plan_file)
-    with about(plan_file):
+    with about(plan_file, options=options_of("rate", "acceleration")):
         samples = sample_plan(problem, result, rate, acceleration)
     save_trajectory(samples, output)
     print(f"{output}: {len(samples.t)} samples over {samples.t[-1]:.2f} s")

@@ -82,7 +82,7 @@ def _require_values(arguments: list[str]) -> None:
         name, equals, value = argument.partition("=")
         if argument == "" or (name.startswith("--") and equals and value == ""):
             place = name or (before if before.startswith("-") else "arguments")
-            raise InputError(f'{place}: expected a value, got ""')
+            raise InputError(place, "expected a value", '""')
 
 
 @contextmanager
@@ -101,11 +101,11 @@ def _notes() -> Iterator[list[str]]:
                 others(message, category, *rest, **named)
                 return
             text = " ".join(str(message).split())
-            place, _, words = text.rpartition(": ")
+            doubt, file = (message.doubt, message.file) if isinstance(message, PlausibilityWarning) else (text, "")
             # what was read is made into values more than once: those know no file
-            if text in said or (": " not in place and words in said):
+            if text in said or (doubt in said and not file):
                 return
-            said.update((text, words))
+            said.update((text, doubt))
             lines.append(f"{'note' if issubclass(category, PlausibilityWarning) else 'warning'}: {text}")
 
         warnings.showwarning = show

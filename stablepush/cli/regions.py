@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from stablepush.cli.common import Contact, Output, Progress, about, number, require_files, whole_number
+from stablepush.cli.common import Contact, Output, Progress, about, number, options_of, require_files, whole_number
 from stablepush.core import InputError, UnsupportedContactError
 
 
@@ -80,30 +80,25 @@ def draw_map(
 
     if extent is not None:
         check_number(extent, "--extent", positive=True)
-    if probability is not None and not 0 < probability <= 1:
-        raise InputError(f"--probability: expected a number above 0 and up to 1, got {probability:g}")
-    for name, value in (("--com-tolerance", com_tolerance), ("--least-mu", least_mu)):
-        if value is not None and not (math.isfinite(value) and 0 <= value <= 1e6):
-            raise InputError(f"{name}: expected a number >= 0, got {value:g}")
-    if slider is None and (com_tolerance > 0 or least_mu is not None):
-        raise InputError("--com-tolerance, --least-mu: expected --slider with them, as they are for the all-pressure region")
+    for option, value in (("--com-tolerance", com_tolerance), ("--least-mu", least_mu)):
+        if slider is None and value:
+            raise InputError(
+                option, "expected --slider with it, as it is for the all-pressure region", f"{option} {value:g} alone"
+            )
     require_files(output, regions_file, margins, sphere, view, read=(model, contact, slider))
     surface, fingers = load_model(model), load_contact(contact)
     body = None if slider is None else load_slider(slider)
-    if least_mu is not None and least_mu > fingers.mu:
-        raise InputError(f"--least-mu: expected at most the mu of {contact}, {fingers.mu:g}, got {least_mu:g}")
     shading, rho = None, surface.characteristic_length
-    with about(model, contact):
+    given = options_of("probability", "com_tolerance", mu="least-mu")
+    with about(model, contact, given):
         regions = [stable_region(surface, fingers)]
         if probability is not None:
-            if not ensemble_of(surface):
-                raise InputError("--probability: expected a model with an ensemble, as fit leaves it")
             regions.append(chance_region(surface, fingers, probability))
         if ensemble_of(surface) and regions[0].curve is None:
             size = 5 * max(fingers.radius, 0.0 if body is None else body.radius) if extent is None else extent
             shading = probability_map(surface, fingers, size)
     if body is not None and slider is not None:
-        with about(slider, contact):
+        with about(slider, contact, given):
             limits = None if least_mu is None else (least_mu, fingers.mu)
             if len(body.support_vertices) < 3:
                 print("no all-pressure region: the slider's support points lie on a line")
@@ -164,30 +159,14 @@ def contacts(
     """Rank two-finger contacts along the edges of a slider, as a table (CSV), the best first."""
     import numpy as np
 
-    from stablepush.core import check_number
     from stablepush.io import load_model, load_slider, table_text, write_atomically
-    from stablepush.stability import MEASURES, rank_contacts
-    from stablepush.surfaces import GaussianProcessSurface
+    from stablepush.stability import rank_contacts
     from stablepush.views.plot import figure_png, plot_contacts
 
-    if measure not in MEASURES:
-        raise InputError(f"--measure: expected one of {', '.join(MEASURES)}, got {measure!r}")
-    check_number(mu, "--mu", positive=True)
-    for value in width or ():
-        check_number(value, "--width", positive=True)
-    if not 1 <= places <= 1000:
-        raise InputError(f"--places: expected a whole number from 1 to 1000, got {places}")
     require_files(output, picture, read=(model, slider))
     surface, body = load_model(model), load_slider(slider)
-    if isinstance(surface, GaussianProcessSurface):
-        raise InputError(f"{model}: expected a limit surface; a Gaussian process has no stable region")
-    for index in edge or ():
-        if not 0 <= index < len(body.vertices):
-            raise InputError(f"--edge: expected 0 to {len(body.vertices) - 1}, an edge of {slider}, got {index}")
-    longest = max(float(np.linalg.norm(np.subtract(*body.edge(i)))) for i in edge or range(len(body.vertices)))
-    if width and min(width) > longest * (1 + 1e-9):
-        raise InputError(f"--width: expected fingers that fit on an edge of {slider}, up to {longest:.6g} m, got {min(width):g}")
-    with Progress("contacts") as step, about(model):
+    given = options_of("measure", "mu", "places", "edge", widths="width", edges="edge")
+    with Progress("contacts") as step, about(model, options=given):
         ranked = rank_contacts(
             body, surface, mu, measure=measure, widths=width or None, places=places, edges=edge or None, progress=step.to
         )

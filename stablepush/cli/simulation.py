@@ -14,10 +14,10 @@ from stablepush.cli.common import (
     about,
     number,
     numbers,
+    options_of,
     require_files,
     require_folder,
     require_outside,
-    require_seed,
     whole_number,
 )
 from stablepush.core import InputError
@@ -72,20 +72,10 @@ def simulate(
     from stablepush.planning import load_plan, load_scene
     from stablepush.rig import VirtualRig, execute_closed_loop, execute_plan, read_commands, require_contacts
 
-    require_seed(seed)
-    if not 1 <= rows <= 100_000:
-        raise InputError(f"--rows: expected a whole number from 1 to 100000, got {rows}")
     deviations = numbers("--noise", ("N", "M", "RAD"), noise)
     if min(deviations) < 0:
-        raise InputError(f"--noise: expected numbers >= 0, got {' '.join(noise)}")
-    if not 0 <= finger_radius <= 1e6:
-        raise InputError(f"--finger-radius: expected a number >= 0, got {finger_radius:g}")
-    for option, share in (("--outliers", outliers), ("--scatter", scatter)):
-        if not 0 <= share <= 1:
-            raise InputError(f"{option}: expected a share from 0 to 1, got {share:g}")
-    for option, positive in (("--mu", mu), ("--replan", replan)):
-        if positive is not None:
-            check_number(positive, option, positive=True)
+        raise InputError("--noise", "expected numbers >= 0", f"{' '.join(noise)}")
+    check_number(finger_radius, "--finger-radius", at_least=0.0)
     note_finger(finger_radius, "--finger-radius")
     note_friction(mu or 0.0, "--mu")
     note_noise(deviations[1], deviations[2], "--noise")
@@ -97,24 +87,23 @@ def simulate(
             require_outside(path, output)
     listed = plan_file.suffix.lower() == ".csv"
     if listed and replan is not None:
-        raise InputError("--replan: expected a plan to follow, not a list of pushes")
+        raise InputError("--replan", "expected a plan to follow, not a list of pushes")
     problem = load_scene(scene)
-    if problem.surface.force_unit == "mu*N" and mu is None:
-        raise InputError(f"--mu: expected the friction of the support, since the model's forces in {scene} are in units of mu*N")
     contact = problem.contacts[0]
     spread = Noise(*deviations) if any(deviations) else None
-    with about(scene):
+    given = options_of("outliers", "scatter", "rows", "seed", support_friction=f"mu, for {scene}", tolerance="replan")
+    with about(scene, options=given):
         require_contacts(problem)
         pusher = Pusher.of_contact(contact, finger_radius)
         rig = VirtualRig(problem.slider, problem.surface, contact.mu, pusher, effects, spread, outliers, scatter, mu)
     if listed:
         commands = read_commands(plan_file, problem, finger_radius)
-        with about(plan_file), Progress("simulate") as step:
+        with about(plan_file, options=given), Progress("simulate") as step:
             execution = rig.execute(commands, rows=rows, seed=seed, progress=step.to)
         result = None
     else:
         result = load_plan(plan_file)
-        with about(plan_file), Progress("simulate") as step:
+        with about(plan_file, options=given), Progress("simulate") as step:
             if replan is None:
                 execution = execute_plan(rig, problem, result, rows=rows, seed=seed, progress=step.to)
             else:
@@ -188,28 +177,18 @@ def slide(
     view: Annotated[Path | None, typer.Option(help="Animation of the slide as an HTML page.")] = None,
 ) -> None:
     """Simulate a free slide until the body rests."""
-    from stablepush.core import check_number, check_zero_or_positive, note_friction, note_gravity, note_slide
+    from stablepush.core import note_friction, note_gravity, note_slide
     from stablepush.io import load_model, load_slider, table_text, write_atomically
     from stablepush.mechanics import simulate_free_sliding
 
     first = numbers("--twist", ("VX", "VY", "OMEGA"), twist)
-    if mu is not None:
-        check_zero_or_positive(mu, "--mu")
-    check_number(gravity, "--gravity", positive=True)
     note_slide(first, "--twist")
     note_gravity(gravity, "--gravity")
     note_friction(mu or 0.0, "--mu")
-    if duration is not None:
-        check_number(duration, "--duration", positive=True)
-    if not 2 <= samples <= 1_000_000:
-        raise InputError(f"--samples: expected a whole number from 2 to 1000000, got {samples}")
     require_files(output, picture, view, read=(model, slider_file))
     surface, slider = load_model(model), load_slider(slider_file)
-    if slider.mass is None:
-        raise InputError(f"{slider_file}: mass: expected a mass > 0 in kg, got null")
-    if mu is None and surface.force_unit == "mu*N":
-        raise InputError(f"--mu: expected the friction of the support, since the forces of {model} are in units of mu*N")
-    with about(model):
+    given = options_of("gravity", "duration", "samples", mu=f"mu, for {model}") | {"slider.mass": f"{slider_file}: mass"}
+    with about(model, options=given):
         result = simulate_free_sliding(surface, slider, first, mu=mu, gravity=gravity, duration=duration, samples=samples)
     columns = ("t", "x", "y", "theta", "vx", "vy", "omega")
     rows = (result.t, *result.poses.T, *result.twists.T)

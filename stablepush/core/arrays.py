@@ -22,7 +22,7 @@ def check_array(value: ArrayLike, name: str, shape: tuple[int | None, ...]) -> F
     """Return ``value`` as a finite float64 array whose trailing shape is ``shape`` (``None`` matches any length)."""
     array = _as_float(value, name)
     if array.ndim != len(shape) or any(want is not None and have != want for have, want in zip(array.shape, shape, strict=True)):
-        raise InputError(f"{name}: expected shape {_shape_text(shape)}, got {_shape_text(array.shape)}")
+        raise InputError(name, f"expected shape {_shape_text(shape)}", _shape_text(array.shape))
     return _check_magnitude(array, name)
 
 
@@ -30,9 +30,9 @@ def check_vectors(value: ArrayLike, name: str, length: int) -> FloatArray:
     """Return ``value`` as a finite float64 array of shape (..., length)."""
     array = _as_float(value, name)
     if array.ndim == 0 or array.shape[-1] != length:
-        raise InputError(f"{name}: expected shape (..., {length}), got {_shape_text(array.shape)}")
+        raise InputError(name, f"expected shape (..., {length})", _shape_text(array.shape))
     if not np.isfinite(array).all():
-        raise InputError(f"{name}: expected finite numbers")
+        raise InputError(name, "expected finite numbers", array[~np.isfinite(array)][0])
     return array
 
 
@@ -46,21 +46,21 @@ def check_number(
 ) -> float:
     """Return ``value`` as a finite float within the given limits; a positive one is at least :data:`LEAST_POSITIVE`."""
     if isinstance(value, (bool, str, bytes)):
-        raise InputError(f"{name}: expected a number, got {value!r}")
+        raise InputError(name, "expected a number", f"{value!r}")
     try:
         number = float(value)
     except (TypeError, ValueError):
-        raise InputError(f"{name}: expected a number, got {type(value).__name__}") from None
+        raise InputError(name, "expected a number", f"{type(value).__name__}") from None
     except OverflowError:
         number = np.inf
     if not np.isfinite(number):
-        raise InputError(f"{name}: expected a finite number, got {number}")
+        raise InputError(name, "expected a finite number", number)
     if abs(number) > largest:
-        raise InputError(f"{name}: expected a magnitude of at most {largest:g} (SI units), got {number:g}")
+        raise InputError(name, f"expected a magnitude of at most {largest:g} (SI units)", f"{number:g}")
     if at_least is not None and number < at_least:
-        raise InputError(f"{name}: expected a number >= {at_least:g}, got {number:g}")
+        raise InputError(name, f"expected a number >= {at_least:g}", f"{number:g}")
     if positive and number < LEAST_POSITIVE:
-        raise InputError(f"{name}: expected a number > 0, at least {LEAST_POSITIVE:g}, got {number:g}")
+        raise InputError(name, f"expected a number > 0, at least {LEAST_POSITIVE:g}", f"{number:g}")
     return number
 
 
@@ -68,14 +68,14 @@ def check_zero_or_positive(value: Any, name: str) -> float:
     """Return ``value`` as a float that is zero, for none of it, or large enough to divide by."""
     number = check_number(value, name, at_least=0.0)
     if 0 < number < LEAST_POSITIVE:
-        raise InputError(f"{name}: expected 0 or at least {LEAST_POSITIVE:g}, got {number:g}")
+        raise InputError(name, f"expected 0 or at least {LEAST_POSITIVE:g}", f"{number:g}")
     return number
 
 
 def check_count(value: object, name: str, most: int) -> int:
     """Return a whole number from 1 to ``most``, or say what is wrong."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
-        raise InputError(f"{name}: expected a whole number from 1 to {most}, got {value!r}")
+        raise InputError(name, f"expected a whole number from 1 to {most}", f"{value!r}")
     return int(value)
 
 
@@ -83,7 +83,7 @@ def check_sense(sense: ArrayLike) -> FloatArray:
     """Return ``sense`` as an array of +1 (counter-clockwise) and -1 (clockwise)."""
     array = _as_float(sense, "sense")
     if not np.isin(array, (-1.0, 1.0)).all():
-        raise InputError("sense: expected +1 (counter-clockwise) or -1 (clockwise)")
+        raise InputError("sense", "expected +1 (counter-clockwise) or -1 (clockwise)")
     return array
 
 
@@ -119,14 +119,14 @@ def _as_float(value: ArrayLike, name: str) -> FloatArray:
             raise TypeError
         return raw.astype(np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name}: expected an array of numbers") from None
+        raise InputError(name, "expected an array of numbers") from None
 
 
 def _check_magnitude(array: FloatArray, name: str) -> FloatArray:
     if not np.isfinite(array).all():
-        raise InputError(f"{name}: expected finite numbers")
+        raise InputError(name, "expected finite numbers", array[~np.isfinite(array)][0])
     if array.size and np.abs(array).max() > LARGEST_MAGNITUDE:
-        raise InputError(f"{name}: expected magnitudes of at most {LARGEST_MAGNITUDE:g} (SI units), got {np.abs(array).max():g}")
+        raise InputError(name, f"expected magnitudes of at most {LARGEST_MAGNITUDE:g} (SI units)", f"{np.abs(array).max():g}")
     return array
 
 
@@ -137,5 +137,5 @@ def _shape_text(shape: tuple[int | None, ...]) -> str:
 def check_seed(seed: Any) -> int:
     """Return a seed for numpy's generators."""
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**32:
-        raise InputError(f"seed: expected a whole number from 0 to 4294967295, got {seed!r}")
+        raise InputError("seed", "expected a whole number from 0 to 4294967295", f"{seed!r}")
     return int(seed)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 
 class StablepushError(Exception):
     """Root of every error that the library raises on purpose."""
@@ -12,7 +14,24 @@ class StablepushWarning(UserWarning):
 
 
 class PlausibilityWarning(StablepushWarning):
-    """Input that is valid and looks like a mistake: another unit, a key that nothing reads; the message names the place."""
+    """Input that is valid and looks like a mistake: another unit, a key that nothing reads.
+
+    Parameters
+    ----------
+    place : str
+        The argument, key, or row and column; empty where the text says it.
+    doubt : str
+        What looks wrong.
+    file : str, optional
+        The file that was read.
+    """
+
+    def __init__(self, place: str, doubt: str, *, file: object = "") -> None:
+        super().__init__(place, doubt)
+        self.place, self.doubt, self.file = place, doubt, str(file)
+
+    def __str__(self) -> str:
+        return ": ".join(filter(None, (self.file, self.place, self.doubt)))
 
 
 class PlanWarning(StablepushWarning):
@@ -20,7 +39,31 @@ class PlanWarning(StablepushWarning):
 
 
 class InputError(StablepushError, ValueError):
-    """Input that breaks a format or a physical rule; the message names the place and what was expected."""
+    """Input that breaks a format or a physical rule. As text: ``file: place: expected, got``.
+
+    Parameters
+    ----------
+    place : str
+        The argument, option, key, or row and column; empty where the text says it.
+    expected : str
+        What was expected, or what is wrong.
+    got : object, optional
+        What was found instead.
+    file : str, optional
+        The file that was read, or was to be written.
+    """
+
+    def __init__(self, place: str, expected: str, got: object = None, *, file: object = "") -> None:
+        super().__init__(place, expected, got)
+        self.place, self.expected, self.got, self.file = place, expected, got, str(file)
+
+    def __str__(self) -> str:
+        text = ": ".join(filter(None, (self.file, self.place, self.expected)))
+        return text if self.got is None else f"{text}, got {self.got}"
+
+    def within(self, place: str = "", *, file: object = "") -> Self:
+        """Return the same error as seen from further out: its place lies within ``place``, its input in ``file``."""
+        return type(self)(": ".join(filter(None, (place, self.place))), self.expected, self.got, file=self.file or file)
 
 
 class EffectError(InputError):

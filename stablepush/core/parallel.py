@@ -40,7 +40,7 @@ def run_parallel(
         Fewer than one process, or no such cluster. Errors of the function are passed on.
     """
     if processes is not None and processes < 1:
-        raise InputError(f"processes: expected at least 1, got {processes}")
+        raise InputError("processes", "expected at least 1", processes)
     work = list(jobs)
     if scheduler is not None:
         return _on_cluster(function, work, _client(scheduler), in_order)
@@ -71,11 +71,11 @@ def _client(scheduler: str) -> Any:
     try:
         from dask.distributed import Client
     except ImportError:
-        raise InputError('a Dask cluster needs the extra "scale": pip install "stablepush[scale]"') from None
+        raise InputError("scheduler", 'a Dask cluster needs the extra "scale": pip install "stablepush[scale]"') from None
     try:
         return Client(scheduler, timeout="10s")
     except (OSError, ValueError) as error:
-        raise InputError(f"scheduler: no Dask cluster answers at {scheduler!r}: {error}") from None
+        raise InputError("scheduler", f"no Dask cluster answers at {scheduler!r}: {error}") from None
 
 
 def _on_cluster(function: Callable[..., Any], jobs: list[tuple[Any, ...]], client: Any, in_order: bool) -> Iterator[Any]:

@@ -1,6 +1,6 @@
 """Doubts about valid values that look like another unit: millimetres for metres, grams for kilograms, degrees for radians.
 
-Each function warns with :class:`~stablepush.core.errors.PlausibilityWarning`, which names place, value and likely unit.
+Each function warns with :class:`~stablepush.PlausibilityWarning`, which names place, value and likely unit.
 The limits lie well beyond what is pushed over a table, and well below the same thing in the next unit.
 """
 
@@ -45,28 +45,28 @@ _FAR_COR, _TRANSLATION = 100.0, 1e4
 def note_size(radius: float, place: str) -> None:
     """Doubt the distance (m) from the origin to the farthest point of an object."""
     if radius > _LARGEST_RADIUS:
-        _note(f"{place}: a radius of {radius:.4g} m looks like millimetres ({radius / 1000:.4g} m)")
+        _note(place, f"a radius of {radius:.4g} m looks like millimetres ({radius / 1000:.4g} m)")
 
 
 def note_mass(mass: float, area: float, place: str) -> None:
     """Doubt a mass (kg) over the area (m²) that it stands on."""
     if mass > _LARGEST_AREAL_MASS * area:
-        _note(f"{place}: {mass:.4g} kg looks like grams ({mass / 1000:.4g} kg)")
+        _note(place, f"{mass:.4g} kg looks like grams ({mass / 1000:.4g} kg)")
 
 
 def note_scene(lengths: ArrayLike, place: str) -> None:
     """Doubt coordinates (m) in the world."""
     largest = float(np.abs(lengths).max(initial=0.0))
     if largest > _LARGEST_SCENE:
-        _note(f"{place}: {largest:.4g} m looks like millimetres ({largest / 1000:.4g} m)")
+        _note(place, f"{largest:.4g} m looks like millimetres ({largest / 1000:.4g} m)")
 
 
 def note_distance(distance: float, radius: float, place: str) -> None:
     """Doubt how far (m) an object of a radius (m) is to be pushed."""
     if distance > _FARTHEST * radius:
         _note(
-            f"{place}: {distance:.4g} m, {distance / radius:.3g} radii of the slider, looks like millimetres "
-            f"({distance / 1000:.4g} m)"
+            place,
+            f"{distance:.4g} m, {distance / radius:.3g} radii of the slider, looks like millimetres ({distance / 1000:.4g} m)",
         )
 
 
@@ -74,7 +74,7 @@ def note_part(points: ArrayLike, radius: float, place: str) -> None:
     """Doubt points (n, 2) in m of what belongs to a slider of a radius (m)."""
     farthest = float(np.linalg.norm(np.asarray(points, dtype=np.float64), axis=-1).max(initial=0.0))
     if farthest > _NEAR * radius:
-        _note(f"{place}: a point {farthest:.4g} m off, with a slider of radius {radius:.4g} m, looks like millimetres")
+        _note(place, f"a point {farthest:.4g} m off, with a slider of radius {radius:.4g} m, looks like millimetres")
 
 
 def note_heading(theta: float, place: str, largest: float = _LARGEST_HEADING) -> None:
@@ -92,15 +92,15 @@ def note_tolerance(angle: float, place: str) -> None:
 def note_noise(position: float, angle: float, place: str) -> None:
     """Doubt standard deviations (m, rad) of a row of a log."""
     if position > _NOISY_POSITION:
-        _note(f"{place}: a position known to {position:.4g} m looks like millimetres ({position / 1000:.4g} m)")
+        _note(place, f"a position known to {position:.4g} m looks like millimetres ({position / 1000:.4g} m)")
     if angle > _NOISY_ANGLE:
-        _note(f"{place}: an angle known to {angle:.4g} rad looks like degrees ({math.radians(angle):.4g} rad)")
+        _note(place, f"an angle known to {angle:.4g} rad looks like degrees ({math.radians(angle):.4g} rad)")
 
 
 def note_time(longest: float, place: str) -> None:
     """Doubt the longest time (s) in a trial."""
     if longest > _LONGEST_TRIAL:
-        _note(f"{place}: {longest:.4g} s looks like milliseconds ({longest / 1000:.4g} s)")
+        _note(place, f"{longest:.4g} s looks like milliseconds ({longest / 1000:.4g} s)")
 
 
 def note_margin(margin: float, place: str) -> None:
@@ -112,34 +112,34 @@ def note_margin(margin: float, place: str) -> None:
 def note_push_speed(speed: float, place: str) -> None:
     """Doubt the speed (m/s) of a push."""
     if speed > _FASTEST_PUSH:
-        _note(f"{place}: {speed:.4g} m/s looks like millimetres per second ({speed / 1000:.4g} m/s)")
+        _note(place, f"{speed:.4g} m/s looks like millimetres per second ({speed / 1000:.4g} m/s)")
 
 
 def note_slide(twist: ArrayLike, place: str) -> None:
     """Doubt the first twist (m/s, rad/s) of a thrown body."""
     vx, vy, omega = np.asarray(twist, dtype=np.float64)
     if math.hypot(vx, vy) > _FASTEST_SLIDE:
-        _note(f"{place}: {math.hypot(vx, vy):.4g} m/s looks like millimetres per second ({math.hypot(vx, vy) / 1000:.4g} m/s)")
+        _note(place, f"{math.hypot(vx, vy):.4g} m/s looks like millimetres per second ({math.hypot(vx, vy) / 1000:.4g} m/s)")
     if abs(omega) > _FASTEST_TURN:
-        _note(f"{place}: {omega:.4g} rad/s looks like degrees per second ({math.radians(omega):.4g} rad/s)")
+        _note(place, f"{omega:.4g} rad/s looks like degrees per second ({math.radians(omega):.4g} rad/s)")
 
 
 def note_friction(mu: float, place: str) -> None:
     """Doubt a coefficient of friction."""
     if _LARGEST_FRICTION < mu < 90.0:
-        _note(f"{place}: a coefficient of {mu:.4g} looks like degrees (its coefficient is {math.tan(math.radians(mu)):.3g})")
+        _note(place, f"a coefficient of {mu:.4g} looks like degrees (its coefficient is {math.tan(math.radians(mu)):.3g})")
 
 
 def note_finger(radius: float, place: str) -> None:
     """Doubt the radius (m) of a finger."""
     if radius > _LARGEST_FINGER:
-        _note(f"{place}: {radius:.4g} m looks like millimetres ({radius / 1000:.4g} m)")
+        _note(place, f"{radius:.4g} m looks like millimetres ({radius / 1000:.4g} m)")
 
 
 def note_gravity(gravity: float, place: str) -> None:
     """Doubt a gravity (m/s²)."""
     if gravity > 100:
-        _note(f"{place}: {gravity:.4g} m/s^2 looks like millimetres or centimetres per second squared")
+        _note(place, f"{gravity:.4g} m/s^2 looks like millimetres or centimetres per second squared")
 
 
 def note_quantity(value: float, unit: str, high: float, place: str) -> None:
@@ -150,11 +150,11 @@ def note_quantity(value: float, unit: str, high: float, place: str) -> None:
     if unit == "rad" and abs(value) > 10 * high:
         _note_degrees(value, place)
     elif unit == "kg" and value > 100 * high:
-        _note(f"{place}: {value:.4g} kg looks like grams ({value / 1000:.4g} kg)")
+        _note(place, f"{value:.4g} kg looks like grams ({value / 1000:.4g} kg)")
     elif unit == "m":
         note_finger(abs(value), place)
     elif unit == "s" and abs(value) > _LONGEST_DELAY:
-        _note(f"{place}: {value:.4g} s looks like milliseconds ({value / 1000:.4g} s)")
+        _note(place, f"{value:.4g} s looks like milliseconds ({value / 1000:.4g} s)")
 
 
 def note_cors(cors: ArrayLike, characteristic_length: float, place: str) -> None:
@@ -164,7 +164,7 @@ def note_cors(cors: ArrayLike, characteristic_length: float, place: str) -> None
         return
     middle = float(np.median(distances))
     if _FAR_COR * characteristic_length < middle < _TRANSLATION * characteristic_length:
-        _note(f"{place}: a median distance of {middle:.4g} m looks like millimetres ({middle / 1000:.4g} m)")
+        _note(place, f"a median distance of {middle:.4g} m looks like millimetres ({middle / 1000:.4g} m)")
 
 
 def note_headings(theta: ArrayLike, place: str) -> None:
@@ -176,17 +176,17 @@ def note_headings(theta: ArrayLike, place: str) -> None:
 
 
 def _note_degrees(angle: float, place: str) -> None:
-    _note(f"{place}: {angle:.4g} rad looks like degrees ({math.radians(angle):.4g} rad)")
+    _note(place, f"{angle:.4g} rad looks like degrees ({math.radians(angle):.4g} rad)")
 
 
 def _is_whole(angle: float) -> bool:
     return abs(angle - round(angle)) < 1e-9
 
 
-def _note(text: str) -> None:
+def _note(place: str, doubt: str) -> None:
     # the place to name is where the value came from: the first caller outside of the package
     package, level = __name__.partition(".")[0], 2
     frame = sys._getframe(1)
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == package:
         frame, level = frame.f_back, level + 1
-    warnings.warn(PlausibilityWarning(text), stacklevel=level)
+    warnings.warn(PlausibilityWarning(place, doubt), stacklevel=level)

@@ -124,7 +124,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         A log of fewer than two pushes in which the slider moves gets the verdict ``"none"`` with a note that says so.
     """
     if not isinstance(log, PushLog):
-        raise InputError(f"log: expected a PushLog, as of read_pushlog, got {type(log).__name__}")
+        raise InputError("log", "expected a PushLog, as of read_pushlog", f"{type(log).__name__}")
     said = progress or (lambda _: None)
     said("reading")
     observations = observe(log)

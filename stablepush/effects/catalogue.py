@@ -46,7 +46,7 @@ class Parameter:
             return
         floor = "" if self.least <= -LARGEST_MAGNITUDE else f" {'>' if self.above else '>='} {self.least:g}"
         kind = "whole number" if self.whole else "number"
-        raise InputError(f"{self.name}: expected a {kind}{floor} of at most {self.most:g}, got {value:g}")
+        raise InputError(self.name, f"expected a {kind}{floor} of at most {self.most:g}", f"{value:g}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,25 +173,25 @@ class Effect:
 
     def __init__(self, id: str, values: Mapping[str, float | Iterable[float]]) -> None:
         if id not in CATALOGUE:
-            raise InputError(f"effect: expected one of {', '.join(CATALOGUE)}, got {id!r}")
+            raise InputError("effect", f"expected one of {', '.join(CATALOGUE)}", f"{id!r}")
         kind = CATALOGUE[id]
         known = {p.name: p for p in kind.parameters}
         if not isinstance(values, Mapping):
-            raise InputError(f"effect {id}: expected a mapping from parameters to values, got {values!r}")
+            raise InputError(f"effect {id}", "expected a mapping from parameters to values", f"{values!r}")
         checked: dict[str, tuple[float, ...]] = {}
         for name, given in values.items():
             if name not in known:
-                raise InputError(f"effect {id}: expected the parameters {', '.join(known)}, got {name!r}")
+                raise InputError(f"effect {id}", f"expected the parameters {', '.join(known)}", f"{name!r}")
             parameter = known[name]
             several = given if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
             numbers = tuple(check_number(x, f"effect {id}: {name}", largest=math.inf) for x in several)
             if len(numbers) != parameter.size:
-                raise InputError(f"effect {id}: {name}: expected {parameter.size} number(s), got {len(numbers)}")
+                raise InputError(f"effect {id}: {name}", f"expected {parameter.size} number(s)", len(numbers))
             for value in numbers:
                 try:
                     parameter.check(value)
                 except InputError as error:
-                    raise InputError(f"effect {id}: {error}") from None
+                    raise error.within(f"effect {id}") from None
             checked[name] = numbers
         object.__setattr__(self, "id", id)
         object.__setattr__(self, "values", MappingProxyType(checked))
@@ -216,19 +216,19 @@ class Effect:
 def parse_effect(text: str) -> Effect:
     """Read ``id:param=value,param=value``; the numbers of a vector are separated by slashes, as in ``0.01/0.02``."""
     if not isinstance(text, str):
-        raise InputError(f"effect: expected a text like drift:rate=-0.1, got {text!r}")
+        raise InputError("effect", "expected a text like drift:rate=-0.1", f"{text!r}")
     id, _, rest = text.partition(":")
     values: dict[str, tuple[float, ...]] = {}
     for part in filter(None, rest.split(",")):
         name, equals, numbers = part.partition("=")
         if not equals:
-            raise InputError(f"effect {id}: expected param=value, got {part!r}")
+            raise InputError(f"effect {id}", "expected param=value", f"{part!r}")
         if name in values:
-            raise InputError(f"effect {id}: {name} is given twice")
+            raise InputError(f"effect {id}", f"{name} is given twice")
         try:
             values[name] = tuple(float(x) for x in numbers.split("/"))
         except ValueError:
-            raise InputError(f"effect {id}: {name}: expected numbers separated by '/', got {numbers!r}") from None
+            raise InputError(f"effect {id}: {name}", "expected numbers separated by '/'", f"{numbers!r}") from None
     effect = Effect(id, values)
     for parameter in CATALOGUE[id].parameters:
         for value in values.get(parameter.name, ()):
@@ -240,7 +240,8 @@ def parse_effect(text: str) -> Effect:
         parameters = CATALOGUE[id].parameters
         example = "/".join(f"{parameters[0].high:.3g}" for _ in range(parameters[0].size))
         raise InputError(
-            f"effect {id}: expected values for {', '.join(p.name for p in parameters)}, as in {id}:{parameters[0].name}={example}"
+            f"effect {id}",
+            f"expected values for {', '.join(p.name for p in parameters)}, as in {id}:{parameters[0].name}={example}",
         )
     return effect
 

@@ -68,12 +68,12 @@ def fit_pressure_grid(
         Side of a cell in m; a twelfth of the outline's extent if not given.
     """
     if method not in METHODS:
-        raise InputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
+        raise InputError("method", f"expected one of {', '.join(METHODS)}", f"{method!r}")
     if not isinstance(slider, Slider):
-        raise InputError(f"slider: expected a Slider, got {type(slider).__name__}")
+        raise InputError("slider", "expected a Slider", f"{type(slider).__name__}")
     pairs = Pairs.from_data(wrenches, twists, slider, None)
     if not len(pairs):
-        raise InputError("wrenches, twists: expected at least one pair")
+        raise InputError("wrenches, twists", "expected at least one pair")
     side = float(np.ptp(slider.vertices, axis=0).max()) / DEFAULT_CELLS if spacing is None else spacing
     points = SupportDistribution.from_polygon(slider.vertices, side).points
     count = len(points)

@@ -46,7 +46,7 @@ class CrossValidation:
         """Return by how much (rad) a model errs more than the best, and half the 95 % interval of that difference, from its
         scatter between pairs."""
         if model not in self.models:
-            raise InputError(f"model: expected one of {', '.join(self.models)}, got {model!r}")
+            raise InputError("model", f"expected one of {', '.join(self.models)}", f"{model!r}")
         difference = self.errors[self.models.index(model)] - self.errors[first_least(self.means, _ALIKE)]
         return float(difference.mean()), float(1.96 * difference.std(ddof=1) / np.sqrt(len(difference)))
 
@@ -88,19 +88,19 @@ def cross_validate(
     models = tuple(models)
     for name, number in (("folds", folds), ("repeats", repeats)):
         if isinstance(number, bool) or not isinstance(number, int | np.integer):
-            raise InputError(f"{name}: expected a whole number, got {number!r}")
+            raise InputError(name, "expected a whole number", f"{number!r}")
     for model in models:
         if model not in MODELS:
-            raise InputError(f"models: expected some of {', '.join(MODELS)}, got {model!r}")
+            raise InputError("models", f"expected some of {', '.join(MODELS)}", f"{model!r}")
     if not models:
-        raise InputError("models: expected at least one")
+        raise InputError("models", "expected at least one")
     loads, motions = check_vectors(wrenches, "wrenches", 3), check_vectors(twists, "twists", 3)
     # checks what the pairs are, and gives the length that all fits share
     rho = Pairs.from_data(loads, motions, slider, characteristic_length).rho
     if not 2 <= folds <= len(loads):
-        raise InputError(f"folds: expected from 2 to the number of pairs, {len(loads)}, got {folds}")
+        raise InputError("folds", f"expected from 2 to the number of pairs, {len(loads)}", folds)
     if repeats < 1:
-        raise InputError(f"repeats: expected at least 1, got {repeats}")
+        raise InputError("repeats", "expected at least 1", repeats)
     rng = np.random.default_rng(seed)
     tests = [rows for _ in range(repeats) for rows in np.array_split(rng.permutation(len(loads)), folds)]
     jobs = [(loads, motions, rows, model, slider, rho, seed) for model in models for rows in tests]
@@ -120,5 +120,5 @@ def _held_out(
     try:
         fit = fit_limit_surface(wrenches[train], twists[train], model, slider, rho, seed)
     except InputError as error:
-        raise InputError(f"{model}, without the pairs {', '.join(map(str, rows))}: {error}") from None
+        raise error.within(f"{model}, without the pairs {', '.join(map(str, rows))}") from None
     return np.asarray(angle_between(normalize_twist(fit.surface.twist(wrenches[rows]), rho), normalize_twist(twists[rows], rho)))

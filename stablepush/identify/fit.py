@@ -11,7 +11,7 @@ import numpy as np
 import scipy.special
 from numpy.typing import ArrayLike
 
-from stablepush.core import FloatArray, InputError, SolverError, check_vectors, first_least, read_only
+from stablepush.core import FloatArray, InputError, SolverError, check_seed, check_vectors, first_least, read_only
 from stablepush.geometry import angle_between, normalize_twist
 from stablepush.identify.certificate import Certificate, certify
 from stablepush.identify.estimator import Estimator, NormLoss, NormWeights, Part, SquaredLoss, SquaredWeights
@@ -163,12 +163,12 @@ def fit_limit_surface(
     """
     started = time.perf_counter()
     if model not in MODELS:
-        raise InputError(f"model: expected one of {', '.join(MODELS)}, got {model!r}")
+        raise InputError("model", f"expected one of {', '.join(MODELS)}", f"{model!r}")
     if loss not in LOSSES:
-        raise InputError(f"loss: expected one of {', '.join(LOSSES)}, got {loss!r}")
-    seed = _check_seed(seed)
+        raise InputError("loss", f"expected one of {', '.join(LOSSES)}", f"{loss!r}")
+    seed = 0 if seed is None else check_seed(seed)
     if slider is not None and not isinstance(slider, Slider):
-        raise InputError(f"slider: expected a Slider, got {type(slider).__name__}")
+        raise InputError("slider", "expected a Slider", f"{type(slider).__name__}")
     box = _com_box(com_tolerance)
     pairs = Pairs.from_data(wrenches, twists, slider, characteristic_length)
     train, tests = _split(len(pairs), hold_out, seed, pairs.usable)
@@ -182,12 +182,12 @@ def fit_limit_surface(
     takes_prior = loss == "squared" and model in WITH_PRIOR
     if box.any() and (slider is None or not takes_prior):
         raise InputError(
-            f"com_tolerance: expected a slider and a model that takes it as prior knowledge ({' or '.join(WITH_PRIOR)} "
-            "with the squared loss)"
+            "com_tolerance",
+            f"expected a slider and a model that takes it as prior knowledge ({' or '.join(WITH_PRIOR)} with the squared loss)",
         )
     if not len(pairs) and not takes_prior:
         raise InputError(
-            f"wrenches, twists: expected at least one pair; without any, only {' and '.join(WITH_PRIOR)} have a prior"
+            "wrenches, twists", f"expected at least one pair; without any, only {' and '.join(WITH_PRIOR)} have a prior"
         )
     if slider is not None and not takes_prior:
         remarks.append("the slider gives the characteristic length and no more: this fit has no prior")
@@ -332,7 +332,7 @@ def _level(coefficients: FloatArray, pairs: Pairs, weights: FloatArray, degree: 
 def _com_box(tolerance: ArrayLike) -> FloatArray:
     box = check_vectors(np.atleast_1d(tolerance), "com_tolerance", np.atleast_1d(tolerance).shape[-1])
     if box.shape not in ((1,), (2,)) or (box < 0).any():
-        raise InputError(f"com_tolerance: expected one or two half widths >= 0 in m, got {tolerance!r}")
+        raise InputError("com_tolerance", "expected one or two half widths >= 0 in m", f"{tolerance!r}")
     return np.broadcast_to(box, (2,))
 
 
@@ -341,28 +341,20 @@ def _needed(degree: int) -> int:
     return -(-(degree + 1) * (degree + 2) // 6)
 
 
-def _check_seed(seed: int | None) -> int:
-    if seed is None:
-        return 0
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise InputError(f"seed: expected a whole number >= 0, got {seed!r}")
-    return int(seed)
-
-
 def _split(count: int, hold_out: ArrayLike | None, seed: int, usable: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
     """Return the rows to fit, and the sets of rows that validate."""
     if hold_out is not None:
         try:
             rows = np.asarray(hold_out)
         except ValueError:
-            raise InputError("hold_out: expected a list of row numbers") from None
+            raise InputError("hold_out", "expected a list of row numbers") from None
         if rows.ndim != 1 or not len(rows) or not np.issubdtype(rows.dtype, np.integer):
-            raise InputError("hold_out: expected at least one row number")
+            raise InputError("hold_out", "expected at least one row number")
         if rows.min() < 0 or rows.max() >= count or len(np.unique(rows)) != len(rows):
-            raise InputError(f"hold_out: expected different rows from 0 to {count - 1}")
+            raise InputError("hold_out", f"expected different rows from 0 to {count - 1}")
         train, rows = np.setdiff1d(usable, rows), np.intersect1d(rows, usable)
         if not len(train) or not len(rows):
-            raise InputError("hold_out: expected rows that leave some pairs to fit, and to validate")
+            raise InputError("hold_out", "expected rows that leave some pairs to fit, and to validate")
         return train, [rows]
     if len(usable) < FOLDS:
         return usable, []

@@ -43,7 +43,7 @@ def _fit(inputs: FloatArray, outputs: FloatArray) -> KernelSum:
         from sklearn.gaussian_process import GaussianProcessRegressor
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
     except ImportError:
-        raise InputError("model: expected scikit-learn to be installed for 'gp' (pip install 'stablepush[gp]')") from None
+        raise InputError("model", "expected scikit-learn to be installed for 'gp' (pip install 'stablepush[gp]')") from None
     scale = float(np.sqrt((outputs**2).mean())) or 1.0
     # a pair and its negative leave no unit vector farther than sqrt(2) from an input: with a shorter length than this the
     # likelihood may make every pair its own island, and the process is silent between them

@@ -50,11 +50,11 @@ def poke_candidates(
     widest = min(check_number(widest, "widest", at_least=0.0, largest=np.pi / 2), np.pi / 2 - 1e-6)
     for name, count in (("places", places), ("headings", headings)):
         if not isinstance(count, (int, np.integer)) or count < 1:
-            raise InputError(f"{name}: expected a whole number >= 1, got {count!r}")
+            raise InputError(name, "expected a whole number >= 1", f"{count!r}")
     if edges is not None and not all(
         isinstance(edge, (int, np.integer)) for edge in np.atleast_1d(np.asarray(edges, dtype=object))
     ):
-        raise InputError(f"edges: expected numbers of edges, got {edges!r}")
+        raise InputError("edges", "expected numbers of edges", f"{edges!r}")
     angles = np.linspace(-widest, widest, headings) if headings > 1 else (0.0,)
     found = []
     for edge in range(len(slider.vertices)) if edges is None else np.atleast_1d(edges).tolist():
@@ -88,9 +88,9 @@ def poke_outcome(
     p = check_array(points, "points", (None, 2))
     n, u = unit(check_array(normals, "normals", (None, 2))), unit(check_array(headings, "headings", (None, 2)))
     if not len(p) == len(n) == len(u) or not len(p):
-        raise InputError(f"points, normals, headings: expected as many of each, got {len(p)}, {len(n)}, {len(u)}")
+        raise InputError("points, normals, headings", "expected as many of each", f"{len(p)}, {len(n)}, {len(u)}")
     if not n.any(axis=1).all() or not ((n * u).sum(axis=1) > 0).all():
-        raise InputError("headings: expected fingers that move into the slider")
+        raise InputError("headings", "expected fingers that move into the slider")
     half = np.arctan(check_number(mu, "mu", at_least=0.0))
     angles = np.linspace(-half, half, _CONE_STEPS)
     tangents = np.stack((-n[:, 1], n[:, 0]), axis=-1)
@@ -130,10 +130,10 @@ def rank_pokes(
         Standard deviation (rad) of a measured direction.
     """
     if not candidates:
-        raise InputError("candidates: expected at least one poke")
+        raise InputError("candidates", "expected at least one poke")
     members = ensemble_of(surface)
     if len(members) < 2:
-        raise InputError("surface: expected one with an ensemble, as a convex fit gives it")
+        raise InputError("surface", "expected one with an ensemble, as a convex fit gives it")
     noise = check_number(scatter, "scatter", positive=True)
     rho = surface.characteristic_length
     points, normals, headings = (np.array([getattr(c, name) for c in candidates]) for name in ("point", "normal", "heading"))

@@ -76,9 +76,9 @@ class OnlineIdentifier:
         step: float = 0.3,
     ) -> None:
         if method not in METHODS:
-            raise InputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
+            raise InputError("method", f"expected one of {', '.join(METHODS)}", f"{method!r}")
         if not isinstance(degree, int) or degree not in (2, 4, 6):
-            raise InputError(f"degree: expected 2, 4 or 6, got {degree!r}")
+            raise InputError("degree", "expected 2, 4 or 6", f"{degree!r}")
         self._rho = check_number(characteristic_length, "characteristic_length", positive=True)
         self._forgetting = check_number(forgetting, "forgetting", positive=True, largest=1.0)
         self._eta1, self._eta2 = check_number(eta1, "eta1", positive=True), check_number(eta2, "eta2", positive=True)
@@ -93,11 +93,11 @@ class OnlineIdentifier:
         """Take in a poke's load (3,) ``(fx, fy, tau)`` and slip twist (3,) in B, and return the surface with it."""
         f, v = check_vectors(wrench, "wrench", 3), check_vectors(twist, "twist", 3)
         if f.shape != (3,) or v.shape != (3,) or not f.any() or not v.any():
-            raise InputError("wrench, twist: expected one load and one twist that are not zero, each of shape (3,)")
+            raise InputError("wrench, twist", "expected one load and one twist that are not zero, each of shape (3,)")
         load, direction = normalize_wrench(f, self._rho), unit(normalize_twist(v, self._rho))
         largest = float(np.abs(load).max())
         if not LEAST_FORCE <= largest <= LARGEST_MAGNITUDE:
-            raise InputError(f"wrench: expected a load of {LEAST_FORCE:g} to {LARGEST_MAGNITUDE:g} N, got {largest:g} N")
+            raise InputError("wrench", f"expected a load of {LEAST_FORCE:g} to {LARGEST_MAGNITUDE:g} N", f"{largest:g} N")
         size = float(np.linalg.norm(load))
         slip = gradient_rows(load / size, self._degree) @ self._coefficients
         surprise = float(angle_between(slip, direction))

@@ -44,7 +44,7 @@ class Pairs:
         f, v = _check(wrenches, twists)
         if len(f) == 0:
             if slider is None:
-                raise InputError("wrenches, twists: expected at least one pair, or a slider")
+                raise InputError("wrenches, twists", "expected at least one pair, or a slider")
             return cls(read_only(f), read_only(v), _characteristic_length(f, slider, characteristic_length), 1.0)
         if slider is not None:
             _check_units(f, v, slider)
@@ -53,7 +53,7 @@ class Pairs:
         force_scale = float(np.median(np.linalg.norm(loads, axis=1)))
         if not LEAST_FORCE <= force_scale <= LARGEST_MAGNITUDE:
             raise InputError(
-                f"wrenches: expected loads of {LEAST_FORCE:g} to {LARGEST_MAGNITUDE:g} N, their median is {force_scale:g} N"
+                "wrenches", f"expected loads of {LEAST_FORCE:g} to {LARGEST_MAGNITUDE:g} N, their median is {force_scale:g} N"
             )
         return cls(read_only(loads / force_scale), read_only(unit(normalize_twist(v, rho))), rho, force_scale)
 
@@ -111,15 +111,16 @@ def _check(wrenches: ArrayLike, twists: ArrayLike) -> tuple[FloatArray, FloatArr
     f = check_vectors(wrenches, "wrenches", 3)
     v = check_vectors(twists, "twists", 3)
     if f.ndim != 2 or f.shape != v.shape:
-        raise InputError(f"wrenches, twists: expected two arrays of shape (n, 3), got {f.shape} and {v.shape}")
+        raise InputError("wrenches, twists", "expected two arrays of shape (n, 3)", f"{f.shape} and {v.shape}")
     for name, array in (("wrenches", f), ("twists", v)):
         if not array.any(axis=1).all():
-            raise InputError(f"{name}: expected no zero rows, row {int(np.argmin(array.any(axis=1)))} is zero")
+            raise InputError(name, f"expected no zero rows, row {int(np.argmin(array.any(axis=1)))} is zero")
     opposed = int(((f * v).sum(axis=1) < 0).sum())
     if 2 * opposed > len(f):
         raise InputError(
-            f"wrenches, twists: {opposed} of {len(f)} pairs have F·V < 0; expected the load that the pusher applies, "
-            "which drives the motion (is the sign of the force turned round?)"
+            "wrenches, twists",
+            f"{opposed} of {len(f)} pairs have F·V < 0; expected the load that the pusher applies, which drives the motion "
+            "(is the sign of the force turned round?)",
         )
     return f, v
 
@@ -137,14 +138,16 @@ def _check_units(f: FloatArray, v: FloatArray, slider: Slider) -> None:
     arm = float(np.quantile(np.nan_to_num(arms, posinf=0.0), 0.75))
     if arm > UNIT_SLIP * size:
         raise InputError(
-            f"wrenches: a quarter of the moments act with lever arms above {arm:.3g} m on a slider of radius {size:.3g} m; "
-            "expected N·m (are they N·mm, or the outline in another unit?)"
+            "wrenches",
+            f"a quarter of the moments act with lever arms above {arm:.3g} m on a slider of radius {size:.3g} m; "
+            "expected N·m (are they N·mm, or the outline in another unit?)",
         )
     low = float(np.quantile(np.nan_to_num(speeds, nan=0.0, posinf=_TRANSLATION), 0.25, method="lower"))
     if UNIT_SLIP * size < low < _TRANSLATION:
         raise InputError(
-            f"twists: three quarters of the rotation centres are farther than {low:.3g} m from a slider of radius {size:.3g} m; "
-            "expected m/s and rad/s (are they mm/s?)"
+            "twists",
+            f"three quarters of the rotation centres are farther than {low:.3g} m from a slider of radius {size:.3g} m; "
+            "expected m/s and rad/s (are they mm/s?)",
         )
 
 
@@ -156,5 +159,5 @@ def _characteristic_length(f: FloatArray, slider: Slider | None, given: float | 
     force = float(np.sqrt((f[:, :2] ** 2).sum(axis=1).mean()))
     torque = float(np.sqrt((f[:, 2] ** 2).mean()))
     if torque * np.sqrt(2) < LEAST_POSITIVE * force or torque * np.sqrt(2) > LARGEST_MAGNITUDE * force:
-        raise InputError("characteristic_length: expected a value or a slider, as the pairs lack forces or torques")
+        raise InputError("characteristic_length", "expected a value or a slider, as the pairs lack forces or torques")
     return float(np.sqrt(2) * torque / force)

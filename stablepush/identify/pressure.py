@@ -131,7 +131,7 @@ class PressureSampler:
             have += len(parts[-1].good)
             if have >= self._count:
                 return _State.join(parts).take(np.arange(self._count))
-        raise InputError("slider: expected the centre of mass, the origin of B, well inside the hull of the outline")
+        raise InputError("slider", "expected the centre of mass, the origin of B, well inside the hull of the outline")
 
     def _uniform(self, count: int, rng: np.random.Generator) -> FloatArray:
         found: list[FloatArray] = []

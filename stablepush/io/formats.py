@@ -89,9 +89,9 @@ def model_from_node(node: Node) -> LimitSurface:
         points = node["points"].array(None, 2)
         loads = node["loads"].array(None)
         if (loads < 0).any():
-            node["loads"].fail(f"expected loads >= 0, got {loads.min():g}")
+            node["loads"].fail("expected loads >= 0", f"{loads.min():g}")
         if loads.sum() < LEAST_POSITIVE:
-            node["loads"].fail(f"expected a sum of at least {LEAST_POSITIVE:g}, got {loads.sum():g}")
+            node["loads"].fail(f"expected a sum of at least {LEAST_POSITIVE:g}", f"{loads.sum():g}")
         rho_node = node.get("characteristic_length")
         given = None if rho_node is None else rho_node.number(positive=True)
         return node.checked(lambda: IdealLimitSurface(SupportDistribution(points, loads), float(loads.sum()), given))
@@ -100,7 +100,7 @@ def model_from_node(node: Node) -> LimitSurface:
     node.expect_keys("format", "kind", "force_unit", *_OF_POLYNOMIAL)
     degree = node["degree"].integer(at_least=2)
     if degree not in (2, 4, 6, 8, 10):
-        node["degree"].fail(f"expected an even number from 2 to 10, got {describe(degree)}")
+        node["degree"].fail("expected an even number from 2 to 10", describe(degree))
     rho = node["characteristic_length"].number(positive=True)
     coefficients = _coefficients(node, degree)
     certificate, covariance_node, provenance = node["certificate"], node["covariance"], node["provenance"]
@@ -148,14 +148,14 @@ def _coefficients(node: Node, degree: int) -> np.ndarray:
     exponents = node["exponents"].array(None, 3)
     given = node["coefficients"].array(None)
     if len(exponents) != len(given):
-        node["coefficients"].fail(f"expected {len(exponents)} numbers, one for each exponent, got {len(given)}")
+        node["coefficients"].fail(f"expected {len(exponents)} numbers, one for each exponent", len(given))
     place = {tuple(row): i for i, row in enumerate(monomial_exponents(degree).tolist())}
     coefficients = np.zeros(len(place))
     seen: set[int] = set()
     for entry, row, value in zip(node["exponents"].items(), exponents.tolist(), given, strict=True):
         index = place.get(tuple(row))
         if index is None:
-            entry.fail(f"expected three whole numbers >= 0 with the sum {degree}, got {entry.value}")
+            entry.fail(f"expected three whole numbers >= 0 with the sum {degree}", entry.value)
         if index in seen:
             entry.fail(f"expected every monomial once, {entry.value} stands twice")
         seen.add(index)
@@ -187,7 +187,7 @@ def model_to_json(surface: LimitSurface) -> dict[str, Any]:
             "provenance": dict(surface.provenance),
         }
     if not isinstance(surface, PolynomialLimitSurface):
-        raise InputError(f"surface: expected a limit surface of this library, got {type(surface).__name__}")
+        raise InputError("surface", "expected a limit surface of this library", f"{type(surface).__name__}")
     return {
         "format": "model/1",
         "kind": "polynomial",

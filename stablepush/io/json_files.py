@@ -33,9 +33,9 @@ class Node:
     file: str
     place: str = ""
 
-    def fail(self, expected: str) -> NoReturn:
+    def fail(self, expected: str, got: object = None) -> NoReturn:
         """Raise an error that names file and key, and what was expected."""
-        raise InputError(f"{self.file}: {self.place or 'top level'}: {expected}")
+        raise InputError(self.place or "top level", expected, got, file=self.file)
 
     def _child(self, key: str | int, value: Any) -> Node:
         place = f"{self.place}[{key}]" if isinstance(key, int) else f"{self.place}.{key}" if self.place else key
@@ -57,7 +57,7 @@ class Node:
 
     def object(self) -> dict[str, Any]:
         if not isinstance(self.value, dict):
-            self.fail(f"expected an object, got {describe(self.value)}")
+            self.fail("expected an object", describe(self.value))
         return self.value  # type: ignore[no-any-return]
 
     def expect_keys(self, *known: str, kept: Sequence[str] = ()) -> None:
@@ -73,24 +73,24 @@ class Node:
             if close:
                 meant = lacking[close[0]]
                 self._child(key, None).fail(f'unknown key, did you mean "{meant}"?')
-            warnings.warn(PlausibilityWarning(f"{self.file}: {self._child(key, None).place}: unknown key, ignored"), stacklevel=3)
+            warnings.warn(PlausibilityWarning(self._child(key, None).place, "unknown key, ignored", file=self.file), stacklevel=3)
 
     def items(self) -> Iterator[Node]:
         """The entries of a list."""
         if not isinstance(self.value, list):
-            self.fail(f"expected a list, got {describe(self.value)}")
+            self.fail("expected a list", describe(self.value))
         return (self._child(i, entry) for i, entry in enumerate(self.value))
 
     def text(self, choices: tuple[str, ...] = ()) -> str:
         if not isinstance(self.value, str):
-            self.fail(f"expected a string, got {describe(self.value)}")
+            self.fail("expected a string", describe(self.value))
         if choices and self.value not in choices:
-            self.fail(f"expected {' or '.join(json.dumps(c) for c in choices)}, got {describe(self.value)}")
+            self.fail(f"expected {' or '.join(json.dumps(c) for c in choices)}", describe(self.value))
         return self.value  # type: ignore[no-any-return]
 
     def number(self, *, at_least: float | None = None, positive: bool = False) -> float:
         if isinstance(self.value, bool) or not isinstance(self.value, (int, float)):
-            self.fail(f"expected a number, got {describe(self.value)}")
+            self.fail("expected a number", describe(self.value))
         return self.checked(lambda: check_number(self.value, "", at_least=at_least, positive=positive))
 
     def zero_or_positive(self) -> float:
@@ -100,9 +100,9 @@ class Node:
 
     def integer(self, *, at_least: int = 0) -> int:
         if isinstance(self.value, bool) or not isinstance(self.value, int):
-            self.fail(f"expected a whole number, got {describe(self.value)}")
+            self.fail("expected a whole number", describe(self.value))
         if self.value < at_least:
-            self.fail(f"expected a whole number >= {at_least}, got {describe(self.value)}")
+            self.fail(f"expected a whole number >= {at_least}", describe(self.value))
         return self.value  # type: ignore[no-any-return]
 
     def array(self, *shape: int | None) -> FloatArray:
@@ -117,12 +117,12 @@ class Node:
     def _check_entries(self, value: Any, shape: tuple[int | None, ...]) -> None:
         if not shape:
             if isinstance(value, bool) or not isinstance(value, (int, float)):
-                self.fail(f"expected a number, got {describe(value)}")
+                self.fail("expected a number", describe(value))
             return
         if not isinstance(value, list):
-            self.fail(f"expected a list, got {describe(value)}")
+            self.fail("expected a list", describe(value))
         if shape[0] is not None and len(value) != shape[0]:
-            self.fail(f"expected {shape[0]} numbers, got {len(value)}")
+            self.fail(f"expected {shape[0]} numbers", len(value))
         for i, entry in enumerate(value):
             self._child(i, entry)._check_entries(entry, shape[1:])
 
@@ -131,10 +131,7 @@ class Node:
         try:
             return build()
         except InputError as error:
-            message = str(error).removeprefix(": ")
-            if message.startswith(self.file):
-                raise
-            raise InputError(f"{self.file}: {self.place or 'top level'}: {message}") from None
+            raise error.within(self.place or "top level", file=self.file) from None
 
     def built(self, build: Callable[[], _T], name: str = "") -> _T:
         """Run a constructor, and put file and key before what it refuses or doubts; ``name`` is what it calls this value."""
@@ -143,21 +140,20 @@ class Node:
                 warnings.simplefilter("always")
                 result = build()
         except InputError as error:
-            raise InputError(self._placed(str(error), name)) from None
+            raise InputError(self._place_of(error.place, name), error.expected, error.got, file=self.file) from None
         for doubt in doubts:
-            text = str(doubt.message)
-            placed = self._placed(text, name) if issubclass(doubt.category, PlausibilityWarning) else text
-            warnings.warn(placed, doubt.category, stacklevel=3)
+            message = doubt.message
+            if isinstance(message, PlausibilityWarning) and not message.file:
+                message = PlausibilityWarning(self._place_of(message.place, name), message.doubt, file=self.file)
+            warnings.warn(message, doubt.category, stacklevel=3)
         return result
 
-    def _placed(self, message: str, name: str) -> str:
-        if message.startswith(self.file):
-            return message
-        place = self.place
-        if name and message.startswith(f"{name}."):
-            key, _, message = message.removeprefix(f"{name}.").partition(": ")
-            place = f"{place}.{key}" if place else key
-        return ": ".join(filter(None, (self.file, place, message)))
+    def _place_of(self, place: str, name: str) -> str:
+        """The key in this file of what a constructor calls ``place``: ``name`` and a field of it, or a field."""
+        if name and place.startswith(f"{name}."):
+            key = place.removeprefix(f"{name}.")
+            return f"{self.place}.{key}" if self.place else key
+        return ": ".join(filter(None, (self.place, place)))
 
 
 def _plain(key: str) -> str:
@@ -185,19 +181,19 @@ def read_json(path: str | Path, *formats: str) -> Node:
         if len(result) < len(pairs):
             seen: set[str] = set()
             twin = next(k for k, _ in pairs if k in seen or seen.add(k))  # type: ignore[func-returns-value]
-            raise InputError(f"{name}: {twin}: expected a key to stand once, found it twice")
+            raise InputError(twin, "expected a key to stand once, found it twice", file=name)
         return result
 
     try:
         value = json.loads(text, object_pairs_hook=reject_twins)
     except json.JSONDecodeError as error:
-        raise InputError(f"{name}: line {error.lineno} column {error.colno}: expected JSON, {error.msg}") from None
+        raise InputError(f"line {error.lineno} column {error.colno}", f"expected JSON, {error.msg}", file=name) from None
     except RecursionError:
-        raise InputError(f"{name}: expected JSON, the nesting is too deep") from None
+        raise InputError("", "expected JSON, the nesting is too deep", file=name) from None
     except InputError:
         raise
     except ValueError:  # an integer of thousands of digits
-        raise InputError(f"{name}: expected JSON with numbers of ordinary length") from None
+        raise InputError("", "expected JSON with numbers of ordinary length", file=name) from None
     root = Node(value, name)
     _reject_infinite(root)
     root.object()
@@ -219,28 +215,28 @@ def open_text(path: str | Path, newline: str | None = None) -> Iterator[TextIO]:
         too_large = os.path.getsize(path) > _LARGEST_FILE
         stream = open(path, encoding="utf-8-sig", newline=newline)  # noqa: SIM115 (closed below)
     except ValueError as error:  # a NUL in the path
-        raise InputError(f"{str(path)!r}: cannot read: {error}") from None
+        raise InputError("", f"cannot read: {error}", file=repr(str(path))) from None
     except OSError as error:
-        raise InputError(f"{path}: cannot read: {error.strerror or error}") from None
+        raise InputError("", f"cannot read: {error.strerror or error}", file=path) from None
     with stream:
         if too_large:
-            raise InputError(f"{path}: expected a file of at most {_LARGEST_FILE // 2**20} MB")
+            raise InputError("", f"expected a file of at most {_LARGEST_FILE // 2**20} MB", file=path)
         try:
             yield stream
         except UnicodeDecodeError:
-            raise InputError(f"{path}: {_first_bad_byte(path)}expected UTF-8 text") from None
+            raise InputError(_first_bad_byte(path), "expected UTF-8 text", file=path) from None
         except OSError as error:
-            raise InputError(f"{path}: cannot read: {error.strerror or error}") from None
+            raise InputError("", f"cannot read: {error.strerror or error}", file=path) from None
 
 
 def _first_bad_byte(path: str | Path) -> str:
-    """Where a file stops being UTF-8, as words of a message; what is no file cannot be read twice."""
+    """Where a file stops being UTF-8; what is no file cannot be read twice."""
     with suppress(OSError):
         if os.path.isfile(path):
             try:
                 Path(path).read_bytes().decode()
             except UnicodeDecodeError as error:
-                return f"byte {error.start}: "
+                return f"byte {error.start}"
     return ""
 
 
@@ -250,7 +246,7 @@ def _reject_infinite(node: Node) -> None:
         current = stack.pop()
         value = current.value
         if isinstance(value, float) and not math.isfinite(value):
-            current.fail(f"expected a finite number, got {value}")
+            current.fail("expected a finite number", value)
         elif isinstance(value, dict):
             stack.extend(current._child(k, v) for k, v in reversed(value.items()))
         elif isinstance(value, list):
@@ -265,7 +261,7 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         if target.is_dir():
-            raise InputError(f"{target}: cannot write: is a directory")
+            raise InputError("", "cannot write: is a directory", file=target)
         if target.exists() and not target.is_file():  # a pipe or a terminal takes what it gets
             target.write_bytes(data)
             return
@@ -279,7 +275,7 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
         os.replace(temporary, target)
         temporary = None
     except OSError as error:
-        raise InputError(f"{target}: cannot write: {error.strerror or error}") from None
+        raise InputError("", f"cannot write: {error.strerror or error}", file=target) from None
     finally:
         if temporary is not None and os.path.exists(temporary):
             os.unlink(temporary)
@@ -292,7 +288,7 @@ def whole_folder(path: str | Path) -> Iterator[Path]:
     staging = None
     try:
         if target.exists() and not target.is_dir():
-            raise InputError(f"{target}: cannot write: exists and is not a folder")
+            raise InputError("", "cannot write: exists and is not a folder", file=target)
         target.parent.mkdir(parents=True, exist_ok=True)
         staging = Path(tempfile.mkdtemp(dir=target.parent, prefix=".stablepush-"))
         yield staging
@@ -300,7 +296,7 @@ def whole_folder(path: str | Path) -> Iterator[Path]:
         for file in sorted(staging.iterdir()):
             os.replace(file, target / file.name)
     except OSError as error:
-        raise InputError(f"{target}: cannot write: {error.strerror or error}") from None
+        raise InputError("", f"cannot write: {error.strerror or error}", file=target) from None
     finally:
         if staging is not None:
             shutil.rmtree(staging, ignore_errors=True)

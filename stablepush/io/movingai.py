@@ -40,7 +40,7 @@ def load_movingai_map(path: str | Path, cell: float) -> tuple[list[FloatArray], 
     lines = read_text(Path(path)).splitlines()
 
     def fail(line: int, words: str) -> None:
-        raise InputError(f"{path}: line {line}: {words}")
+        raise InputError(f"line {line}", words, file=path)
 
     size: dict[str, int] = {}
     for number, (name, line) in enumerate(zip(("type", "height", "width", "map"), [*lines, "", "", "", ""], strict=False), 1):

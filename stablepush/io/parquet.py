@@ -27,21 +27,21 @@ def read_parquet(
         import pyarrow
         import pyarrow.parquet
     except ImportError:
-        raise InputError(f"{path}: reading parquet needs pyarrow: pip install 'stablepush[parquet]'") from None
+        raise InputError("", "reading parquet needs pyarrow: pip install 'stablepush[parquet]'", file=path) from None
     try:
         # the file alone: read_table() would take words of its path for columns
         with pyarrow.parquet.ParquetFile(path) as file:
             table = file.read()
         table.validate(full=True)
     except (OSError, MemoryError, ValueError, pyarrow.ArrowException) as error:  # ValueError: names that are not UTF-8
-        raise InputError(f"{path}: expected Parquet: {' '.join(str(error).split())[:200]}") from None
+        raise InputError("", f"expected Parquet: {' '.join(str(error).split())[:200]}", file=path) from None
     names = table.column_names
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"{path}: column {name}: expected a column to stand once, found it twice")
+            raise InputError(f"column {name}", "expected a column to stand once, found it twice", file=path)
     for name in required:
         if name not in names:
-            raise InputError(f"{path}: column {name}: missing column")
+            raise InputError(f"column {name}", "missing column", file=path)
     columns: dict[str, Column] = {}
     for name in names:
         read = _numbers if name in numbers else _words
@@ -54,17 +54,19 @@ def _numbers(column: Any, name: str, file: str, filled: bool) -> Column:
 
     kinds = pyarrow.types
     if not any(is_kind(column.type) for is_kind in (kinds.is_integer, kinds.is_floating, kinds.is_decimal, kinds.is_null)):
-        raise InputError(f"{file}: column {name}: expected numbers, got {column.type}")
+        raise InputError(f"column {name}", "expected numbers", column.type, file=file)
     values = np.array(column.cast(pyarrow.float64(), safe=False).to_numpy(), dtype=np.float64)
     bad = np.flatnonzero(np.abs(values) > LARGEST_MAGNITUDE)
     if len(bad):
         raise InputError(
-            f"{file}: row {bad[0] + 1}: column {name}: expected a finite magnitude of at most {LARGEST_MAGNITUDE:g} (SI units), "
-            f"got {values[bad[0]]:g}"
+            f"row {bad[0] + 1}: column {name}",
+            f"expected a finite magnitude of at most {LARGEST_MAGNITUDE:g} (SI units)",
+            f"{values[bad[0]]:g}",
+            file=file,
         )
     blank = np.flatnonzero(np.isnan(values))
     if filled and len(blank):
-        raise InputError(f"{file}: row {blank[0] + 1}: column {name}: expected a value, got a blank")
+        raise InputError(f"row {blank[0] + 1}: column {name}", "expected a value", "a blank", file=file)
     return values
 
 
@@ -80,11 +82,11 @@ def _words(column: Any, name: str, file: str, filled: bool) -> Column:
         try:
             part = column.slice(start, _AT_ONCE).to_pylist()
         except (ValueError, LookupError, OverflowError, pyarrow.ArrowException):  # LookupError: time zones that are none
-            raise InputError(f"{file}: column {name}: expected words, got {column.type}") from None
+            raise InputError(f"column {name}", "expected words", column.type, file=file) from None
         for row, value in enumerate(part, start):
             word = "" if value is None else str(value).strip()
             # a word that stands in many rows is kept once
             values[row] = words.setdefault(word, word)
             if filled and not word:
-                raise InputError(f"{file}: row {row + 1}: column {name}: expected a value, got a blank")
+                raise InputError(f"row {row + 1}: column {name}", "expected a value", "a blank", file=file)
     return values

@@ -99,7 +99,7 @@ class PushLog:
         object.__setattr__(self, "samples", _frozen(self.samples, "samples", OF_SAMPLES, SAMPLE_NUMBERS))
         strangers = set(self.samples["trial"]) - set(self.trials["trial"])
         if strangers:
-            raise InputError(f"samples: column trial: expected trials of trials, got {min(strangers)[:40]!r}")
+            raise InputError("samples: column trial", "expected trials of trials", f"{min(strangers)[:40]!r}")
 
     def __len__(self) -> int:
         return len(self.trials["trial"])
@@ -191,7 +191,7 @@ def read_pushlog(path: str | Path) -> PushLog:
     """
     folder = Path(path)
     if not folder.is_dir():
-        raise InputError(f"{folder}: expected a pushlog/1 folder with rig.json, trials.csv and samples.csv")
+        raise InputError("", "expected a pushlog/1 folder with rig.json, trials.csv and samples.csv", file=folder)
     rig = _rig_from_node(read_json(folder / "rig.json", "pushlog/1"))
     trials, trial_lines = read_table(
         folder / "trials.csv",
@@ -296,26 +296,28 @@ def _read_samples(folder: Path) -> tuple[dict[str, Column], Callable[[int], str]
 
 def _check_trials(trials: Mapping[str, Column], lines: Sequence[int], source: str) -> None:
     if len(trials["trial"]) == 0:
-        raise InputError(f"{source}: expected at least one trial")
+        raise InputError("", "expected at least one trial", file=source)
     seen: dict[str, int] = {}
     for row, name in enumerate(trials["trial"]):
         if name in seen:
-            raise InputError(f"{source}: line {lines[row]}: column trial: expected each trial once, {name[:40]!r} stands twice")
+            raise InputError(
+                f"line {lines[row]}: column trial", f"expected each trial once, {name[:40]!r} stands twice", file=source
+            )
         seen[name] = row
 
 
 def _check_samples(samples: Mapping[str, Column], trials: Mapping[str, Column], place: Callable[[int], str], source: str) -> None:
     if len(samples["trial"]) == 0:
-        raise InputError(f"{source}: expected at least one row")
+        raise InputError("", "expected at least one row", file=source)
     known = set(trials["trial"])
     for row, name in enumerate(samples["trial"]):
         if name not in known:
-            raise InputError(f"{source}: {place(row)}: column trial: expected a trial of trials.csv, got {name[:40]!r}")
+            raise InputError(f"{place(row)}: column trial", "expected a trial of trials.csv", f"{name[:40]!r}", file=source)
     if "phase" in samples:
         for row, phase in enumerate(samples["phase"]):
             if phase and phase not in PHASES:
                 raise InputError(
-                    f"{source}: {place(row)}: column phase: expected {', '.join(PHASES)} or a blank, got {phase[:40]!r}"
+                    f"{place(row)}: column phase", f"expected {', '.join(PHASES)} or a blank", f"{phase[:40]!r}", file=source
                 )
 
 
@@ -323,19 +325,19 @@ def _frozen(table: Mapping[str, Any], word: str, required: Sequence[str], number
     """Return a table with read-only columns of equal length: text as object arrays, numbers as float64."""
     for name in required:
         if name not in table:
-            raise InputError(f"{word}: column {name}: missing column")
+            raise InputError(f"{word}: column {name}", "missing column")
     result = {name: _column(values, name in numbers, name in _TEXT, f"{word}: column {name}") for name, values in table.items()}
     rows = len(result[required[0]])
     for name, column in result.items():
         if len(column) != rows:
-            raise InputError(f"{word}: column {name}: expected {rows} values, as many as trial has, got {len(column)}")
+            raise InputError(f"{word}: column {name}", f"expected {rows} values, as many as trial has", len(column))
     return result
 
 
 def _column(values: Any, is_number: bool, is_text: bool, place: str) -> Column:
     column = values if isinstance(values, np.ndarray) else np.asarray(values, dtype=object)
     if column.ndim != 1:
-        raise InputError(f"{place}: expected a list of values, got an array of shape {column.shape}")
+        raise InputError(place, "expected a list of values", f"an array of shape {column.shape}")
     is_text = is_text or (not is_number and any(isinstance(v, str) for v in column))
     if not column.flags.writeable and column.dtype == (object if is_text else np.float64):
         # as a log has it that was read
@@ -344,7 +346,7 @@ def _column(values: Any, is_number: bool, is_text: bool, place: str) -> Column:
         try:
             return read_only(column)
         except (TypeError, ValueError, OverflowError):
-            raise InputError(f"{place}: expected numbers") from None
+            raise InputError(place, "expected numbers") from None
     words: dict[str, str] = {}
     missing = [v is None or (isinstance(v, float) and math.isnan(v)) for v in column]
     text = ["" if blank else words.setdefault(str(v), str(v)) for v, blank in zip(column.tolist(), missing, strict=True)]

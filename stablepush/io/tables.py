@@ -57,21 +57,23 @@ def read_table(
                 lines.append(reader.line_num)
                 if len(row) != len(header):
                     raise InputError(
-                        f"{name}: line {reader.line_num}: column {header[min(len(row), len(header) - 1)]}: "
-                        f"expected {len(header)} cells, got {len(row)}"
+                        f"line {reader.line_num}: column {header[min(len(row), len(header) - 1)]}",
+                        f"expected {len(header)} cells",
+                        len(row),
+                        file=name,
                     )
                 for i, cell in enumerate(map(str.strip, row)):
                     if not cell and must[i]:
-                        raise InputError(f"{name}: line {reader.line_num}: column {header[i]}: expected a value, got a blank")
+                        raise InputError(f"line {reader.line_num}: column {header[i]}", "expected a value", "a blank", file=name)
                     value = words.setdefault(cell, cell) if kinds[i] else _number(cell, name, reader.line_num, header[i])
                     rule = (rules or {}).get(header[i])
                     if rule and cell and not rule[0](value):  # type: ignore[arg-type]
                         raise InputError(
-                            f"{name}: line {reader.line_num}: column {header[i]}: expected {rule[1]}, got {cell[:40]}"
+                            f"line {reader.line_num}: column {header[i]}", f"expected {rule[1]}", cell[:40], file=name
                         )
                     columns[i].append(value)
         except csv.Error as error:
-            raise InputError(f"{name}: line {reader.line_num}: expected CSV, {error}") from None
+            raise InputError(f"line {reader.line_num}", f"expected CSV, {error}", file=name) from None
     table = {
         column: np.array(values, dtype=object) if is_word else np.frombuffer(values) if len(values) else np.zeros(0)
         for column, values, is_word in zip(header, columns, kinds, strict=True)
@@ -81,13 +83,13 @@ def read_table(
 
 def _check_header(header: list[str], required: Sequence[str], name: str) -> None:
     if not any(header):
-        raise InputError(f"{name}: line 1: expected a header of column names")
+        raise InputError("line 1", "expected a header of column names", file=name)
     for i, column in enumerate(header):
         if header.index(column) != i:
-            raise InputError(f"{name}: line 1: column {column}: expected a column to stand once, found it twice")
+            raise InputError(f"line 1: column {column}", "expected a column to stand once, found it twice", file=name)
     missing = [column for column in required if column not in header]
     if missing:
-        raise InputError(f"{name}: line 1: column {missing[0]}: missing column")
+        raise InputError(f"line 1: column {missing[0]}", "missing column", file=name)
 
 
 def _number(cell: str, name: str, line: int, column: str) -> float:
@@ -99,11 +101,13 @@ def _number(cell: str, name: str, line: int, column: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputError(f"{name}: line {line}: column {column}: expected a finite number, got {cell[:40]!r}")
+        raise InputError(f"line {line}: column {column}", "expected a finite number", repr(cell[:40]), file=name)
     if abs(value) > LARGEST_MAGNITUDE:
         raise InputError(
-            f"{name}: line {line}: column {column}: expected a magnitude of at most {LARGEST_MAGNITUDE:g} (SI units), "
-            f"got {cell[:40]}"
+            f"line {line}: column {column}",
+            f"expected a magnitude of at most {LARGEST_MAGNITUDE:g} (SI units)",
+            cell[:40],
+            file=name,
         )
     return value
 

@@ -64,9 +64,9 @@ class Pusher:
     def __init__(self, fingers: ArrayLike = ((0.0, 0.0),), radius: float = 0.0, flat: bool = False) -> None:
         places = check_array(fingers, "pusher.fingers", (None, 2))
         if not 1 <= len(places) <= 2:
-            raise InputError(f"pusher.fingers: expected one or two, got {len(places)}")
+            raise InputError("pusher.fingers", "expected one or two", len(places))
         if flat and (len(places) != 2 or radius != 0 or np.abs(places[:, 0]).max() > 1e-9 or abs(places[:, 1].sum()) > 1e-9):
-            raise InputError("pusher: expected two ends of no radius, at (0, y) and (0, -y), for a flat edge")
+            raise InputError("pusher", "expected two ends of no radius, at (0, y) and (0, -y), for a flat edge")
         object.__setattr__(self, "fingers", read_only(places))
         object.__setattr__(self, "radius", check_number(radius, "pusher.radius", at_least=0.0))
         object.__setattr__(self, "flat", bool(flat))
@@ -210,7 +210,7 @@ class TableFriction:
                 nominal = self.points.support.points, self.points.loads
                 points = nominal if self.changed is None else (self.changed.support.points, self.changed.loads)
             elif not plain or gradient.any() or self.slope:
-                raise InputError("points: expected support points: place, direction and speed act on points under the slider")
+                raise InputError("points", "expected support points: place, direction and speed act on points under the slider")
             from stablepush.surfaces import monomial_exponents
 
             pure = surface.coefficients[(surface.exponents == surface.degree).any(axis=1)]
@@ -222,7 +222,7 @@ class TableFriction:
             axes = (half_axes / factor) ** 2
             factor *= self.load if surface.force_unit == "mu*N" else 1.0
         else:
-            raise InputError(f"surface: expected a surface of support points or a polynomial one, got {type(surface).__name__}")
+            raise InputError("surface", "expected a surface of support points or a polynomial one", f"{type(surface).__name__}")
         return Table(
             points=np.array(points[0]),
             loads=np.array(points[1]),
@@ -274,7 +274,7 @@ def push_twist(
     x, y, theta = check_array(pose, "pose", (3,))
     count = len(contact.points)
     if count > MOST_CONTACTS:
-        raise InputError(f"contact.points: expected at most {MOST_CONTACTS}, got {count}")
+        raise InputError("contact.points", f"expected at most {MOST_CONTACTS}", count)
     touch, answer, work = new_touch(), new_answer(), new_work()
     touch.number[0] = count
     touch.point[:count], touch.normal[:count] = contact.points, contact.normals
@@ -346,7 +346,7 @@ def course_of(pusher: Pusher, motion: Sequence[tuple[ArrayLike, float]], step: f
     fastest = np.hypot(twists[:, :1] - twists[:, 2:] * y, twists[:, 1:2] + twists[:, 2:] * x).max(axis=1, initial=0.0)
     counts = np.maximum(1, np.ceil(fastest * durations / way - 1e-9)).astype(np.int64)
     if counts.sum() > _MOST_STEPS:
-        raise InputError(f"step: expected at most {_MOST_STEPS} steps in a push, {way:g} m asks for {counts.sum()}")
+        raise InputError("step", f"expected at most {_MOST_STEPS} steps in a push, {way:g} m asks for {counts.sum()}")
     return Course(np.ascontiguousarray(twists), durations, counts)
 
 
@@ -378,7 +378,7 @@ def _pieces(motion: Sequence[tuple[ArrayLike, float]]) -> list[tuple[FloatArray,
     try:
         pairs = [(twist, duration) for twist, duration in motion]
     except (TypeError, ValueError):
-        raise InputError("motion: expected pairs of a twist (3,) and a duration in s") from None
+        raise InputError("motion", "expected pairs of a twist (3,) and a duration in s") from None
     return [(check_array(v, "motion", (3,)), check_number(d, "motion", at_least=0.0)) for v, d in pairs]
 
 
@@ -392,7 +392,7 @@ def _require_outside(slider: Slider, pusher: Pusher, start: FloatArray, place: F
         return
     depth = float((inside * shapely.distance(shapely.LinearRing(slider.vertices), shapely.points(centers))).max())
     if depth > max(0.0, _POINT_DEPTH - pusher.radius):
-        raise InputError(f"place: expected fingers outside of the slider, one has its centre {1000 * depth:.3g} mm inside")
+        raise InputError("place", f"expected fingers outside of the slider, one has its centre {1000 * depth:.3g} mm inside")
 
 
 def _friction(friction: TableFriction | LimitSurface) -> TableFriction:

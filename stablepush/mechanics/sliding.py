@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import ConvergenceError, FloatArray, InputError, check_array, check_number
+from stablepush.core import ConvergenceError, FloatArray, InputError, check_array, check_count, check_number
 from stablepush.geometry import cor_from_twist, unit
 from stablepush.mechanics.kernels.inertia import Body
 from stablepush.objects import Slider
@@ -130,15 +130,15 @@ def simulate_free_sliding(
     from scipy.integrate import solve_ivp
 
     if variant not in VARIANTS:
-        raise InputError(f"variant: expected {' or '.join(VARIANTS)}, got {variant!r}")
+        raise InputError("variant", f"expected {' or '.join(VARIANTS)}", f"{variant!r}")
     body = Body(surface, slider, mu, gravity)
     first = check_array(twist, "twist", (3,))
     start = check_array(pose, "pose", (3,))
-    if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or samples < 2:
-        raise InputError(f"samples: expected at least 2, got {samples!r}")
+    if check_count(samples, "samples", most=1_000_000) < 2:
+        raise InputError("samples", "expected at least 2", samples)
     limit = np.inf if duration is None else check_number(duration, "duration", positive=True)
     if body.load == 0 and np.isinf(limit):
-        raise InputError("duration: expected a time in s, since without friction the body never rests")
+        raise InputError("duration", "expected a time in s, since without friction the body never rests")
     scaled = first * body.roots
     speed = float(np.linalg.norm(scaled))
     if speed == 0:
@@ -149,12 +149,13 @@ def simulate_free_sliding(
     strongest = float(np.linalg.norm(body.pull(np.concatenate((np.eye(3), scaled[None] / speed))), axis=1).max())
     unit_time = speed / strongest if strongest > 0 else limit
     if not 0 < unit_time < np.inf:
-        raise InputError(f"slider: expected a mass and a friction that stop it in a time that numbers hold, got {unit_time:g} s")
+        raise InputError("slider", "expected a mass and a friction that stop it in a time that numbers hold", f"{unit_time:g} s")
     turns = abs(float(first[2])) * min(unit_time, limit) / (2 * np.pi)
     if turns > _MOST_TURNS:
         raise InputError(
-            f"duration: the body turns some {turns:.0f} times, of which {_MOST_TURNS} can be followed: expected a time in s to "
-            f"cut the slide at, of at most {_MOST_TURNS / turns * min(unit_time, limit):.4g}"
+            "duration",
+            f"the body turns some {turns:.0f} times, of which {_MOST_TURNS} can be followed: "
+            f"expected a time in s to cut the slide at, of at most {_MOST_TURNS / turns * min(unit_time, limit):.4g}",
         )
 
     rates = 0
@@ -164,8 +165,9 @@ def simulate_free_sliding(
         rates += body.cost
         if rates > _MOST_RATES:
             raise InputError(
-                "duration: the body swings too often to be followed to its end: expected a time in s to cut the slide at, of at "
-                f"most {0.9 * unit_time * state[4]:.4g}"
+                "duration",
+                "the body swings too often to be followed to its end: "
+                f"expected a time in s to cut the slide at, of at most {0.9 * unit_time * state[4]:.4g}",
             )
         u, shrink = state[:3], np.exp(state[3])
         norm = np.linalg.norm(u)

@@ -38,17 +38,17 @@ class PushContact:
     def __init__(self, points: ArrayLike, normals: ArrayLike, mu: float) -> None:
         p = check_array(points, "contact.points", (None, 2))
         if len(p) == 0:
-            raise InputError("contact.points: expected at least one point")
+            raise InputError("contact.points", "expected at least one point")
         if np.ndim(normals) == 1 and np.shape(normals) == (2,):
             normals = np.tile(np.asarray(normals), (len(p), 1))
         n = check_array(normals, "contact.normals", (None, 2))
         if len(n) != len(p):
-            raise InputError(f"contact.normals: expected {len(p)} normals, one a point, got {len(n)}")
+            raise InputError("contact.normals", f"expected {len(p)} normals, one a point", len(n))
         for i, j in combinations(range(len(p)), 2):
             if np.abs(p[i] - p[j]).max() < LEAST_POSITIVE:
-                raise InputError(f"contact.points: expected distinct points, points {i} and {j} are equal")
+                raise InputError("contact.points", f"expected distinct points, points {i} and {j} are equal")
         if (np.abs(n).max(axis=1) < LEAST_POSITIVE).any():
-            raise InputError("contact.normals: expected normals of positive length")
+            raise InputError("contact.normals", "expected normals of positive length")
         object.__setattr__(self, "points", read_only(p))
         object.__setattr__(self, "normals", read_only(unit(n)))
         object.__setattr__(self, "mu", check_number(mu, "contact.mu", at_least=0.0))
@@ -69,8 +69,9 @@ class PushContact:
         slack = 1e-9 * length
         if middle - half < -slack or middle + half > length + slack:
             raise InputError(
-                f"center, width: expected fingers on edge {edge}, 0 to {length:g} m along it, "
-                f"got {middle - half:g} to {middle + half:g}"
+                "center, width",
+                f"expected fingers on edge {edge}, 0 to {length:g} m along it",
+                f"{middle - half:g} to {middle + half:g}",
             )
         offsets = [middle] if half == 0 else [middle - half, middle + half]
         points = np.array([start + s * along for s in offsets])

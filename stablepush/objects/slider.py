@@ -57,7 +57,7 @@ class Slider:
         outline = check_outline(vertices, "slider.vertices")
         radius = float(np.linalg.norm(outline, axis=1).max())
         if radius < _LEAST_RADIUS:
-            raise InputError(f"slider.vertices: expected a radius of at least {_LEAST_RADIUS:g} m, got {radius:g} m")
+            raise InputError("slider.vertices", f"expected a radius of at least {_LEAST_RADIUS:g} m", f"{radius:g} m")
         _require_origin(outline, "slider.vertices")
         object.__setattr__(self, "vertices", read_only(outline))
         object.__setattr__(self, "mass", None if mass is None else check_number(mass, "slider.mass", positive=True))
@@ -87,7 +87,7 @@ class Slider:
     def regular_polygon(cls, n: int, radius: float, mass: float | None = None) -> Slider:
         """Return a regular polygon of ``n`` vertices on a circle of ``radius`` (m) about the origin, the first on the x axis."""
         if check_count(n, "n", most=10_000) < 3:
-            raise InputError(f"n: expected at least 3 vertices, got {n}")
+            raise InputError("n", "expected at least 3 vertices", n)
         angles = 2 * np.pi * np.arange(n) / n
         return cls(check_number(radius, "radius", positive=True) * np.stack((np.cos(angles), np.sin(angles)), axis=-1), mass)
 
@@ -134,7 +134,7 @@ class Slider:
         """Return the ends (2,), (2,) of an edge: from vertex ``index`` to the next, in B."""
         n = len(self.vertices)
         if not 0 <= index < n:
-            raise InputError(f"edge: expected 0 to {n - 1}, got {index}")
+            raise InputError("edge", f"expected 0 to {n - 1}", index)
         return self.vertices[index], self.vertices[(index + 1) % n]
 
 
@@ -147,8 +147,9 @@ def _require_origin(outline: FloatArray, name: str) -> None:
     if inside.min() < _LEAST_INSIDE * np.linalg.norm(outline, axis=1).max():
         x, y = shapely.get_coordinates(shapely.Polygon(outline).centroid)[0]
         raise InputError(
-            f"{name}: expected the origin, which is the centre of mass, inside the outline's hull; if the density is uniform, "
-            f"subtract ({x:.6g}, {y:.6g}) from every vertex, as Slider.centered does"
+            name,
+            "expected the origin, which is the centre of mass, inside the outline's hull; if the density is uniform, "
+            f"subtract ({x:.6g}, {y:.6g}) from every vertex, as Slider.centered does",
         )
 
 
@@ -156,7 +157,7 @@ def check_outline(vertices: ArrayLike, name: str) -> FloatArray:
     """Return the vertices of a simple, counter-clockwise polygon (n, 2), or say what is wrong with them."""
     outline = check_simple_polygon(vertices, name)
     if signed_area(outline) < 0:
-        raise InputError(f"{name}: expected counter-clockwise order, got a clockwise outline")
+        raise InputError(name, "expected counter-clockwise order", "a clockwise outline")
     return outline
 
 
@@ -164,18 +165,20 @@ def check_simple_polygon(vertices: ArrayLike, name: str) -> FloatArray:
     """Return the vertices (n, 2) of a simple polygon of either orientation, or say what is wrong with them."""
     outline = check_array(vertices, name, (None, 2))
     if len(outline) < 3:
-        raise InputError(f"{name}: expected at least 3 vertices, got {len(outline)}")
-    too_small = f"{name}: expected an area of at least {LEAST_POSITIVE**2:g} m^2, and {LEAST_POSITIVE:g} m times the way round it"
+        raise InputError(name, "expected at least 3 vertices", len(outline))
+    too_small = InputError(
+        name, f"expected an area of at least {LEAST_POSITIVE**2:g} m^2, and {LEAST_POSITIVE:g} m times the way round it"
+    )
     if np.ptp(outline, axis=0).prod() < LEAST_POSITIVE**2:
-        raise InputError(too_small)
+        raise too_small
     lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
     if (lengths < LEAST_POSITIVE).any():
         edge = int(np.argmin(lengths))
-        raise InputError(f"{name}: expected distinct neighbouring vertices, edge {edge} has zero length")
+        raise InputError(name, f"expected distinct neighbouring vertices, edge {edge} has zero length")
     if not shapely.LinearRing(outline).is_simple:
-        raise InputError(f"{name}: expected edges that do not cross or touch")
+        raise InputError(name, "expected edges that do not cross or touch")
     if abs(signed_area(outline)) < max(LEAST_POSITIVE**2, LEAST_POSITIVE * lengths.sum()):
-        raise InputError(too_small)
+        raise too_small
     return outline
 
 

@@ -30,14 +30,14 @@ class SupportDistribution:
         p = check_array(points, "support.points", (None, 2))
         w = check_array(weights, "support.weights", (None,))
         if len(p) == 0:
-            raise InputError("support.points: expected at least one point")
+            raise InputError("support.points", "expected at least one point")
         if len(p) != len(w):
-            raise InputError(f"support.weights: expected {len(p)} weights, one a point, got {len(w)}")
+            raise InputError("support.weights", f"expected {len(p)} weights, one a point", len(w))
         if (w < 0).any():
-            raise InputError(f"support.weights: expected weights >= 0, got {w.min():g}")
+            raise InputError("support.weights", "expected weights >= 0", f"{w.min():g}")
         # areas of cells may be weights
         if w.max() < LEAST_POSITIVE**2:
-            raise InputError(f"support.weights: expected one of at least {LEAST_POSITIVE**2:g}, the largest is {w.max():g}")
+            raise InputError("support.weights", f"expected one of at least {LEAST_POSITIVE**2:g}, the largest is {w.max():g}")
         w = w / w.max()
         object.__setattr__(self, "points", read_only(p))
         object.__setattr__(self, "weights", read_only(w / w.sum()))
@@ -55,7 +55,7 @@ class SupportDistribution:
         low, high = outline.min(axis=0), outline.max(axis=0)
         counts = np.maximum(1, np.ceil((high - low) / step - 1e-9)).astype(int)
         if counts.prod() > 4_000_000:
-            raise InputError(f"spacing: expected a spacing that gives at most 4 million cells, got {step:g}")
+            raise InputError("spacing", "expected a spacing that gives at most 4 million cells", f"{step:g}")
         corners = low + np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1).reshape(-1, 2) * step
         cells = shapely.intersection(shapely.box(*corners.T, *(corners + step).T), polygon)
         area = shapely.area(cells)
@@ -68,7 +68,7 @@ class SupportDistribution:
         """Return ``n`` equal support points on a circle of ``radius`` (m) about the origin, the first on the x axis."""
         r = check_number(radius, "radius", positive=True)
         if n < 1:
-            raise InputError(f"n: expected at least one point, got {n}")
+            raise InputError("n", "expected at least one point", n)
         angles = 2 * np.pi * np.arange(n) / n
         return cls(r * np.stack((np.cos(angles), np.sin(angles)), axis=-1), np.ones(n))
 

@@ -42,9 +42,9 @@ class PlanOptions:
 
     def __post_init__(self) -> None:
         if self.region not in REGIONS:
-            raise InputError(f"region: expected {' or '.join(REGIONS)}, got {self.region!r}")
+            raise InputError("region", f"expected {' or '.join(REGIONS)}", f"{self.region!r}")
         if not 0 <= check_number(self.probability, "probability") <= 1:
-            raise InputError(f"probability: expected a number from 0 to 1, got {self.probability:g}")
+            raise InputError("probability", "expected a number from 0 to 1", f"{self.probability:g}")
         check_number(self.margin_weight, "margin_weight", at_least=0.0)
         if self.cor_rate != math.inf:
             check_number(self.cor_rate, "cor_rate", positive=True)

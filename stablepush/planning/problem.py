@@ -97,16 +97,16 @@ class PlanningProblem:
         min_margin: float = 0.0,
     ) -> None:
         if len(contacts) == 0:
-            raise InputError("contacts: expected at least one contact")
+            raise InputError("contacts", "expected at least one contact")
         box = None
         if bounds is not None:
             box = check_array(bounds, "bounds", (4,))
             if not (box[:2] < box[2:]).all():
-                raise InputError("bounds: expected xmin < xmax and ymin < ymax")
+                raise InputError("bounds", "expected xmin < xmax and ymin < ymax")
             box = read_only(box)
         limits = check_array(tolerance, "tolerance", (2,))
         if (limits < 0).any():
-            raise InputError("tolerance: expected numbers >= 0")
+            raise InputError("tolerance", "expected numbers >= 0")
         polygons = tuple(read_only(check_simple_polygon(outline, f"obstacles[{i}]")) for i, outline in enumerate(obstacles))
         outline = None if pusher is None else read_only(check_simple_polygon(pusher, "pusher.outline"))
         object.__setattr__(self, "slider", slider)
@@ -179,10 +179,10 @@ def load_scene(path: str | Path) -> PlanningProblem:
         obstacles.append(node.checked(lambda outline=outline: check_simple_polygon(outline, "")))  # type: ignore[misc]
     tolerance = root["tolerance"].array(2)
     if (tolerance < 0).any():
-        root["tolerance"].fail(f"expected numbers >= 0, got {tolerance.tolist()}")
+        root["tolerance"].fail("expected numbers >= 0", tolerance.tolist())
     bounds = root["bounds"].array(4)
     if not (bounds[:2] < bounds[2:]).all():
-        root["bounds"].fail(f"expected xmin < xmax and ymin < ymax, got {bounds.tolist()}")
+        root["bounds"].fail("expected xmin < xmax and ymin < ymax", bounds.tolist())
     start, goal = root["start"].array(3), root["goal"].array(3)
     speed = root["speed"].number(positive=True)
     switch_cost = root["switch_cost"].number(at_least=0.0)
@@ -216,7 +216,7 @@ def _model(node: Node, folder: Path) -> LimitSurface:
 def save_scene(problem: PlanningProblem, path: str | Path) -> None:
     """Write a ``scene/1`` file with its model inside. A problem without bounds has no ``scene/1``."""
     if problem.bounds is None:
-        raise InputError("bounds: expected bounds, a scene/1 file must have them")
+        raise InputError("bounds", "expected bounds, a scene/1 file must have them")
     write_json(
         path,
         {

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from stablepush.core import LARGEST_MAGNITUDE, Deadline, InputError, PlanWarning, check_number, within
+from stablepush.core import LARGEST_MAGNITUDE, Deadline, InputError, PlanWarning, check_number, check_seed, within
 from stablepush.planning.check import check_plan
 from stablepush.planning.feasibility import infeasibility
 from stablepush.planning.options import PlanOptions
@@ -99,10 +99,10 @@ def plan(
     options = PlanOptions(region, given, margin_weight, cor_rate, improve)
     found = {entry.name: entry for entry in entry_points(group="stablepush.planners")}
     if planner not in found:
-        raise InputError(f"planner: expected one of {', '.join(sorted(found)) or 'none installed'}, got {planner!r}")
+        raise InputError("planner", f"expected one of {', '.join(sorted(found)) or 'none installed'}", f"{planner!r}")
     run: Planner = found[planner].load()
 
-    number = 0 if seed is None else int(seed)
+    number = 0 if seed is None else check_seed(seed)
     with within(limit, stop) as deadline:
         reason = infeasibility(problem)
         if reason:

@@ -71,10 +71,10 @@ def load_rosbag(path: str | Path) -> Trajectory:
             for connection, _, data in bag.messages():
                 found[connection.topic] = store.deserialize_cdr(data, connection.msgtype)
     except Exception as error:
-        raise InputError(f"{path}: expected a ROS 2 bag: {error}") from None
+        raise InputError("", f"expected a ROS 2 bag: {error}", file=path) from None
     for topic in (SLIDER, PUSHER, CONTACT):
         if topic not in found:
-            raise InputError(f"{path}: expected the topic {topic}, found {', '.join(sorted(found)) or 'none'}")
+            raise InputError("", f"expected the topic {topic}, found {', '.join(sorted(found)) or 'none'}", file=path)
 
     def poses(message: Any) -> FloatArray:
         rows = [
@@ -87,7 +87,7 @@ def load_rosbag(path: str | Path) -> Trajectory:
     numbers = np.asarray(found[CONTACT].data, dtype=np.float64)
     half = len(stamps)
     if not len(found[PUSHER].poses) == half or len(numbers) != 2 * half:
-        raise InputError(f"{path}: expected as many poses of the pusher, segments and contacts as of the slider, {half}")
+        raise InputError("", f"expected as many poses of the pusher, segments and contacts as of the slider, {half}", file=path)
     t = read_only(np.array([s.sec + 1e-9 * s.nanosec for s in stamps]))
     return Trajectory(t, read_only(numbers[:half]), read_only(numbers[half:]), poses(found[SLIDER]), poses(found[PUSHER]))
 

@@ -59,13 +59,13 @@ def sample_plan(
         If the plan is not solved, or not one for this problem.
     """
     if not result.solved:
-        raise InputError(f"plan: expected a solved plan, its status is {result.status}")
+        raise InputError("plan", f"expected a solved plan, its status is {result.status}")
     _require_fit(problem, result)
     hertz = check_number(rate, "rate", positive=True)
     limit = None if acceleration is None else check_number(acceleration, "acceleration", positive=True)
     law = _TimeLaw(problem, result, limit)
     if law.ends[-1] * hertz > _MOST_SAMPLES:
-        raise InputError(f"rate: expected at most {_MOST_SAMPLES} samples in all, at {hertz:g} a second there are more")
+        raise InputError("rate", f"expected at most {_MOST_SAMPLES} samples in all, at {hertz:g} a second there are more")
     pose, begin = problem.start, 0.0
     parts: list[FloatArray] = []
     for number, segment in enumerate(result.segments):
@@ -137,18 +137,20 @@ def _require_fit(problem: PlanningProblem, result: PlanResult) -> None:
     pose = problem.start
     count = len(problem.contacts)
     if not result.segments:
-        raise InputError("segments: expected at least one")
+        raise InputError("segments", "expected at least one")
     for number, segment in enumerate(result.segments):
         place = f"segments[{number}]"
         contacts = (segment.contact,) if isinstance(segment, Push) else (segment.source, segment.target)
         if not all(0 <= c < count for c in contacts):
-            raise InputError(f"{place}: expected contacts from 0 to {count - 1}, got {', '.join(map(str, contacts))}")
+            raise InputError(place, f"expected contacts from 0 to {count - 1}", f"{', '.join(map(str, contacts))}")
         if segment.duration < 0 or (isinstance(segment, Push) and not segment.twist.any()):
-            raise InputError(f"{place}: expected a duration >= 0 and a twist that is not zero")
+            raise InputError(place, "expected a duration >= 0 and a twist that is not zero")
         if isinstance(segment, Push):
             away = np.abs((*(segment.start[:2] - pose[:2]), float(wrap_angle(segment.start[2] - pose[2]))))
             if away.max() > 1e-6:
-                raise InputError(f"{place}.start: expected where the slider stands, {pose.tolist()}: is the plan for this scene?")
+                raise InputError(
+                    f"{place}.start", f"expected where the slider stands, {pose.tolist()}: is the plan for this scene?"
+                )
             pose = segment.end
 
 

@@ -104,11 +104,11 @@ def poke(
         The same for repeats.
     """
     if isinstance(edge, bool) or not isinstance(edge, int | np.integer) or not 0 <= edge < len(slider.vertices):
-        raise InputError(f"edge: expected one from 0 to {len(slider.vertices) - 1}, got {edge!r}")
+        raise InputError("edge", f"expected one from 0 to {len(slider.vertices) - 1}", f"{edge!r}")
     a, b = slider.edge(edge)
     length = float(np.linalg.norm(b - a))
     if not -_END * length <= check_number(along, "along") <= (1 + _END) * length:
-        raise InputError(f"along: expected a place on edge {edge}, from 0 to {length:.6g} m, got {along:.6g}")
+        raise InputError("along", f"expected a place on edge {edge}, from 0 to {length:.6g} m", f"{along:.6g}")
     way, speed = check_number(way, "way", positive=True), check_number(speed, "speed", positive=True)
     tangent = (b - a) / length
     normal = np.array((-tangent[1], tangent[0]))
@@ -118,12 +118,12 @@ def poke(
         direction = check_number(direction, "direction")
         twist, center = np.array((math.cos(direction), math.sin(direction), 0.0)), None
         if twist[0] <= _END:
-            raise InputError(f"direction: expected one towards the slider, within pi/2 of the normal, got {direction:.6g} rad")
+            raise InputError("direction", "expected one towards the slider, within pi/2 of the normal", f"{direction:.6g} rad")
     else:
         twist = twist_from_cor(check_array(cor, "cor", (2,)), sense)
         center = transform_points(docked, np.reshape(cor, (1, 2)))[0]
         if (twist[0] - twist[2] * pusher.fingers[:, 1]).max() <= _END * _fastest(pusher, twist):
-            raise InputError("cor: expected a turn that moves a finger towards the slider")
+            raise InputError("cor", "expected a turn that moves a finger towards the slider")
     twist = twist * (speed / _fastest(pusher, twist))
     time = way / speed
     pieces = [(np.array((speed / 4, 0.0, 0.0)), AWAY / (speed / 4))]
@@ -213,22 +213,22 @@ def random_pushes(
     for name, pair in (("speeds", speeds), ("ways", ways)):
         low, high = (check_number(value, name, positive=True) for value in pair)
         if low > high:
-            raise InputError(f"{name}: expected the smaller number first, got {low:g}, {high:g}")
+            raise InputError(name, "expected the smaller number first", f"{low:g}, {high:g}")
     check_number(field, "field", at_least=0.0)
     if check_number(turning, "turning", at_least=0.0) > 1:
-        raise InputError(f"turning: expected a share from 0 to 1, got {turning:g}")
+        raise InputError("turning", "expected a share from 0 to 1", f"{turning:g}")
     for name, whole in (("count", count), ("groups", groups), ("repeats", repeats)):
         if isinstance(whole, bool) or not isinstance(whole, int | np.integer):
-            raise InputError(f"{name}: expected a whole number, got {whole!r}")
+            raise InputError(name, "expected a whole number", f"{whole!r}")
     if count < 1 or groups < 0 or repeats < 1 or groups * repeats > count:
-        raise InputError(f"count: expected at least groups * repeats = {groups * repeats} pushes, got {count}")
+        raise InputError("count", f"expected at least groups * repeats = {groups * repeats} pushes", count)
     half = float(np.abs(pusher.fingers[:, 1]).max()) + pusher.radius
     ends = [slider.edge(e) for e in range(len(slider.vertices))]
     lengths = np.array([float(np.linalg.norm(b - a)) for a, b in ends])
     room = lengths - 2.2 * half
     room = np.where(room > _END * lengths, room, 0.0)
     if not room.any():
-        raise InputError("pusher: expected one that fits on an edge of the slider")
+        raise InputError("pusher", "expected one that fits on an edge of the slider")
 
     def one(group: str) -> Command:
         edge = int(rng.choice(len(ends), p=room / room.sum()))
@@ -275,21 +275,21 @@ def read_commands(path: str | Path, problem: PlanningProblem, radius: float) -> 
     turning = set(_ROTATIONS) <= set(table)
     if turning == (set(_POKES) <= set(table)):
         raise InputError(
-            f"{path}: line 1: expected the columns {', '.join(_POKES)} of pokes or {', '.join(_ROTATIONS)} of rotations"
+            "line 1", f"expected the columns {', '.join(_POKES)} of pokes or {', '.join(_ROTATIONS)} of rotations", file=path
         )
     known = {*(_ROTATIONS if turning else _POKES), *(("contact",) if turning else ("direction", "way"))}
     for name in table:
         if name not in known | {"x", "y", "theta", "speed", "group"}:
-            raise InputError(f"{path}: line 1: column {name}: not known for {'rotations' if turning else 'pokes'}")
+            raise InputError(f"line 1: column {name}", f"not known for {'rotations' if turning else 'pokes'}", file=path)
     if not lines:
-        raise InputError(f"{path}: expected at least one push")
+        raise InputError("", "expected at least one push", file=path)
     _doubt(table, problem, str(path))
     commands = []
     for row, line in enumerate(lines):
         try:
             commands.append((_rotation if turning else _poke)(table, row, problem, radius))
         except InputError as error:
-            raise InputError(f"{path}: line {line}: {error}") from None
+            raise error.within(f"line {line}", file=path) from None
     return commands
 
 
@@ -326,7 +326,7 @@ def _group(table: dict[str, Column], row: int) -> str:
 def _whole(table: dict[str, Column], name: str, row: int, count: int) -> int:
     value = _cell(table, name, row, 0.0)
     if not value.is_integer() or not 0 <= value < count:
-        raise InputError(f"column {name}: expected a whole number from 0 to {count - 1}, got {value:g}")
+        raise InputError(f"column {name}", f"expected a whole number from 0 to {count - 1}", f"{value:g}")
     return int(value)
 
 

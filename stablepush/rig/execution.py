@@ -112,20 +112,20 @@ def require_contacts(problem: PlanningProblem) -> None:
     outline = shapely.LinearRing(problem.slider.vertices)
     for number, contact in enumerate(problem.contacts):
         if len(contact.points) > 2:
-            raise InputError(f"contacts[{number}]: expected one or two points to simulate, got {len(contact.points)}")
+            raise InputError(f"contacts[{number}]", "expected one or two points to simulate", len(contact.points))
         away = shapely.distance(outline, shapely.points(contact.points))
         if away.max() > _OFF_OUTLINE:
             raise InputError(
-                f"contacts[{number}].points: expected points on the slider's outline, one is {1000 * away.max():.3g} mm away"
+                f"contacts[{number}].points", f"expected points on the slider's outline, one is {1000 * away.max():.3g} mm away"
             )
 
 
 def _require_plan(problem: PlanningProblem, result: PlanResult) -> None:
     require_contacts(problem)
     if not result.solved or not result.pushes:
-        raise InputError(f"plan: expected a solved plan with pushes, its status is {result.status}")
+        raise InputError("plan", f"expected a solved plan with pushes, its status is {result.status}")
     for number, push in enumerate(result.pushes):
         if push.duration <= 0 or not push.twist.any():
-            raise InputError(f"plan: segments: push {number + 1}: expected a duration > 0 s and a twist that is not zero")
+            raise InputError(f"plan: segments: push {number + 1}", "expected a duration > 0 s and a twist that is not zero")
         if not 0 <= push.contact < len(problem.contacts):
-            raise InputError(f"plan: expected contacts from 0 to {len(problem.contacts) - 1}, got {push.contact}")
+            raise InputError("plan", f"expected contacts from 0 to {len(problem.contacts) - 1}", push.contact)

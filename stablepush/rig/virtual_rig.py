@@ -9,7 +9,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import shapely
 
-from stablepush.core import LEAST_POSITIVE, EffectError, FloatArray, InputError, check_number, check_seed, run_parallel
+from stablepush.core import (
+    LEAST_POSITIVE,
+    EffectError,
+    FloatArray,
+    InputError,
+    check_count,
+    check_number,
+    check_seed,
+    run_parallel,
+)
 from stablepush.effects import REFERENCE_SPEED, Effect, principal
 from stablepush.geometry import compose, inverse, transform_points
 from stablepush.io import Noise, PushLog, Rig
@@ -109,33 +118,34 @@ class VirtualRig:
     def __post_init__(self) -> None:
         by_id: dict[str, Effect] = {}
         if not isinstance(self.effects, Sequence):
-            raise EffectError(f"effects: expected a sequence of effects, got {self.effects!r}")
+            raise EffectError("effects", "expected a sequence of effects", f"{self.effects!r}")
         for effect in self.effects:
             if not isinstance(effect, Effect):
-                raise EffectError(f"effects: expected effects, as of parse_effect, got {effect!r}")
+                raise EffectError("effects", "expected effects, as of parse_effect", f"{effect!r}")
             if effect.id in by_id:
-                raise EffectError(f"effects: expected every effect once, {effect.id} is given twice")
+                raise EffectError("effects", f"expected every effect once, {effect.id} is given twice")
             by_id[effect.id] = effect
         object.__setattr__(self, "_by_id", by_id)
         if check_number(self.outliers, "outliers", at_least=0.0) > 1:
-            raise InputError(f"outliers: expected a share from 0 to 1, got {self.outliers:g}")
+            raise InputError("outliers", "expected a share from 0 to 1", f"{self.outliers:g}")
         if check_number(self.scatter, "scatter", at_least=0.0) > 1:
-            raise InputError(f"scatter: expected a share from 0 to 1, got {self.scatter:g}")
+            raise InputError("scatter", "expected a share from 0 to 1", f"{self.scatter:g}")
         if self.noise is not None:
             for name in ("force", "position", "angle"):
                 check_number(getattr(self.noise, name), f"noise.{name}", at_least=0.0)
         if self.pusher.flat and "contact-geometry" in by_id:
-            raise EffectError("effect contact-geometry: expected fingers, a flat edge has no radius")
+            raise EffectError("effect contact-geometry", "expected fingers, a flat edge has no radius")
         check_number(self.mu, "mu", at_least=0.0)
         check_number(self.gravity, "gravity", positive=True)
         if self.step is not None:
             check_number(self.step, "step", positive=True)
         if self.support_friction is not None:
             check_number(self.support_friction, "support_friction", positive=True)
-        if self.surface.force_unit == "mu*N" and (self.support_friction is None or not self.slider.mass):
-            raise InputError(
-                "surface: its forces are in units of mu*N: expected the friction of the support and the slider's mass"
-            )
+        if self.surface.force_unit == "mu*N":
+            if self.support_friction is None:
+                raise InputError("support_friction", "expected one, since the forces of the surface are in units of mu*N")
+            if not self.slider.mass:
+                raise InputError("slider.mass", "expected a mass > 0 in kg, since the forces of the surface are in units of mu*N")
         object.__setattr__(self, "_slope_share", self._pull_share())
         ideal = isinstance(self.surface, IdealLimitSurface)
         object.__setattr__(self, "_points", self.surface if ideal else _as_points(self.surface, self.slider, self._load()))
@@ -146,7 +156,7 @@ class VirtualRig:
         if "tilt" not in self._by_id:
             return 0.0
         if not self.slider.mass:
-            raise EffectError("effect tilt: expected a slider with a mass")
+            raise EffectError("effect tilt", "expected a slider with a mass")
         angles = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
         size = float(np.hypot(*self._pull())) / self._load()
         loads = size * np.stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))), axis=-1)
@@ -155,7 +165,7 @@ class VirtualRig:
         share = float(np.max(self.surface.value(loads))) ** (1 / degree)
         if share >= 1.0:
             raise EffectError(
-                f"effect tilt: slope: expected one on which friction holds the slider, it pulls with {share:.3g} of that"
+                "effect tilt: slope", f"expected one on which friction holds the slider, it pulls with {share:.3g} of that"
             )
         return share
 
@@ -165,13 +175,15 @@ class VirtualRig:
         least = scale * float((1 + transform_points(pose, self.slider.vertices) @ gradient).min())
         if least < _LEAST_FRICTION:
             raise EffectError(
-                f"effects and scatter: expected friction of at least {_LEAST_FRICTION:g} of the nominal one, "
-                f"at x {pose[0]:.3f} m, y {pose[1]:.3f} m it is {least:.3g} of it"
+                "effects and scatter",
+                f"expected friction of at least {_LEAST_FRICTION:g} of the nominal one, "
+                f"at x {pose[0]:.3f} m, y {pose[1]:.3f} m it is {least:.3g} of it",
             )
         if self._slope_share >= least:
             raise EffectError(
-                f"effect tilt: slope: expected one on which friction holds the slider, it pulls with {self._slope_share:.3g} of "
-                f"what the nominal friction holds; {least:.3g} of it is left"
+                "effect tilt: slope",
+                f"expected one on which friction holds the slider, it pulls with {self._slope_share:.3g} of what the nominal "
+                f"friction holds; {least:.3g} of it is left",
             )
 
     def _load(self) -> float:
@@ -231,11 +243,11 @@ class VirtualRig:
         effect = self._by_id["model-capacity"]
         facets, degree = effect.number("facets"), effect.number("degree")
         if (facets is None) == (degree is None):
-            raise EffectError("effect model-capacity: expected either facets or degree")
+            raise EffectError("effect model-capacity", "expected either facets or degree")
         if degree is not None:
             if degree not in _MODELS:
                 raise EffectError(
-                    f"effect model-capacity: degree: expected one of {', '.join(map(str, _MODELS))}, got {degree:g}"
+                    "effect model-capacity: degree", f"expected one of {', '.join(map(str, _MODELS))}", f"{degree:g}"
                 )
             from stablepush.identify import fit_limit_surface
 
@@ -264,7 +276,7 @@ class VirtualRig:
             points = points + offset
             hull = shapely.Polygon(self.slider.vertices).convex_hull
             if not hull.buffer(-LEAST_POSITIVE).contains(shapely.Point(center + offset)):
-                raise EffectError("effect pressure-shift: offset: expected a centre of pressure that stays under the slider")
+                raise EffectError("effect pressure-shift: offset", "expected a centre of pressure that stays under the slider")
         if points is support.points:
             return surface
         try:
@@ -272,7 +284,7 @@ class VirtualRig:
             return IdealLimitSurface(moved, surface.friction_load, surface.characteristic_length)
         except InputError as error:
             # a shift that leaves the slider is refused above
-            raise EffectError(f"effect pressure-spread: scale: {error}") from None
+            raise EffectError("effect pressure-spread: scale", str(error)) from None
 
     def session(self, *, rows: int = 7, seed: int = 0, trials: int | None = None) -> Session:
         """Begin a log: commands are carried out one by one. ``trials``: how many there will be, over which friction drifts."""
@@ -300,8 +312,7 @@ class Session:
     """A log in the making: see :meth:`VirtualRig.session`."""
 
     def __init__(self, rig: VirtualRig, rows: int, seed: int, trials: int | None) -> None:
-        if isinstance(rows, bool) or not isinstance(rows, int | np.integer) or rows < 1:
-            raise InputError(f"rows: expected a whole number >= 1, got {rows!r}")
+        check_count(rows, "rows", most=100_000)
         self._rig, self._rng = rig, np.random.default_rng(check_seed(seed))
         self._book = _log_book(rig, self._rng, rows)
         self._friction = rig.friction
@@ -327,7 +338,7 @@ class Session:
         try:
             return self._push(command)
         except InputError as error:
-            raise type(error)(f"push {len(self._traces) + 1}: {error}") from None
+            raise error.within(f"push {len(self._traces) + 1}") from None
 
     def _push(self, command: Command) -> PushTrace:
         rig = self._rig
@@ -336,12 +347,12 @@ class Session:
         start = command.start
         if start is None:
             if not self._traces:
-                raise InputError("commands: expected the first one to say where the slider starts")
+                raise InputError("commands", "expected the first one to say where the slider starts")
             start = self._traces[-1].poses[-1]
         place, motion = _from_outside(rig.slider, start, pusher, command)
         done = len(self._traces)
         if not any(duration > 0 for _, duration in motion):
-            raise InputError("motion: expected at least one piece that lasts")
+            raise InputError("motion", "expected at least one piece that lasts")
         # more pushes than were foreseen go on with the friction of the last
         share = min(1.0, done / self._last)
         scale = (1 + self._drift * share) * math.exp(rig.scatter * float(self._rng.normal()))
@@ -358,7 +369,7 @@ class Session:
     def done(self) -> Execution:
         """Return the log."""
         if not self._traces:
-            raise InputError("commands: expected at least one push")
+            raise InputError("commands", "expected at least one push")
         log = self._book.log()
         kind = "two-point" if self._two else "point"
         return Execution(PushLog(replace(log.rig, contact_kind=kind), log.trials, log.samples), self._traces, self._pushers)
@@ -451,7 +462,7 @@ def execute_batch(
     """
     results: list[Execution] = []
     if workers is not None and workers < 1:
-        raise InputError(f"workers: expected at least 1, got {workers}")
+        raise InputError("workers", "expected at least 1", workers)
     for result in run_parallel(_execute_job, [(*job, rows) for job in jobs], workers, scheduler=scheduler):
         results.append(result)
         if progress is not None:

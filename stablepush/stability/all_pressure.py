@@ -70,15 +70,15 @@ class _Support:
     def __init__(self, slider: Slider, contact: PushContact, com_tolerance: ArrayLike, length: float | None) -> None:
         hull = slider.support_vertices
         if len(hull) < 3:
-            raise InputError("slider: expected support points that are not all on a line")
+            raise InputError("slider", "expected support points that are not all on a line")
         # pressure lies on the outline itself, which need not be convex; support points may share their load within their hull
         vertices = slider.vertices if slider.support is None else hull
         try:
             tolerance = np.atleast_1d(np.asarray(com_tolerance, dtype=np.float64))
         except (TypeError, ValueError):
-            raise InputError(f"com_tolerance: expected one or two half widths >= 0 in m, got {com_tolerance!r}") from None
+            raise InputError("com_tolerance", "expected one or two half widths >= 0 in m", f"{com_tolerance!r}") from None
         if tolerance.shape not in ((1,), (2,)) or not np.isfinite(tolerance).all() or (tolerance < 0).any():
-            raise InputError(f"com_tolerance: expected one or two half widths >= 0 in m, got {com_tolerance!r}")
+            raise InputError("com_tolerance", "expected one or two half widths >= 0 in m", f"{com_tolerance!r}")
         box = np.broadcast_to(tolerance, (2,))
         self.rho = (
             slider.characteristic_length if length is None else check_number(length, "characteristic_length", positive=True)
@@ -97,7 +97,7 @@ class _Support:
         for z in self.coms:
             height = edges[:, 0] * (z[1] - v[:, 1]) - edges[:, 1] * (z[0] - v[:, 0])
             if (height < 1e-9 * np.linalg.norm(edges, axis=1)).any():
-                raise InputError("slider: expected the centre of mass, with its tolerance, inside the hull of the support")
+                raise InputError("slider", "expected the centre of mass, with its tolerance, inside the hull of the support")
         found = []
         for i in range(1, len(v) - 1):
             corners = v[[0, i, i + 1]]
@@ -110,7 +110,7 @@ class _Support:
     def normalized(self, twists: FloatArray) -> FloatArray:
         v = unit(twists * (1.0, 1.0, self.rho))
         if not v.any(axis=1).all():
-            raise InputError("twists: expected twists that are not zero")
+            raise InputError("twists", "expected twists that are not zero")
         return np.ascontiguousarray(v)
 
     def holds(self, twists: FloatArray, facets: FloatArray, level: float = -CERTIFICATE_TOLERANCE) -> BoolArray:
@@ -169,9 +169,9 @@ def all_pressure_region(
         try:
             low, high = mu
         except (TypeError, ValueError):
-            raise InputError(f"mu: expected an interval of two numbers, got {mu!r}") from None
+            raise InputError("mu", "expected an interval of two numbers", f"{mu!r}") from None
         if check_number(low, "mu", at_least=0.0) > check_number(high, "mu", at_least=0.0):
-            raise InputError(f"mu: expected the lower end first, got {mu!r}")
+            raise InputError("mu", "expected the lower end first", f"{mu!r}")
         contact = PushContact(contact.points, contact.normals, low)
     support = _Support(slider, contact, com_tolerance, characteristic_length)
     extent = EXTENT_RADII * max(slider.radius, contact.radius)
@@ -218,7 +218,7 @@ def worst_pressure(
     v = support.normalized(check_array(twist, "twist", (3,))[None])[0]
     if len(support.facets) == 0:
         raise InputError(
-            "contact: expected a wrench cone with facets; these contacts balance every load, and nothing breaks them"
+            "contact", "expected a wrench cone with facets; these contacts balance every load, and nothing breaks them"
         )
     best: tuple[float, float, FloatArray, FloatArray, FloatArray] | None = None
     for facet in support.facets:

@@ -95,22 +95,23 @@ def rank_contacts(
         Called with the number of contacts done and planned.
     """
     if measure not in MEASURES:
-        raise InputError(f"measure: expected one of {', '.join(MEASURES)}, got {measure!r}")
+        raise InputError("measure", f"expected one of {', '.join(MEASURES)}", f"{measure!r}")
     if surface is None and measure == "margin":
-        raise InputError("measure: expected area or tightest-turn; without a surface there is no margin")
+        raise InputError("measure", "expected area or tightest-turn; without a surface there is no margin")
     check_count(places, "places", most=1000)
+    check_number(mu, "mu", positive=True)
     radius = 3 * slider.radius if turn_radius is None else check_number(turn_radius, "turn_radius", positive=True)
     lengths = [float(np.linalg.norm(np.subtract(*slider.edge(i)))) for i in range(len(slider.vertices))]
     spacings = np.array((0.25, 0.5, 0.75)) * min(lengths)
     if widths is not None:
         spacings = np.unique(check_array(np.atleast_1d(np.asarray(widths, dtype=object)).tolist(), "widths", (None,)))
         if not len(spacings) or (spacings < LEAST_POSITIVE).any():
-            raise InputError(f"widths: expected distances > 0 in m, got {widths!r}")
+            raise InputError("widths", "expected distances > 0 in m", f"{widths!r}")
     chosen = list(range(len(lengths)))
     if edges is not None:
         given = np.atleast_1d(np.asarray(edges, dtype=object)).tolist()
         if not given or not all(isinstance(e, (int, np.integer)) and not isinstance(e, bool) for e in given):
-            raise InputError(f"edges: expected numbers of edges, got {edges!r}")
+            raise InputError("edges", "expected numbers of edges", f"{edges!r}")
         chosen = sorted({int(edge) for edge in given})
     settings = []
     for edge in chosen:
@@ -124,7 +125,7 @@ def rank_contacts(
                 # fingers on both ends of the edge: one place
                 settings.append((edge, lengths[edge] / 2, min(float(width), lengths[edge])))
     if not settings:
-        raise InputError(f"widths: expected fingers that fit on an edge, the longest is {max(lengths):g} m")
+        raise InputError("widths", f"expected fingers that fit on an edge, the longest is {max(lengths):g} m")
     found = []
     for done, (edge, center, width) in enumerate(settings):
         contact = PushContact.on_edge(slider, edge, center, width, mu)

@@ -74,7 +74,7 @@ def chance_region(surface: LimitSurface, contact: PushContact, probability: floa
     """
     level = check_number(probability, "probability")
     if not 0 < level <= 1:
-        raise InputError(f"probability: expected a number above 0 and up to 1, got {probability!r}")
+        raise InputError("probability", "expected a number above 0 and up to 1", f"{probability!r}")
     regions = _member_regions(surface, contact)
     needed = max(1, int(np.ceil(level * len(regions) - _SLACK)))
     oracle = StabilityOracle(surface, contact)
@@ -101,7 +101,7 @@ def chance_region(surface: LimitSurface, contact: PushContact, probability: floa
 def _member_regions(surface: LimitSurface, contact: PushContact) -> list[StableRegion]:
     members = ensemble_of(surface)
     if not members:
-        raise InputError("surface: expected one with an ensemble, as a convex fit gives it")
+        raise InputError("surface", "expected one with an ensemble, as a convex fit gives it")
     return [stable_region(member, contact) for member in members]
 
 

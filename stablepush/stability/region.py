@@ -111,7 +111,7 @@ class StableRegion:
         """Return whether body twists (..., 3) lie in the region; translations are twists like any other."""
         v = check_vectors(twists, "twists", 3)
         if not v.any(axis=-1).all():
-            raise InputError("twists: expected twists that are not zero")
+            raise InputError("twists", "expected twists that are not zero")
         return np.asarray(self._accepts(v.reshape(-1, 3)).reshape(v.shape[:-1]))
 
     def contains(self, cors: ArrayLike, sense: ArrayLike) -> BoolArray:
@@ -122,7 +122,7 @@ class StableRegion:
             if isinstance(error, InputError):
                 raise
             raise InputError(
-                f"cors, sense: expected shapes that go together, got {np.shape(cors)} and {np.shape(sense)}"
+                "cors, sense", "expected shapes that go together", f"{np.shape(cors)} and {np.shape(sense)}"
             ) from None
         return self.contains_twists(twists)
 
@@ -187,7 +187,7 @@ class StableRegion:
 def _one_sense(sense: int) -> int:
     signs = check_sense(sense)
     if signs.ndim:
-        raise InputError("sense: expected one sense, +1 or -1")
+        raise InputError("sense", "expected one sense, +1 or -1")
     return int(signs)
 
 
@@ -217,8 +217,9 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
     """
     if isinstance(surface, GaussianProcessSurface):
         raise InputError(
-            "surface: expected a limit surface; the slip and the loads of a Gaussian process do not agree, so it has no stable "
-            "region (ask StabilityOracle about single motions)"
+            "surface",
+            "expected a limit surface; the slip and the loads of a Gaussian process do not agree, "
+            "so it has no stable region (ask StabilityOracle about single motions)",
         )
     # a surface on which motions have no load is refused here, too, though its boundary needs none
     surface.wrench(np.eye(3))

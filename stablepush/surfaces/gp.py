@@ -29,7 +29,7 @@ class KernelSum:
         x = check_array(inputs, "inputs", (None, 3))
         c = check_array(coefficients, "coefficients", (None, None))
         if len(x) != len(c) or not len(x):
-            raise InputError(f"coefficients: expected {len(x)} rows, one an input, got {len(c)}")
+            raise InputError("coefficients", f"expected {len(x)} rows, one an input", len(c))
         object.__setattr__(self, "inputs", read_only(x))
         object.__setattr__(self, "coefficients", read_only(c))
         object.__setattr__(self, "length", check_number(length, "length", positive=True))
@@ -68,7 +68,7 @@ class GaussianProcessSurface:
     ) -> None:
         for name, kernel, width in (("slip", slip, 3), ("log_size", log_size, 1), ("load", load, 3)):
             if kernel.coefficients.shape[1] != width:
-                raise InputError(f"{name}: expected {width} coefficients an input, got {kernel.coefficients.shape[1]}")
+                raise InputError(name, f"expected {width} coefficients an input", f"{kernel.coefficients.shape[1]}")
         object.__setattr__(self, "slip", slip)
         object.__setattr__(self, "log_size", log_size)
         object.__setattr__(self, "load", load)
@@ -94,14 +94,14 @@ class GaussianProcessSurface:
         """Return the slip twists (..., 3) of wrenches (..., 3), of unit length in ``(vx, vy, rho*omega)``."""
         f = unit(normalize_wrench(check_vectors(wrenches, "wrenches", 3), self.characteristic_length))
         if not f.any(axis=-1).all():
-            raise InputError("wrenches: expected wrenches that are not zero")
+            raise InputError("wrenches", "expected wrenches that are not zero")
         return unit(_nonzero(self.slip(f), "wrenches")) / (1.0, 1.0, self.characteristic_length)
 
     def wrench(self, twists: ArrayLike) -> FloatArray:
         """Return the loads (..., 3) of twists (..., 3)."""
         v = unit(normalize_twist(check_vectors(twists, "twists", 3), self.characteristic_length))
         if not v.any(axis=-1).all():
-            raise InputError("twists: expected twists that are not zero")
+            raise InputError("twists", "expected twists that are not zero")
         return np.asarray(_nonzero(self.load(v), "twists") * (1.0, 1.0, self.characteristic_length))
 
 

@@ -44,7 +44,7 @@ class IdealLimitSurface:
         loaded = support.points[support.weights >= _LEAST_SHARE]
         least = max(LEAST_POSITIVE, 2 * _COINCIDENT * check_number(rho, "characteristic_length", at_least=0.0))
         if float(np.linalg.norm(loaded - loaded[0], axis=1).max()) < least:
-            raise InputError(f"support: expected at least two different points that carry load, got all of it within {least:g} m")
+            raise InputError("support", "expected at least two different points that carry load", f"all of it within {least:g} m")
         object.__setattr__(self, "support", support)
         object.__setattr__(self, "friction_load", check_number(friction_load, "friction_load", positive=True))
         object.__setattr__(self, "characteristic_length", check_number(rho, "characteristic_length", positive=True))
@@ -67,7 +67,7 @@ class IdealLimitSurface:
         v = normalize_twist(check_vectors(twists, "twists", 3), rho)
         flat = np.ascontiguousarray(unit(v).reshape(-1, 3))
         if not flat.any(axis=1).all():
-            raise InputError("twists: expected twists that are not zero")
+            raise InputError("twists", "expected twists that are not zero")
         result = np.empty_like(flat)
         sum_loads(np.ascontiguousarray(self.support.points / rho), self.loads, flat, result)
         result[:, 2] *= rho
@@ -87,7 +87,7 @@ class IdealLimitSurface:
         """Return the slip twists (..., 3) ``argmax F·V/h(V)`` of wrenches (..., 3), of unit length in ``(vx, vy, rho*omega)``."""
         f = unit(normalize_wrench(check_vectors(wrenches, "wrenches", 3), self.characteristic_length))
         if not f.any(axis=-1).all():
-            raise InputError("wrenches: expected wrenches that are not zero")
+            raise InputError("wrenches", "expected wrenches that are not zero")
         slip, _ = self._slip(f.reshape(-1, 3))
         return (unit(slip) / (1.0, 1.0, self.characteristic_length)).reshape(f.shape)
 

@@ -20,7 +20,7 @@ UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 def monomial_exponents(degree: int) -> NDArray[np.int64]:
     """Return the exponents (m, 3) of all monomials of three variables of the given degree, in the library's order."""
     if degree < 0:
-        raise InputError(f"degree: expected a number >= 0, got {degree}")
+        raise InputError("degree", "expected a number >= 0", degree)
     return _exponents(degree).copy()
 
 

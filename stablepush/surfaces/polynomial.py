@@ -81,30 +81,30 @@ class PolynomialLimitSurface:
         provenance: Mapping[str, Any] | None = None,
     ) -> None:
         if degree not in (2, 4, 6, 8, 10):
-            raise InputError(f"degree: expected an even number from 2 to 10, got {degree}")
+            raise InputError("degree", "expected an even number from 2 to 10", degree)
         exponents = monomial_exponents(degree)
         a = check_vectors(coefficients, "coefficients", len(exponents))
         if a.ndim != 1:
-            raise InputError(f"coefficients: expected shape ({len(exponents)},), got {a.shape}")
+            raise InputError("coefficients", f"expected shape ({len(exponents)},)", f"{a.shape}")
         if not a.any():
-            raise InputError("coefficients: expected at least one that is not zero")
+            raise InputError("coefficients", "expected at least one that is not zero")
         _check_size(a, degree, "coefficients")
         if force_unit not in FORCE_UNITS:
-            raise InputError(f"force_unit: expected one of {', '.join(FORCE_UNITS)}, got {force_unit!r}")
+            raise InputError("force_unit", f"expected one of {', '.join(FORCE_UNITS)}", f"{force_unit!r}")
         if covariance is not None:
             covariance = check_vectors(covariance, "covariance", len(a))
             if covariance.shape != (len(a), len(a)):
-                raise InputError(f"covariance: expected shape ({len(a)}, {len(a)}), got {covariance.shape}")
+                raise InputError("covariance", f"expected shape ({len(a)}, {len(a)})", f"{covariance.shape}")
             covariance = read_only(covariance)
         if ensemble is not None:
             ensemble = check_vectors(ensemble, "ensemble", len(a))
             if ensemble.ndim != 2 or not len(ensemble):
-                raise InputError(f"ensemble: expected shape (n, {len(a)}), got {ensemble.shape}")
+                raise InputError("ensemble", f"expected shape (n, {len(a)})", f"{ensemble.shape}")
             for i, row in enumerate(ensemble):
                 _check_size(row, degree, f"ensemble: row {i}")
             bent = np.flatnonzero(_bent(ensemble, degree))
             if len(bent):
-                raise InputError(f"ensemble: expected convex surfaces, row {bent[0]} is not")
+                raise InputError("ensemble", f"expected convex surfaces, row {bent[0]} is not")
             ensemble = read_only(ensemble)
         rho = check_number(characteristic_length, "characteristic_length", positive=True)
         object.__setattr__(self, "coefficients", read_only(a))
@@ -156,7 +156,7 @@ class PolynomialLimitSurface:
 
         f = unit(self._normalized(wrenches))
         if not f.any(axis=-1).all():
-            raise InputError("wrenches: expected wrenches that are not zero")
+            raise InputError("wrenches", "expected wrenches that are not zero")
         slip = np.empty_like(f)
         exponents = monomial_exponents(self.degree - 1)
         unit_gradients(self._gradient, exponents, np.ascontiguousarray(f.reshape(-1, 3)), slip.reshape(-1, 3))
@@ -174,7 +174,7 @@ class PolynomialLimitSurface:
         v = check_vectors(twists, "twists", 3)
         flat = np.ascontiguousarray(v.reshape(-1, 3))
         if not flat.any(axis=1).all():
-            raise InputError("twists: expected twists that are not zero")
+            raise InputError("twists", "expected twists that are not zero")
         # H along the axes sets the scale: coefficients of newtons and of kilonewtons run the same iterations
         pure = self.coefficients[(self.exponents == self.degree).any(axis=1)]
         if not (pure > 0).all():
@@ -202,7 +202,7 @@ def _check_size(coefficients: FloatArray, degree: int, name: str) -> None:
     """Refuse surfaces whose loads cannot be told from zero, or from a slip of units."""
     low, high, largest = LARGEST_MAGNITUDE**-degree, LEAST_POSITIVE**-degree, np.abs(coefficients).max()
     if not low <= largest <= high:
-        raise InputError(f"{name}: expected the largest to be from {low:g} to {high:g}, got {largest:g}")
+        raise InputError(name, f"expected the largest to be from {low:g} to {high:g}", f"{largest:g}")
 
 
 def _bent(coefficients: FloatArray, degree: int) -> NDArray[np.bool_]:

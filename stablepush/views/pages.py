@@ -112,7 +112,7 @@ def surface_html(
     scale = (1.0, 1.0, rho)
     loads, motions = np.reshape(wrenches, (-1, 3)).astype(np.float64), np.reshape(twists, (-1, 3)).astype(np.float64)
     if loads.shape != motions.shape:
-        raise InputError(f"wrenches, twists: expected as many of one as of the other, got {len(loads)} and {len(motions)}")
+        raise InputError("wrenches, twists", "expected as many of one as of the other", f"{len(loads)} and {len(motions)}")
     latitude, longitude = np.linspace(-np.pi / 2, np.pi / 2, _LATITUDES), np.linspace(0, 2 * np.pi, _LONGITUDES, endpoint=False)
     up, around = np.meshgrid(latitude, longitude, indexing="ij")
     rays = np.stack((np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)), axis=-1)
@@ -165,7 +165,7 @@ def region_html(
         degrees = np.degrees(oracle.margin(twist_from_cor(centers, sense)))
         margins[str(sense)] = [[round(float(v), 2) for v in row] for row in degrees]
     if not regions:
-        raise InputError("regions: expected at least one")
+        raise InputError("regions", "expected at least one")
     entries = []
     for region in regions:
         rings = {}

@@ -30,7 +30,7 @@ def factor(matrix):
 @pytest.fixture(scope="module")
 def cluster():
     distributed = pytest.importorskip("dask.distributed")
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as found:
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as found:
         yield found.scheduler_address
 
 

@@ -173,7 +173,7 @@ def test_finer_tolerance_changes_nothing_that_counts(monkeypatch):
         ({"surface": sp.PolynomialLimitSurface([1, 0, 0, 1, 0, 1], 2, 0.05, force_unit="mu*N")}, "mu: expected the friction"),
         (
             {"surface": sp.PolynomialLimitSurface([1, 0, 0, 1, 0, 1], 2, 0.05, force_unit="mu*N"), "mu": 1e-320},
-            "in a time that numbers hold, got inf s",
+            "mu: expected 0 or at least 1e-09",
         ),
         ({"twist": (1, math.nan, 0)}, "twist"),
         ({"duration": -1.0}, "duration"),

@@ -92,14 +92,14 @@ def find_sources(path: str | Path, kind: str | None = None) -> list[Source]:
     """Return the raw logs that a file, a folder or a whole clone holds, ordered by path, with distinct names."""
     root = Path(path)
     if kind is not None and kind not in KINDS:
-        raise InputError(f"--kind: expected {' or '.join(KINDS)}, got {kind!r}")
+        raise InputError("--kind", f"expected {' or '.join(KINDS)}", f"{kind!r}")
     if not root.exists():
-        raise InputError(f"{root}: cannot read: no such file or folder")
+        raise InputError("", "cannot read: no such file or folder", file=root)
     files = [root] if root.is_file() else sorted(root.rglob("*.txt"))
     found = [(k, f) for f in files if (k := _kind_of(f, f == root)) and kind in (None, k)]
     if not found:
         wanted = kind or " or ".join(KINDS)
-        raise InputError(f"{root}: expected a raw log of kind {wanted}, found none")
+        raise InputError("", f"expected a raw log of kind {wanted}, found none", file=root)
     sources = [_name_source(k, f) for k, f in found]
     names = [s.name for s in sources]
     return [
@@ -126,7 +126,7 @@ def import_source(source: Source, slider: Slider | None = None) -> tuple[PushLog
         trials, samples, more = _rotation_tables(pushes, read_actions(_actions_file(source.file)))
     notes += more
     if not trials["trial"]:
-        raise InputError(f"{source.file}: expected at least one usable push")
+        raise InputError("", "expected at least one usable push", file=source.file)
     return PushLog(rig, trials, samples), [f"{source.file}: {note}" for note in notes]
 
 
@@ -232,7 +232,7 @@ def read_raw(file: Path) -> tuple[list[RawPush], list[str]]:
     except StopIteration:
         notes.append(f"declares {int(declared[0])} pushes and ends after {len(pushes)}")
     if not pushes:
-        raise InputError(f"{file}: expected at least one whole record")
+        raise InputError("", "expected at least one whole record", file=file)
     return pushes, notes
 
 
@@ -245,12 +245,12 @@ def read_actions(file: Path) -> list[Action]:
         for _ in range(int(count[0])):
             number, kind = next(lines)
             if kind != "TwoPointRotation":
-                raise InputError(f"{file}: line {number}: expected TwoPointRotation, got {kind[:40]!r}")
+                raise InputError(f"line {number}", "expected TwoPointRotation", f"{kind[:40]!r}", file=file)
             point, cor, normal = (_numbers(next(lines), file, 3)[1] for _ in range(3))
             angle, approach = _numbers(next(lines), file, 2)[1]
             actions.append(Action(point[:2] / 1000, cor[:2] / 1000, normal[:2], math.radians(angle), approach / 1000))
     except StopIteration:
-        raise InputError(f"{file}: expected {int(count[0])} actions, the file ends in number {len(actions) + 1}") from None
+        raise InputError("", f"expected {int(count[0])} actions, the file ends in number {len(actions) + 1}", file=file) from None
     return actions
 
 
@@ -260,7 +260,7 @@ def _lines(file: Path) -> Iterator[tuple[int, str]]:
     kept = ((n, line) for n, line in lines if line)
     first = next(kept, None)
     if first is None:
-        raise InputError(f"{file}: line 1: expected the number of pushes, the file is empty")
+        raise InputError("line 1", "expected the number of pushes, the file is empty", file=file)
     yield first
     yield from kept
 
@@ -273,13 +273,13 @@ def _numbers(line: tuple[int, str], file: Path, count: int) -> tuple[int, FloatA
     except ValueError:
         values = np.full(1, np.nan)
     if len(cells) != count or not np.isfinite(values).all():
-        raise InputError(f"{file}: line {number}: expected {count} finite number{'s' * (count > 1)}, got {text[:60]!r}")
+        raise InputError(f"line {number}", f"expected {count} finite number{'s' * (count > 1)}", f"{text[:60]!r}", file=file)
     if count in _LIMITED and np.abs(values[_LIMITED[count]]).max() > LARGEST_MAGNITUDE:
-        raise InputError(f"{file}: line {number}: expected magnitudes of at most {LARGEST_MAGNITUDE:g}, got {text[:60]!r}")
+        raise InputError(f"line {number}", f"expected magnitudes of at most {LARGEST_MAGNITUDE:g}", f"{text[:60]!r}", file=file)
     if count == _ROBOT_ROW and not 0.5 < np.linalg.norm(values[4:]) < 2.0:
-        raise InputError(f"{file}: line {number}: expected a quaternion in the last four numbers, got {text[:60]!r}")
+        raise InputError(f"line {number}", "expected a quaternion in the last four numbers", f"{text[:60]!r}", file=file)
     if count == 1 and (values[0] < 0 or values[0] != int(values[0])):
-        raise InputError(f"{file}: line {number}: expected a count, got {text[:60]!r}")
+        raise InputError(f"line {number}", "expected a count", f"{text[:60]!r}", file=file)
     return number, values
 
 

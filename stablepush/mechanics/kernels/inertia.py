@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stablepush.core import FloatArray, InputError, check_number
+from stablepush.core import FloatArray, InputError, check_number, check_zero_or_positive
 from stablepush.objects import Slider
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
@@ -19,16 +19,18 @@ class Body:
 
     def __init__(self, surface: LimitSurface, slider: Slider, mu: float | None, gravity: float) -> None:
         if slider.mass is None or slider.mass <= 0:
-            raise InputError("slider.mass: expected a mass > 0 in kg, which free sliding needs")
+            raise InputError("slider.mass", "expected a mass > 0 in kg, which free sliding needs")
         check_number(gravity, "gravity", positive=True)
         self.surface, self.mass = surface, slider.mass
         self.inertia = slider.mass * slider.radius_of_gyration**2
         self.roots = np.sqrt((self.mass, self.mass, self.inertia))
         self.load = 1.0
+        if mu is not None:
+            check_zero_or_positive(mu, "mu")
         if surface.force_unit == "mu*N":
             if mu is None:
-                raise InputError("mu: expected the friction of the support, since the forces of the model are in units of mu*N")
-            self.load = check_number(mu, "mu", at_least=0.0) * self.mass * gravity
+                raise InputError("mu", "expected the friction of the support, since the forces of the model are in units of mu*N")
+            self.load = mu * self.mass * gravity
         self.points = self.loads = np.zeros((0, 2))
         if isinstance(surface, IdealLimitSurface):
             self.points, self.loads = surface.support.points, surface.loads

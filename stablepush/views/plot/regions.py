@@ -87,7 +87,7 @@ def plot_twist_sphere(regions: Sequence[StableRegion], title: str = "Stable moti
 
     lengths = sorted({region.characteristic_length for region in regions})
     if len(lengths) != 1:
-        raise InputError(f"regions: expected at least one, all of one characteristic length, got {lengths}")
+        raise InputError("regions", "expected at least one, all of one characteristic length", lengths)
     figure = Figure(figsize=(10.5, 6.2), layout="compressed")
     FigureCanvasAgg(figure)
     for axes, (sense, word, color) in zip(figure.subplots(1, 2), SENSES, strict=True):
@@ -176,9 +176,9 @@ def plot_margins(
 def plot_contacts(slider: Slider, ranked: Sequence[RankedContact], measure: str = "area", title: str | None = None) -> Figure:
     """Draw ranked contacts along the edges of a slider, one row of dots for each spacing of the fingers, and the best of them."""
     if measure not in MEASURES:
-        raise InputError(f"measure: expected one of {', '.join(MEASURES)}, got {measure!r}")
+        raise InputError("measure", f"expected one of {', '.join(MEASURES)}", f"{measure!r}")
     if not ranked:
-        raise InputError("ranked: expected at least one contact")
+        raise InputError("ranked", "expected at least one contact")
     factor, unit_name = {"area": (1.0, "sr"), "tightest-turn": (1e3, "mm"), "margin": (180 / np.pi, "deg")}[measure]
     attribute = MEASURES[measure][0]
     values = factor * np.array([getattr(contact, attribute) for contact in ranked], dtype=float)
