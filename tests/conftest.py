@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 import stablepush as sp
 from stablepush.effects.catalogue import CATALOGUE, parse_effect
@@ -16,6 +17,10 @@ from stablepush.effects.catalogue import CATALOGUE, parse_effect
 RHO = 0.05
 SQUARE = sp.Slider(((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)))
 SQUARE_PUSH = sp.PushContact(((-0.25, -0.5), (0.25, -0.5)), (0, 1), 0.5)
+
+# tests assert no times: the first call of a compiled function takes long
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
 
 LAB_DATA = Path(__file__).parents[2] / "shared" / "data"
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stablepush.core import FloatArray, compiled, inner
-from stablepush.geometry.kernels import way_of
+from stablepush.geometry.kernels import exp_of
 from stablepush.planning.kernels import push_is_free
 from stablepush_planners.dubins import CURVATURES, dubins_lengths
 
@@ -36,7 +36,7 @@ def turn_twist(frame, curvature):  # type: ignore[no-untyped-def]
 @compiled
 def moved(x, y, theta, vx, vy, omega, duration):  # type: ignore[no-untyped-def]
     """Pose after a body twist is followed for a time."""
-    dx, dy, angle = way_of(vx, vy, omega, duration)
+    dx, dy, angle = exp_of(vx, vy, omega, duration)
     c, s = math.cos(theta), math.sin(theta)
     return x + c * dx - s * dy, y + s * dx + c * dy, theta + angle
 

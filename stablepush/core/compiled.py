@@ -31,6 +31,11 @@ def inner(function: Callable[..., Any]) -> Callable[..., Any]:
     return _kept(njit(no_cpython_wrapper=True, **_OPTIONS)(function))  # type: ignore[no-any-return]
 
 
+def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function of compiled code into each of its callers: what is a constant there unrolls its loops."""
+    return njit(no_cpython_wrapper=True, inline="always", **_OPTIONS)(function)  # type: ignore[no-any-return]
+
+
 def _kept(dispatcher: Any) -> Any:
     if hasattr(dispatcher, "_cache"):  # not if compiling is turned off
         # numba found neither the package nor the user's cache folder writable: no code is kept then

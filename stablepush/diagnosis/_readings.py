@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 from stablepush.core import compiled, inner
-
-#: Speeds (m/s) below which friction depends on speed no more.
-SLOWEST = 1e-5
+from stablepush.geometry.kernels import exp_of
+from stablepush.mechanics.kernels import share_at_place, share_at_speed
 
 
 @inner
@@ -38,11 +37,7 @@ def read(points, center, inertia, weight, reference, order, pose, twist, acceler
         delay = theta[19]
         if delay != 0.0:
             # where the slider is now, from the pose and the motion of a little before
-            turn = w * delay
-            half = turn / 2
-            shrink = math.sin(half) / half if abs(half) > 1e-12 else 1.0
-            ca, sa = shrink * math.cos(half), shrink * math.sin(half)
-            dx, dy = delay * (ca * vx - sa * vy), delay * (sa * vx + ca * vy)
+            dx, dy, turn = exp_of(vx, vy, w, delay)
             x, y, angle = x + c * dx - s * dy, y + s * dx + c * dy, angle + turn
             c, s = math.cos(angle), math.sin(angle)
             vx, vy, w = vx + delay * acceleration[i, 0], vy + delay * acceleration[i, 1], w + delay * acceleration[i, 2]
@@ -69,9 +64,9 @@ def read(points, center, inertia, weight, reference, order, pose, twist, acceler
                 ex, ey = _direction(ex, ey, 1.0, 0.0, theta[2], theta[3])
             share = scale
             if theta[4] != 0.0:
-                share *= 1.0 + theta[4] * math.log(max(speed, SLOWEST) / reference)
+                share *= share_at_speed(speed, theta[4], reference)
             if theta[5] != 0.0 or theta[6] != 0.0:
-                share *= 1.0 + theta[5] * (x + c * px - s * py) + theta[6] * (y + s * px + c * py)
+                share *= share_at_place(x + c * px - s * py, y + s * px + c * py, theta[5], theta[6])
             ex, ey = share * ex, share * ey
             if split:
                 matrix[i, 0, k], matrix[i, 1, k], matrix[i, 2, k] = ex, ey, px * ey - py * ex

@@ -51,7 +51,7 @@ def loads_of(system: System) -> Candidates:
     them."""
     entries, inward, o = _straight(system)
     model = ForwardModel(o, system.points, system.weight, system.rig.slider.radius_of_gyration**2, system.center)
-    noise = system.noise.force * np.array((1.0, 1.0, system.moment_noise))
+    noise = np.array((system.noise.force, system.noise.force, system.noise.moment))
     seen = any(len(rows) for _, rows in system.gap_rows)
 
     def readings(id: str, fitted: Fitted, step: FloatArray) -> FloatArray:

@@ -46,6 +46,9 @@ SMALL: Mapping[str, float] = {
     "latency": 5e-3,
 }
 
+#: Speed (m/s) below which points have friction in proportion to their speed.
+_CREEP = 1e-9
+
 Values = Mapping[str, FloatArray]
 
 
@@ -104,16 +107,14 @@ class ForwardModel:
 
     def motion_slopes(self, loads: FloatArray) -> FloatArray:
         """Return ``dF/dV`` (n, 3, 3) at the measured motions, by differences: how noise of the motion reaches the prediction."""
-        o = self._o
-        p = self._points
+        from stablepush.surfaces.kernels import sum_loads
+
+        o, p, m = self._o, self._points, np.ascontiguousarray(loads)
         result = np.zeros((len(o.twist), 3, 3))
 
         def load(twist: FloatArray) -> FloatArray:
-            vx = twist[:, None, 0] - twist[:, None, 2] * p[:, 1]
-            vy = twist[:, None, 1] + twist[:, None, 2] * p[:, 0]
-            share = loads / np.sqrt(vx**2 + vy**2 + 1e-18)
-            fx, fy = share * vx, share * vy
-            return np.stack((fx.sum(1), fy.sum(1), (p[:, 0] * fy - p[:, 1] * fx).sum(1)), axis=-1)
+            sum_loads(p, m, np.ascontiguousarray(twist), _CREEP, 0.0, wrenches := np.empty_like(twist))
+            return wrenches
 
         size = np.maximum(np.linalg.norm(o.twist[:, :2], axis=1), 1e-6)
         length = max(1e-3, float(np.sqrt((p**2).sum(axis=1).mean())))

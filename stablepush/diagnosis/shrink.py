@@ -182,7 +182,7 @@ def wrench_floor(system: System) -> float:
     """
     scale = np.array((1.0, 1.0, 1.0 / system.rho))
     rows = (np.einsum("nii->ni", system.covariance) * scale**2).sum(axis=1)
-    force = system.noise.force**2 * (2 + (system.moment_noise / system.rho) ** 2)
+    force = 2 * system.noise.force**2 + (system.noise.moment / system.rho) ** 2
     motion = np.maximum(rows - force, 0.0)
     loads = np.abs(system.nominal)
     most = max(float(loads.max()), _SMOOTH * float(loads.sum())) ** 2 + 1e-30
@@ -239,12 +239,12 @@ def _twist_floor(system: System, fold: _Fold, rows: np.ndarray) -> FloatArray:
     """Mean squared angles of rows that noise of forces and motion alone would leave."""
     rng = np.random.default_rng(0)
     clean = system.model.predict(fold.loads["after"], {})[rows]
-    force = system.noise.force
+    noise = np.array((system.noise.force, system.noise.force, system.noise.moment))
     scale = np.array((1.0, 1.0, system.rho))
     motion = system.observations.twist[rows]
     total = np.zeros(len(clean))
     for _ in range(_DRAWS):
-        load = clean + force * rng.normal(size=clean.shape) * (1.0, 1.0, system.moment_noise)
+        load = clean + noise * rng.normal(size=clean.shape)
         moved = motion + system.motion_noise[rows] * rng.normal(size=motion.shape)
         total += np.nan_to_num(angle_between(_twists(fold.surfaces["after"], load) * scale, moved * scale)) ** 2
     return total / _DRAWS

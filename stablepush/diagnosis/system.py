@@ -27,8 +27,8 @@ from stablepush.surfaces import IdealLimitSurface
 _CELLS = 5
 #: Prior standard deviation of a load over the total, and of the scale of the nominal loads over one.
 _SPREAD, _SCALE = 0.15, 1.0
-#: Noise of the moment (N·m per N), and noise of rigs that say nothing of it: share of the median force, m, rad.
-_MOMENT, _FORCE, _POSITION, _ANGLE = 0.02, 0.02, 2e-4, 3e-3
+#: Noise of rigs that say nothing of it: share of the median force, m, rad.
+_FORCE, _POSITION, _ANGLE = 0.02, 2e-4, 3e-3
 #: Acceleration that rows with means over parts of a push leave uncertain: share of what its differences to either side differ by,
 #: and of itself.
 _UNSTEADY = (0.25, 0.3)
@@ -79,7 +79,6 @@ class System(Equations):
         self.model = ForwardModel(o, self.points, self.weight, slider.radius_of_gyration**2, self.center)
         self.noise = _noise(rig, o, noisier)
         self._w = np.zeros((len(o.time), 3, 3))
-        self.moment_noise = _MOMENT
         total = (rig.support_friction or 0.0) * self.weight
         if self.has_wrench:
             unit, _ = self.model.matrix({})
@@ -107,7 +106,7 @@ class System(Equations):
         self.motion_noise = spread = np.array((noise.position, noise.position, noise.angle)) / o.span[:, None]
         slopes = self.model.motion_slopes(loads) * spread[:, None, :]
         covariance = slopes @ slopes.transpose(0, 2, 1)
-        covariance += np.diag((noise.force**2, noise.force**2, (_MOMENT * noise.force) ** 2))
+        covariance += np.diag((noise.force**2, noise.force**2, noise.moment**2))
         # a support point that all but rests may have friction in any direction: the motion does not tell
         for point, load in zip(self.points, loads, strict=True):
             if load == 0.0:

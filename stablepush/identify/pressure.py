@@ -169,7 +169,7 @@ class PressureSampler:
 
     def _tilted(self, points: FloatArray, raw: FloatArray, active: np.ndarray, center: FloatArray) -> _State:
         """Return draws whose shares ``q ∝ raw exp(λ·x)`` have the mean ``center``."""
-        from stablepush.surfaces.kernels import tilt_shares
+        from stablepush.identify.kernels.pressure_draws import tilt_shares
 
         shares, good = np.empty(active.shape), np.empty(len(points), dtype=bool)
         scaled, scaled_center = points / self._radius, np.ascontiguousarray(center / self._radius)
@@ -222,7 +222,7 @@ def _fit_scale(predicted: FloatArray, loads: FloatArray) -> tuple[FloatArray, Fl
 
     The likelihood of a pair is the mean over the q twists that it may have had of a Student density of the load's error.
     """
-    from stablepush.surfaces.kernels import fit_scales
+    from stablepush.identify.kernels.pressure_draws import fit_scales
 
     scales, likelihoods = np.empty(len(predicted)), np.empty(len(predicted))
     fit_scales(predicted, np.ascontiguousarray(loads), _SCATTER_WEIGHTS, LOAD_ERROR, scales, likelihoods)

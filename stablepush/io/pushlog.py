@@ -40,6 +40,8 @@ SAMPLE_NUMBERS = (
     *("t", "x", "y", "theta", "fx", "fy", "tau", "vx", "vy", "omega"),
     *("c1x", "c1y", "c2x", "c2y", "px", "py", "ptheta"),
 )
+#: Noise of the moment over that of the force, in m.
+_MOMENT_ARM = 0.015
 #: Loads (N, N·m) and motions (m, rad) up to these are none: rounding makes as much of a slider that rests.
 _NO_LOAD, _NO_MOTION = 1e-9, 1e-9
 #: Columns that tables must have.
@@ -55,6 +57,11 @@ class Noise:
     force: float
     position: float
     angle: float
+
+    @property
+    def moment(self) -> float:
+        """Standard deviation of the moment (N·m): that of the force at an arm of 15 mm, as sensors of fingers have it."""
+        return _MOMENT_ARM * self.force
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,7 +25,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError, check_array, check_number, read_only
+from stablepush.core import BoolArray, FloatArray, InputError, check_array, check_number, read_only
 from stablepush.geometry import compose, inverse, point_velocity, transform_points
 from stablepush.objects import PushContact, Slider
 from stablepush.surfaces import IdealLimitSurface, LimitSurface, PolynomialLimitSurface
@@ -201,7 +201,7 @@ class TableFriction:
         gradient, pull = check_array(self.gradient, "gradient", (2,)), check_array(self.pull, "pull", (2,))
         plain = bool((slider == np.eye(2)).all() and (table == np.eye(2)).all())
         none = np.zeros((0, 2)), np.zeros(0)
-        degree, hessian, exponents, axes, factor = 0, np.zeros((6, 1)), np.zeros((1, 3), np.int64), np.ones(3), 1.0
+        degree, hessian, axes, factor = 0, np.zeros((6, 1)), np.ones(3), 1.0
         points, nominal = none, none
         if isinstance(surface, IdealLimitSurface):
             points = surface.support.points, surface.loads
@@ -211,15 +211,7 @@ class TableFriction:
                 points = nominal if self.changed is None else (self.changed.support.points, self.changed.loads)
             elif not plain or gradient.any() or self.slope:
                 raise InputError("points", "expected support points: place, direction and speed act on points under the slider")
-            from stablepush.surfaces import monomial_exponents
-
-            pure = surface.coefficients[(surface.exponents == surface.degree).any(axis=1)]
-            if not (pure > 0).all():
-                raise ConvergenceError("surface: expected one that is bounded along every axis")
-            half_axes = pure ** (-1.0 / surface.degree)
-            factor, degree = float(half_axes.max()), surface.degree
-            hessian, exponents = surface._hessian * factor**degree, monomial_exponents(degree - 2)
-            axes = (half_axes / factor) ** 2
+            degree, (hessian, axes, factor) = surface.degree, surface.scaled_hessian()
             factor *= self.load if surface.force_unit == "mu*N" else 1.0
         else:
             raise InputError("surface", "expected a surface of support points or a polynomial one", f"{type(surface).__name__}")
@@ -239,7 +231,6 @@ class TableFriction:
             inertia=(float(self.inertia[0]), float(self.inertia[1])),
             degree=int(degree),
             hessian=np.array(hessian),
-            exponents=np.array(exponents, dtype=np.int64),
             half_axes=(float(axes[0]), float(axes[1]), float(axes[2])),
             factor=float(factor),
             rho=float(surface.characteristic_length),

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 _READINGS = 16
 #: Rest before a push, and between pushes, in s.
 _REST, _BETWEEN = 0.2, 5.0
-#: Noise of the moment (N·m per N of force noise), and of the pusher's pose against the slider's.
-_MOMENT, _PUSHER = 0.015, 0.2
+#: Noise of the pusher's pose over that of the slider's.
+_PUSHER = 0.2
 #: An outlier is so many times as far off as the noise.
 _OUTLIER = 10.0
 #: A push is called stable if the slider moved no more than this against the pusher once all fingers had met it: a share of its
@@ -109,7 +109,7 @@ class LogBook:
         noise = self._noise
         spread = np.array((noise.position, noise.position, noise.angle))
         measured = rotate_vectors(self._angle, force) + self._bias + noise.force * odd * rng.normal(size=(n, 2))
-        moment = moment + _MOMENT * noise.force * odd[:, 0] * rng.normal(size=n)
+        moment = moment + noise.moment * odd[:, 0] * rng.normal(size=n)
         pose = seen.mean(axis=1) + odd * spread * rng.normal(size=(n, 3))
         place = pushers.mean(axis=1) + _PUSHER * spread * rng.normal(size=(n, 3))
         seen_force = rotate_vectors(-pose[:, 2], measured)

@@ -61,7 +61,7 @@ class IdealLimitSurface:
 
     def wrench(self, twists: ArrayLike) -> FloatArray:
         """Return the loads (..., 3) ``F(V)`` of twists (..., 3); only the direction of a twist counts."""
-        from stablepush.surfaces.kernels.h_inv import sum_loads
+        from stablepush.surfaces.kernels.support_points import AT_REST, sum_loads
 
         rho = self.characteristic_length
         v = normalize_twist(check_vectors(twists, "twists", 3), rho)
@@ -69,7 +69,7 @@ class IdealLimitSurface:
         if not flat.any(axis=1).all():
             raise InputError("twists", "expected twists that are not zero")
         result = np.empty_like(flat)
-        sum_loads(np.ascontiguousarray(self.support.points / rho), self.loads, flat, result)
+        sum_loads(np.ascontiguousarray(self.support.points / rho), self.loads, flat, 0.0, AT_REST, result)
         result[:, 2] *= rho
         return result.reshape(v.shape)
 
@@ -93,7 +93,8 @@ class IdealLimitSurface:
 
     def _slip(self, wrenches: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Twists (n, 3) that minimise ``h(V)`` on ``F·V = 1`` for unit normalised loads (n, 3), and their ``h`` (n,)."""
-        from stablepush.surfaces.kernels.h_inv import TOLERANCE, minimize_power
+        from stablepush.surfaces.kernels.h_inv import TOLERANCE
+        from stablepush.surfaces.kernels.support_points import minimize_power
 
         points, loads = _distinct(self.support.points / self.characteristic_length, self.loads)
         twists = np.empty_like(wrenches)

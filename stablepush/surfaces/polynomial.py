@@ -175,7 +175,23 @@ class PolynomialLimitSurface:
         flat = np.ascontiguousarray(v.reshape(-1, 3))
         if not flat.any(axis=1).all():
             raise InputError("twists", "expected twists that are not zero")
-        # H along the axes sets the scale: coefficients of newtons and of kilonewtons run the same iterations
+        hessian, axes, size = self.scaled_hessian()
+        loads = np.empty_like(flat)
+        worst, missed = polynomial_inverter(self.degree)(hessian, self.characteristic_length, flat, axes, loads)
+        if missed:
+            raise ConvergenceError(
+                f"H_inv: {missed} of {len(flat)} twists have no load to 1e-9 (worst {worst:.1e}); is the surface convex?"
+            )
+        loads *= size
+        return loads.reshape(v.shape)
+
+    def scaled_hessian(self) -> tuple[FloatArray, FloatArray, float]:
+        """Return what the kernels of ``H_inv`` take: second derivatives (6, m) of ``H`` for loads in units of a size, the squared
+        half axes (3,) of the surface in that unit, and the size: the largest half axis, in the surface's unit of force.
+
+        H along the axes sets the scale: coefficients of newtons and of kilonewtons run the same iterations. Raises
+        :class:`ConvergenceError` for a surface that is not bounded along every axis.
+        """
         pure = self.coefficients[(self.exponents == self.degree).any(axis=1)]
         if not (pure > 0).all():
             raise ConvergenceError("H_inv: the surface is not bounded along every axis, so twists have no load on it")
@@ -183,16 +199,7 @@ class PolynomialLimitSurface:
         size = float(half_axes.max())
         if size > LARGEST_MAGNITUDE:
             raise ConvergenceError(f"H_inv: the surface is all but unbounded along an axis, up to a load of {size:g}")
-        hessian = np.ascontiguousarray(self._hessian * size**self.degree)
-        loads = np.empty_like(flat)
-        invert = polynomial_inverter(self.degree)
-        worst, missed = invert(hessian, self.characteristic_length, flat, (half_axes / size) ** 2, loads)
-        if missed:
-            raise ConvergenceError(
-                f"H_inv: {missed} of {len(flat)} twists have no load to 1e-9 (worst {worst:.1e}); is the surface convex?"
-            )
-        loads *= size
-        return loads.reshape(v.shape)
+        return np.ascontiguousarray(self._hessian * size**self.degree), (half_axes / size) ** 2, size
 
     def _normalized(self, wrenches: ArrayLike) -> FloatArray:
         return normalize_wrench(check_vectors(wrenches, "wrenches", 3), self.characteristic_length)

@@ -159,7 +159,7 @@ def test_bad_hold_outs_are_refused(rows):
 
 
 @given(st.integers(0, 2**31), st.sampled_from((2, 4, 6)))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_substitution_and_bombieri_norm(seed, degree):
     rng = np.random.default_rng(seed)
     a = rng.normal(size=len(bombieri_norms(degree)))

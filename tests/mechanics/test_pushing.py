@@ -49,7 +49,7 @@ def closed_form(point, normal, mu, velocity):
     return twist * (np.dot(velocity, normal) / (at_contact @ normal)), "right" if side > 0 else "left"
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.integers(0, 2**31))
 def test_one_contact_on_an_ellipsoid_against_the_closed_form(seed):
     rng = np.random.default_rng(seed)
@@ -66,7 +66,7 @@ def test_one_contact_on_an_ellipsoid_against_the_closed_form(seed):
     assert answer.modes == [mode]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.integers(0, 2**31), st.sampled_from(("ideal", "uniform", "ellipsoid", "anisotropic")), st.integers(1, 3))
 def test_answers_obey_the_laws_of_contact(seed, kind, count):
     """Balance, no penetration, no pull, Coulomb's law with the slip opposed: checked on the answer, whatever found it."""
@@ -126,7 +126,7 @@ def two_fingers(mu=0.6):
     return sp.PushContact.on_edge(square(), 3, 0.05, 0.06, mu)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2**31), st.booleans())
 def test_stable_rotations_stay_stuck_and_the_others_do_not(seed, quartic):
     rng = np.random.default_rng(seed)
@@ -262,7 +262,7 @@ def test_effects_of_the_support_mean_what_they_say():
     )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2**31), st.sampled_from((2, 4, 6)))
 def test_loads_of_polynomials_are_those_of_the_surface(seed, degree):
     rng = np.random.default_rng(seed)

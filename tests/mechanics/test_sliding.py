@@ -71,7 +71,7 @@ def test_without_friction_the_body_goes_straight():
     np.testing.assert_allclose(paper.energy, result.energy, rtol=1e-6)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**31))
 def test_against_a_plain_integration_of_the_equations(seed):
     """Runge-Kutta with tiny steps, of the equations as they stand, until shortly before the end."""
@@ -100,7 +100,7 @@ def test_against_a_plain_integration_of_the_equations(seed):
         assert np.interp(end, result.t, result.poses[:, k]) == pytest.approx(state[k], abs=2e-5 * (1 + abs(state[k])))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**31), st.sampled_from(("ideal", "uniform", "ellipsoid")))
 def test_energy_never_grows_and_equals_the_work_of_friction(seed, kind):
     rng = np.random.default_rng(seed)

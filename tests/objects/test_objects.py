@@ -116,7 +116,7 @@ def nonnegative_residual(rays, wrench):
     return nnls(rays.T, wrench / np.linalg.norm(wrench))[1]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(1, 4), st.one_of(st.just(0.0), st.floats(1e-4, 1.5)), st.integers(0, 10_000))
 def test_cone_agrees_with_nonnegative_combinations(count, mu, seed):
     """Membership by facets against membership by a least-squares fit of nonnegative finger forces."""

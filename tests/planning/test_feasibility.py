@@ -44,7 +44,7 @@ def test_what_has_no_plan_is_told_by_every_planner(case, name):
     assert words in result.message
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.floats(0.0, 0.05),
     st.floats(0.0, 3.2),

@@ -28,7 +28,7 @@ def solved():
     return problem, sp.plan(problem, time_limit=60)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(*([coordinate] * 6), st.floats(0.1, 2))
 def test_dubins_words_end_at_the_goal(x0, y0, t0, x1, y1, t1, radius):
     table = np.empty((6, 3))
@@ -154,7 +154,7 @@ def push_of(twist, duration, start=(0.0, 0.0, 0.0)):
     return Push.from_start(0, np.array(twist, dtype=float), duration, np.array(start, dtype=float), 0.0)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.integers(0, 10**6), st.booleans())
 def test_exact_sweeps_agree_with_dense_sampling(seed, straight):
     rng = np.random.default_rng(seed)
@@ -178,7 +178,7 @@ def test_exact_sweeps_agree_with_dense_sampling(seed, straight):
     np.testing.assert_allclose(ends.max(axis=0), high, atol=2 * step)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6))
 def test_motions_declared_free_are_free(seed):
     """The planner's test may refuse a free motion, but never passes one that the exact sweep refuses."""

@@ -36,7 +36,7 @@ def random_problem(rng):
             continue
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6))
 def test_poses_against_polygon_overlap(seed):
     rng = np.random.default_rng(seed)
@@ -52,7 +52,7 @@ def test_poses_against_polygon_overlap(seed):
             assert free == (inside and overlap == 0)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6))
 def test_sweeps_against_dense_sampling_and_the_check(seed):
     """No motion passes that a pose of it contradicts, none is refused that the check's own sweep calls free."""

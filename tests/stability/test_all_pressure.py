@@ -59,7 +59,7 @@ def test_reference_count_on_the_unit_square():
         assert not (stable.contains(grid(), sense) & ~region.contains(grid(), sense)).any()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 10**6), box=st.sampled_from((0.0, 0.004)), scale=st.sampled_from((1e-6, 1.0, 30.0)))
 def test_worst_pressure_is_the_optimum_of_the_linear_program(seed, box, scale):
     rng = np.random.default_rng(seed)

@@ -1,1 +1,1 @@
-from .twist import way_of as way_of
+from .twist import exp_of as exp_of

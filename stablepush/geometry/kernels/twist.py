@@ -1,4 +1,4 @@
-"""The way of a constant body twist, compiled."""
+"""Compiled ``exp`` of SE(2)."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from stablepush.core import inner
 
 
 @inner
-def way_of(vx, vy, omega, duration):  # type: ignore[no-untyped-def]
-    """Where a body twist leads in a time, seen from where it began: ``exp(twist * duration)`` as ``(x, y, angle)``."""
+def exp_of(vx, vy, omega, duration):  # type: ignore[no-untyped-def]
+    """Return ``exp(twist * duration)``, the pose that a constant body twist leads to, as ``(x, y, angle)``."""
     angle = omega * duration
     half = angle / 2
     # sin(angle)/angle and (1 - cos(angle))/angle without cancellation

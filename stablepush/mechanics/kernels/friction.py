@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from stablepush.core import FloatArray, inner
+from stablepush.surfaces.kernels import load_of_points, load_on_surface
 
 #: Slower points, in shares of the speed of the fastest, have friction in proportion to their speed: no jump where one rests.
 _CREEP = 1e-8
-#: Newton steps of the inverse of a polynomial surface, and the residual at which they end.
-_MOST_STEPS, _CONVERGED = 100, 1e-13
 #: Speeds (m/s) below which a point's friction depends on speed no more, and the least share of it that is left.
 _SLOWEST, _LEAST_SHARE = 1e-5, 0.05
 
@@ -30,7 +29,7 @@ class Table(NamedTuple):
     ``points`` (n, 2) in B, ``loads`` (n,) in N, ``nominal_points``, ``nominal_loads`` of those that a polynomial stands for;
     ``of_slider``, ``of_table`` (3,): ``xx, xy, yy`` of ``M_o`` in B and of ``A_w`` in W; ``gradient`` (2,) in 1/m in W; ``pull``
     (2,): force (N) in W that acts on the centre of mass besides the pusher's; ``inertia`` (2,): mass (kg) and moment of inertia
-    (kg m²) that count; ``degree``, ``hessian`` (6, m), ``exponents`` (m, 3), ``half_axes`` (3,) squared, ``factor`` and ``rho``:
+    (kg m²) that count; ``degree``, ``hessian`` (6, m), ``half_axes`` (3,) squared, ``factor`` and ``rho``:
     the polynomial, for loads over ``factor`` (N) normalised by ``rho`` (m).
     """
 
@@ -49,7 +48,6 @@ class Table(NamedTuple):
     inertia: tuple[float, float]
     degree: int
     hessian: FloatArray
-    exponents: np.ndarray
     half_axes: tuple[float, float, float]
     factor: float
     rho: float
@@ -66,6 +64,18 @@ class Motion(NamedTuple):
     vy: float
     omega: float
     dt: float
+
+
+@inner
+def share_at_place(x, y, gx, gy):  # type: ignore[no-untyped-def]
+    """Friction at a place (m in W) over that at the origin, ``1 + g·x``; where it falls over the table it ends at none."""
+    return max(0.0, 1.0 + gx * x + gy * y)
+
+
+@inner
+def share_at_speed(speed, slope, reference):  # type: ignore[no-untyped-def]
+    """Friction at a speed over that at a reference speed (m/s), ``1 + slope ln(speed/reference)``, within bounds."""
+    return max(_LEAST_SHARE, 1.0 + slope * math.log(max(_SLOWEST, speed) / reference))
 
 
 @inner
@@ -93,17 +103,15 @@ def _friction_of_points(table, at, vx, vy, w):  # type: ignore[no-untyped-def]
         pxx, pxy = axx * oxx + axy * oxy, axx * oxy + axy * oyy
         pyx, pyy = axy * oxx + ayy * oxy, axy * oxy + ayy * oyy
         mxx, mxy, myy = pxx * axx + pxy * axy, pxx * axy + pxy * ayy, pyx * axy + pyy * ayy
-    gx = at.cos * table.gradient[0] + at.sin * table.gradient[1]
-    gy = -at.sin * table.gradient[0] + at.cos * table.gradient[1]
-    g0 = 1.0 + table.gradient[0] * at.x + table.gradient[1] * at.y
     for k in range(n):
         x, y = table.points[k, 0], table.points[k, 1]
         px, py = vx - w * y, vy + w * x
-        # friction that falls over the table ends at none
-        share = table.loads[k] * max(0.0, g0 + gx * x + gy * y)
+        share = table.loads[k]
+        if table.gradient[0] != 0.0 or table.gradient[1] != 0.0:
+            at_x, at_y = at.x + at.cos * x - at.sin * y, at.y + at.sin * x + at.cos * y
+            share *= share_at_place(at_x, at_y, table.gradient[0], table.gradient[1])
         if table.slope != 0.0:
-            speed = max(_SLOWEST, math.sqrt(px * px + py * py))
-            share *= max(_LEAST_SHARE, 1.0 + table.slope * math.log(speed / table.reference))
+            share *= share_at_speed(math.sqrt(px * px + py * py), table.slope, table.reference)
         if plain:
             share /= math.sqrt(px * px + py * py + creep)
         else:
@@ -116,103 +124,12 @@ def _friction_of_points(table, at, vx, vy, w):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _nominal_friction(points, loads, vx, vy, w):  # type: ignore[no-untyped-def]
-    """Load of isotropic, even friction at points."""
-    fx = fy = tau = 0.0
-    for k in range(points.shape[0]):
-        x, y = points[k, 0], points[k, 1]
-        px, py = vx - w * y, vy + w * x
-        share = loads[k] / math.sqrt(px * px + py * py + 1e-300)
-        fx += share * px
-        fy += share * py
-        tau += share * (x * py - y * px)
-    return fx, fy, tau
-
-
-@inner
-def _friction_of_polynomial(table, vx, vy, w, load):  # type: ignore[no-untyped-def]
-    """``H_inv``: the minimiser of ``H(F) - V·F`` by damped Newton, scaled onto ``H = 1``."""
-    vz = table.rho * w
-    norm = math.sqrt(vx * vx + vy * vy + vz * vz)
-    if norm == 0.0:
-        load[0] = load[1] = load[2] = 0.0
-        return
-    vx, vy, vz = vx / norm, vy / norm, vz / norm
-    x, y, z = table.half_axes[0] * vx, table.half_axes[1] * vy, table.half_axes[2] * vz
-    degree = table.degree
-    count = table.exponents.shape[0]
-    merit = math.inf
-    bx, by, bz = x, y, z
-    dx = dy = dz = slope = step = 0.0
-    value = 1.0
-    best = math.inf
-    fx, fy, fz, level = x, y, z, 1.0
-    for iteration in range(_MOST_STEPS):
-        hxx = hxy = hxz = hyy = hyz = hzz = 0.0
-        for m in range(count):
-            c = x ** table.exponents[m, 0] * y ** table.exponents[m, 1] * z ** table.exponents[m, 2]
-            hxx += table.hessian[0, m] * c
-            hxy += table.hessian[1, m] * c
-            hxz += table.hessian[2, m] * c
-            hyy += table.hessian[3, m] * c
-            hyz += table.hessian[4, m] * c
-            hzz += table.hessian[5, m] * c
-        gx = (hxx * x + hxy * y + hxz * z) / (degree - 1)
-        gy = (hxy * x + hyy * y + hyz * z) / (degree - 1)
-        gz = (hxz * x + hyz * y + hzz * z) / (degree - 1)
-        value = (gx * x + gy * y + gz * z) / degree
-        if iteration == 0 and value > 0.0:
-            # the minimum along the ray of the first guess
-            s = ((vx * x + vy * y + vz * z) / (degree * value)) ** (1.0 / (degree - 1))
-            x, y, z = s * x, s * y, s * z
-            t = s ** (degree - 2)
-            hxx, hxy, hxz, hyy, hyz, hzz = t * hxx, t * hxy, t * hxz, t * hyy, t * hyz, t * hzz
-            gx, gy, gz, value = t * s * gx, t * s * gy, t * s * gz, t * s * s * value
-        size = math.sqrt(gx * gx + gy * gy + gz * gz) + 1e-300
-        ex, ey, ez = gx / size - vx, gy / size - vy, gz / size - vz
-        residual = math.sqrt(ex * ex + ey * ey + ez * ez)
-        if residual < best and value > 0.0:
-            best, fx, fy, fz, level = residual, x, y, z, value
-        if best <= _CONVERGED:
-            break
-        rx, ry, rz = gx - vx, gy - vy, gz - vz
-        new = value - (vx * x + vy * y + vz * z)
-        # near the minimum differences of the objective drown in rounding: full steps then
-        if not (new <= merit + 1e-4 * step * slope or best < 1e-6):
-            step *= 0.5
-            if step < 1e-12:
-                break
-            x, y, z = bx + step * dx, by + step * dy, bz + step * dz
-            continue
-        merit = new
-        shift = 1e-14 * (abs(hxx) + abs(hyy) + abs(hzz)) + 1e-300
-        hxx += shift
-        hyy += shift
-        hzz += shift
-        c00, c01, c02 = hyy * hzz - hyz * hyz, hxz * hyz - hxy * hzz, hxy * hyz - hxz * hyy
-        c11, c12, c22 = hxx * hzz - hxz * hxz, hxy * hxz - hxx * hyz, hxx * hyy - hxy * hxy
-        determinant = hxx * c00 + hxy * c01 + hxz * c02
-        if determinant == 0.0:
-            break
-        dx = -(c00 * rx + c01 * ry + c02 * rz) / determinant
-        dy = -(c01 * rx + c11 * ry + c12 * rz) / determinant
-        dz = -(c02 * rx + c12 * ry + c22 * rz) / determinant
-        slope = dx * rx + dy * ry + dz * rz
-        if not slope < 0.0:
-            dx, dy, dz = -rx, -ry, -rz
-            slope = -(rx * rx + ry * ry + rz * rz)
-        bx, by, bz = x, y, z
-        step = 1.0
-        x, y, z = bx + dx, by + dy, bz + dz
-    t = table.factor * level ** (-1.0 / degree)
-    load[0], load[1], load[2] = t * fx, t * fy, t * table.rho * fz
-
-
-@inner
 def load_of(table, at, vx, vy, w, load):  # type: ignore[no-untyped-def]
     """Fill ``load`` (3,), in B, with what the pusher has to apply for a body twist: friction, less the pull, and inertia."""
-    if table.degree > 0:
-        _friction_of_polynomial(table, vx, vy, w, load)
+    if table.degree > 0 and (vx != 0.0 or vy != 0.0 or w != 0.0):
+        powers, form = np.ones((3, table.degree - 1)), np.empty(table.hessian.shape[1])
+        fx, fy, fz, _ = load_on_surface(table.degree, table.hessian, table.half_axes, vx, vy, table.rho * w, powers, form)
+        load[0], load[1], load[2] = table.factor * fx, table.factor * fy, table.factor * table.rho * fz
     else:
         load[0] = load[1] = load[2] = 0.0
     if table.points.shape[0] > 0:
@@ -221,7 +138,7 @@ def load_of(table, at, vx, vy, w, load):  # type: ignore[no-untyped-def]
         load[1] += fy
         load[2] += tau
         if table.degree > 0:
-            fx, fy, tau = _nominal_friction(table.nominal_points, table.nominal_loads, vx, vy, w)
+            fx, fy, tau = load_of_points(table.nominal_points, table.nominal_loads, vx, vy, w, 1e-150, 0.0)
             load[0] -= fx
             load[1] -= fy
             load[2] -= tau

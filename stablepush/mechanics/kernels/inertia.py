@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from stablepush.core import FloatArray, InputError, check_number, check_zero_or_positive
 from stablepush.objects import Slider
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
+from stablepush.surfaces.kernels import sum_loads
 
 #: Support points this much slower than the slider, in the norm of U, have friction in proportion to their speed.
 _CREEP = 1e-7
@@ -46,12 +49,9 @@ class Body:
 
     def _wrench_of_points(self, twists: FloatArray) -> FloatArray:
         """Load (n, 3) of Coulomb friction that grows with the speed of points that all but rest: no jump, no chatter."""
-        x, y = self.points.T
-        vx = twists[:, :1] - twists[:, 2:] * y
-        vy = twists[:, 1:2] + twists[:, 2:] * x
-        share = self.loads / np.sqrt(vx**2 + vy**2 + _CREEP**2 / self.mass)
-        fx, fy = share * vx, share * vy
-        return np.stack((fx.sum(axis=1), fy.sum(axis=1), (x * fy - y * fx).sum(axis=1)), axis=-1)
+        loads = np.empty_like(twists)
+        sum_loads(self.points, self.loads, np.ascontiguousarray(twists), _CREEP / math.sqrt(self.mass), 0.0, loads)
+        return loads
 
     def turning(self, direction: FloatArray) -> FloatArray:
         """``c`` (3,) of a unit vector U."""

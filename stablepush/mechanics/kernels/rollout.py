@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stablepush.core import FloatArray, compiled, inner
-from stablepush.geometry.kernels import way_of
+from stablepush.geometry.kernels import exp_of
 from stablepush.mechanics.kernels.contact_law import respond
 from stablepush.mechanics.kernels.contacts import MOST_CONTACTS, OPEN
 from stablepush.mechanics.kernels.friction import Motion
@@ -113,7 +113,7 @@ def _velocities(touch, pushed):  # type: ignore[no-untyped-def]
 @inner
 def _moved(x, y, c, s, vx, vy, w, dt):  # type: ignore[no-untyped-def]
     """Pose (x, y, cos, sin) after a body twist is followed for a time."""
-    dx, dy, angle = way_of(vx, vy, w, dt)
+    dx, dy, angle = exp_of(vx, vy, w, dt)
     cw, sw = math.cos(angle), math.sin(angle)
     return x + c * dx - s * dy, y + s * dx + c * dy, c * cw - s * sw, s * cw + c * sw
 

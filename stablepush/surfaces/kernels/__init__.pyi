@@ -1,1 +1,7 @@
-from .h_inv import fit_scales as fit_scales, sum_loads_of_many as sum_loads_of_many, tilt_shares as tilt_shares
+from .h_inv import load_on_surface as load_on_surface
+from .support_points import (
+    AT_REST as AT_REST,
+    load_of_points as load_of_points,
+    sum_loads as sum_loads,
+    sum_loads_of_many as sum_loads_of_many,
+)

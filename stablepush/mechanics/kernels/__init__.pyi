@@ -1,0 +1,1 @@
+from .friction import share_at_place as share_at_place, share_at_speed as share_at_speed
