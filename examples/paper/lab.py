@@ -23,7 +23,7 @@ from tqdm import tqdm
 import stablepush as sp
 from stablepush.core.parallel import run_parallel
 from stablepush.geometry.planar import angle_between, normalize_twist, unit
-from stablepush.io.importers.mlab import Source, find_sources, import_source
+from stablepush.io.importers import Source, find_sources, import_source
 
 RHO = 0.05
 #: Contact friction that the authors' code uses in the stability tables (the paper says 1.0).
@@ -55,15 +55,16 @@ def pokes(data: Path, surface: str) -> dict[str, tuple[np.ndarray, np.ndarray, s
     """Return loads, twists and slider of every poking log on ``"wood"`` or ``"board"`` with three support points."""
     found = {}
     for source in _sources(data, "mlab-poke"):
-        if source.surface == surface and source.arrangement != "patch":
-            found[source.arrangement] = _pairs(source)
+        if source.labels["surface"] == surface and source.labels["arrangement"] != "patch":
+            found[source.labels["arrangement"]] = _pairs(source)
     return dict(sorted(found.items()))
 
 
 @cache
 def pokes_as_commanded(data: Path, arrangement: str) -> tuple[np.ndarray, np.ndarray, sp.Slider, list[sp.Poke]]:
     """Return loads, twists, slider and what was commanded, contact point and finger heading, for the pokes of a log on wood."""
-    (source,) = [s for s in _sources(data, "mlab-poke") if (s.surface, s.arrangement) == ("wood", arrangement)]
+    wanted = {"surface": "wood", "arrangement": arrangement}
+    (source,) = [s for s in _sources(data, "mlab-poke") if s.labels == wanted]
     log, _ = import_source(source)
     loads, twists, names = log.pairs()
     commands = []
@@ -85,7 +86,7 @@ def pokes_as_commanded(data: Path, arrangement: str) -> tuple[np.ndarray, np.nda
 @cache
 def patch_pokes(data: Path) -> tuple[np.ndarray, np.ndarray, sp.Slider]:
     """Return loads, twists and slider of the pokes on wood with full contact."""
-    (source,) = [s for s in _sources(data, "mlab-poke") if s.surface == "wood" and s.arrangement == "patch"]
+    (source,) = [s for s in _sources(data, "mlab-poke") if s.labels["surface"] == "wood" and s.labels["arrangement"] == "patch"]
     return _pairs(source)
 
 
@@ -115,7 +116,7 @@ def labelled_rotations(data: Path) -> dict[str, tuple[list[sp.PushContact], np.n
             sense, cor = log.trials["sense"][i], (log.trials["cor_x"][i], log.trials["cor_y"][i])
             twists.append((sense * cor[1], -sense * cor[0], sense))
             stable.append(told[trial])
-        found[source.arrangement] = (contacts, np.array(twists), np.array(stable))
+        found[source.labels["arrangement"]] = (contacts, np.array(twists), np.array(stable))
     return found
 
 

@@ -7,7 +7,6 @@ import numpy as np
 from stablepush.core import BoolArray, Deadline, FloatArray, InputError, OutOfTimeError
 from stablepush.planning import PlanningProblem, PlanOptions
 from stablepush.stability import StabilityOracle, StableRegion, all_pressure_region, lynch_mason_region
-from stablepush.surfaces import ensemble_of
 
 #: Pushes stay this far (rad) inside the stable set, so that the check, which allows 1e-6, never disagrees.
 _INSIDE = 1e-7
@@ -39,7 +38,7 @@ class StableSet:
         self._members: list[StabilityOracle] = []
         self._votes = asked.probability
         if asked.probability > 0:
-            members = ensemble_of(problem.surface)
+            members = problem.surface.members()
             if not members:
                 raise InputError("probability", "expected a limit surface with an ensemble, as a fit leaves it")
             self._members = [StabilityOracle(member, problem.contacts[contact]) for member in members]

@@ -25,12 +25,19 @@ OF_PRESSURE = ("pressure-shift", "pressure-spread", "anisotropy-object", "model-
 def cases(data: Path) -> list[tuple[Source, str]]:
     """Return every poking log of a clone with every arrangement of supports that any of them has."""
     sources = find_sources(data, "mlab-poke")
-    arrangements = sorted({s.arrangement for s in sources if triangle_slider(s.arrangement).support is not None})
+    arrangements = sorted(
+        {s.labels["arrangement"] for s in sources if triangle_slider(s.labels["arrangement"]).support is not None}
+    )
     if len(arrangements) < 2:
         raise InputError(
             "", f"expected poking logs on two arrangements of supports at least, found {len(arrangements)}", file=data
         )
-    return [(source, arrangement) for source in sources if source.arrangement in arrangements for arrangement in arrangements]
+    return [
+        (source, arrangement)
+        for source in sources
+        if source.labels["arrangement"] in arrangements
+        for arrangement in arrangements
+    ]
 
 
 def imported(number: int, data: Path, key: bytes) -> tuple[int, dict[str, bytes]]:
@@ -42,9 +49,9 @@ def imported(number: int, data: Path, key: bytes) -> tuple[int, dict[str, bytes]
     slider = triangle_slider(arrangement)
     wrong = {"effect": "support", "form": "arrangement", "matches": False, "size": 0.0, "detectable": True}
     label = {
-        "kind": "real", "trap": "", "contacts": "one", "engine": "robot", "surface": source.surface,
-        "arrangement": source.arrangement, "nominal": arrangement,
-        "applied": [] if arrangement == source.arrangement else [wrong],
+        "kind": "real", "trap": "", "contacts": "one", "engine": "robot", "surface": source.labels["surface"],
+        "arrangement": source.labels["arrangement"], "nominal": arrangement,
+        "applied": [] if arrangement == source.labels["arrangement"] else [wrong],
     }  # fmt: skip
     with tempfile.TemporaryDirectory() as place:
         # nothing of the source's name goes with it

@@ -34,7 +34,8 @@ def import_logs(
 
     require_folder(output)
     replacement = None if slider is None else load_slider(slider)
-    sources = find_sources(source, kind)
+    with about(source, options=options_of("kind")):
+        sources = find_sources(source, kind)
     several = len(sources) > 1
     imported = 0
     with Progress("import", len(sources)) as step:

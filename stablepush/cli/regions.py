@@ -75,7 +75,6 @@ def draw_map(
         regions_to_json,
         stable_region,
     )
-    from stablepush.surfaces import ensemble_of
     from stablepush.views.plot import figure_png, plot_margins, plot_regions, plot_twist_sphere
 
     if extent is not None:
@@ -94,7 +93,7 @@ def draw_map(
         regions = [stable_region(surface, fingers)]
         if probability is not None:
             regions.append(chance_region(surface, fingers, probability))
-        if ensemble_of(surface) and regions[0].curve is None:
+        if surface.members() and regions[0].curve is None:
             size = 5 * max(fingers.radius, 0.0 if body is None else body.radius) if extent is None else extent
             shading = probability_map(surface, fingers, size)
     if body is not None and slider is not None:

@@ -29,6 +29,7 @@ from .errors import (
     UnavailableError as UnavailableError,
     UnsupportedContactError as UnsupportedContactError,
 )
+from .json_node import Node as Node, describe as describe
 from .parallel import run_parallel as run_parallel
 from .plausibility import (
     note_cors as note_cors,

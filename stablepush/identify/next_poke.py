@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from stablepush.core import FloatArray, InputError, check_array, check_number, order_with_ties
 from stablepush.geometry import normalize_twist, normalize_wrench, point_velocity, unit, wrench_from_force
 from stablepush.objects import Slider
-from stablepush.surfaces import LimitSurface, PolynomialLimitSurface, ensemble_of
+from stablepush.surfaces import LimitSurface, PolynomialLimitSurface
 
 #: Directions of force across the friction cone that are asked for their motion.
 _CONE_STEPS = 33
@@ -131,7 +131,7 @@ def rank_pokes(
     """
     if not candidates:
         raise InputError("candidates", "expected at least one poke")
-    members = ensemble_of(surface)
+    members = surface.members()
     if len(members) < 2:
         raise InputError("surface", "expected one with an ensemble, as a convex fit gives it")
     noise = check_number(scatter, "scatter", positive=True)

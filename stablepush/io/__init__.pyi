@@ -11,7 +11,6 @@ from .formats import (
     slider_to_json as slider_to_json,
 )
 from .json_files import (
-    Node as Node,
     read_json as read_json,
     whole_folder as whole_folder,
     write_atomically as write_atomically,

@@ -15,6 +15,7 @@ from stablepush.core import (
     BoolArray,
     FloatArray,
     InputError,
+    Node,
     note_finger,
     note_friction,
     note_gravity,
@@ -27,7 +28,7 @@ from stablepush.core import (
 )
 from stablepush.geometry import compose, inverse, log, wrap_angle
 from stablepush.io.formats import slider_from_node, slider_to_json
-from stablepush.io.json_files import Node, read_json, whole_folder, write_atomically, write_json
+from stablepush.io.json_files import read_json, whole_folder, write_atomically, write_json
 from stablepush.io.parquet import read_parquet
 from stablepush.io.tables import IS_FLAG, IS_POSITIVE, IS_SENSE, Column, read_table, table_text
 from stablepush.objects import Slider

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 from stablepush.core import BoolArray, FloatArray, InputError, check_array, check_number, read_only
 from stablepush.geometry import compose, inverse, point_velocity, transform_points
 from stablepush.objects import PushContact, Slider
-from stablepush.surfaces import IdealLimitSurface, LimitSurface, PolynomialLimitSurface
+from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
 #: Names of the modes of a contact, by number. Left: the slider slips to the left of the inward normal, seen from the pusher.
 MODES = ("open", "sticking", "left", "right")
@@ -203,18 +203,18 @@ class TableFriction:
         none = np.zeros((0, 2)), np.zeros(0)
         degree, hessian, axes, factor = 0, np.zeros((6, 1)), np.ones(3), 1.0
         points, nominal = none, none
-        if isinstance(surface, IdealLimitSurface):
-            points = surface.support.points, surface.loads
-        elif isinstance(surface, PolynomialLimitSurface):
-            if self.points is not None:
-                nominal = self.points.support.points, self.points.loads
-                points = nominal if self.changed is None else (self.changed.support.points, self.changed.loads)
-            elif not plain or gradient.any() or self.slope:
-                raise InputError("points", "expected support points: place, direction and speed act on points under the slider")
+        if not isinstance(surface, LimitSurface):
+            raise InputError("surface", "expected a limit surface", type(surface).__name__)
+        if surface.point_loads is not None:
+            points = surface.point_loads
+        else:
             degree, (hessian, axes, factor) = surface.degree, surface.scaled_hessian()
             factor *= self.load if surface.force_unit == "mu*N" else 1.0
-        else:
-            raise InputError("surface", "expected a surface of support points or a polynomial one", f"{type(surface).__name__}")
+            if self.points is not None:
+                nominal = self.points.point_loads
+                points = nominal if self.changed is None else self.changed.point_loads
+            elif not plain or gradient.any() or self.slope:
+                raise InputError("points", "expected support points: place, direction and speed act on points under the slider")
         return Table(
             points=np.array(points[0]),
             loads=np.array(points[1]),

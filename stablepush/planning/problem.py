@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from stablepush.core import (
     FloatArray,
     InputError,
+    Node,
     check_array,
     check_number,
     note_distance,
@@ -24,7 +25,6 @@ from stablepush.core import (
     read_only,
 )
 from stablepush.io import (
-    Node,
     contact_from_node,
     contact_to_json,
     load_model,

@@ -19,7 +19,6 @@ from stablepush.planning.options import PlanOptions
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult
 from stablepush.stability import StabilityOracle
-from stablepush.surfaces import ensemble_of
 
 #: Least probability of stability of each push that a plan has by default: the quickest plans lie on the edge of the stable set,
 #: and the least error of the surface makes them lose the object.
@@ -95,7 +94,7 @@ def plan(
     """
     started = time.perf_counter()
     limit = check_number(time_limit, "time_limit", at_least=0.0)
-    given = DEFAULT_PROBABILITY if probability is None and ensemble_of(problem.surface) else probability or 0.0
+    given = DEFAULT_PROBABILITY if probability is None and problem.surface.members() else probability or 0.0
     options = PlanOptions(region, given, margin_weight, cor_rate, improve)
     found = {entry.name: entry for entry in entry_points(group="stablepush.planners")}
     if planner not in found:
@@ -128,7 +127,7 @@ def plan(
 
 def least_probability(problem: PlanningProblem, result: PlanResult) -> float | None:
     """Return the least probability of stability of any push of a plan, by the surface's ensemble; None without one."""
-    if not result.pushes or not ensemble_of(problem.surface):
+    if not result.pushes or not problem.surface.members():
         return None
     least = 1.0
     for number in {push.contact for push in result.pushes}:

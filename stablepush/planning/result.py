@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import LARGEST_MAGNITUDE, FloatArray, read_only
+from stablepush.core import LARGEST_MAGNITUDE, FloatArray, Node, read_only
 from stablepush.geometry import compose, exp
-from stablepush.io import Node, read_json, write_json
+from stablepush.io import read_json, write_json
 
 
 @dataclass(frozen=True, slots=True, eq=False)

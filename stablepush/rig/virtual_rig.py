@@ -26,7 +26,7 @@ from stablepush.mechanics import Pusher, PushTrace, TableFriction, simulate_push
 from stablepush.objects import Slider, SupportDistribution
 from stablepush.rig.commands import AWAY, Command
 from stablepush.rig.log_book import LogBook
-from stablepush.surfaces import IdealLimitSurface, LimitSurface, PolynomialLimitSurface
+from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
 #: Effects that act on points under the slider.
 _ON_POINTS = (
@@ -147,8 +147,7 @@ class VirtualRig:
             if not self.slider.mass:
                 raise InputError("slider.mass", "expected a mass > 0 in kg, since the forces of the surface are in units of mu*N")
         object.__setattr__(self, "_slope_share", self._pull_share())
-        ideal = isinstance(self.surface, IdealLimitSurface)
-        object.__setattr__(self, "_points", self.surface if ideal else _as_points(self.surface, self.slider, self._load()))
+        object.__setattr__(self, "_points", _as_points(self.surface, self.slider, self._load()))
         object.__setattr__(self, "_friction", self._make_friction())
 
     def _pull_share(self) -> float:
@@ -161,8 +160,7 @@ class VirtualRig:
         size = float(np.hypot(*self._pull())) / self._load()
         loads = size * np.stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))), axis=-1)
         # H grows with a power of the load
-        degree = self.surface.degree if isinstance(self.surface, PolynomialLimitSurface) else 1
-        share = float(np.max(self.surface.value(loads))) ** (1 / degree)
+        share = float(np.max(self.surface.value(loads))) ** (1 / self.surface.degree)
         if share >= 1.0:
             raise EffectError(
                 "effect tilt: slope", f"expected one on which friction holds the slider, it pulls with {share:.3g} of that"
@@ -208,8 +206,8 @@ class VirtualRig:
         surface, load = self._of_other_shape(self._load())
         points: IdealLimitSurface | None = None
         changed: IdealLimitSurface | None = None
-        if isinstance(surface, IdealLimitSurface):
-            surface = self._moved_pressure(surface)
+        if surface.point_loads is not None:
+            surface = self._moved_pressure(_as_points(surface, self.slider, load))
         elif any(id in by_id for id in _ON_POINTS):
             points = self._points if surface is self.surface else _as_points(surface, self.slider, load)
             changed = self._moved_pressure(points)
@@ -428,7 +426,10 @@ def _from_outside(
 
 
 def _as_points(surface: LimitSurface, slider: Slider, load: float) -> IdealLimitSurface:
-    """Support points that stand for a limit surface: the slider's own, else pressures on a grid that fit it."""
+    """Support points that stand for a limit surface: its own, else the slider's, else pressures on a grid that fit it."""
+    if surface.point_loads is not None:
+        points, carried = surface.point_loads
+        return IdealLimitSurface(SupportDistribution(points, carried), float(carried.sum()), surface.characteristic_length)
     loads, twists = _samples(surface, load)
     if slider.support is not None:
         # with the load that explains most of the surface

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from stablepush.core import BoolArray, FloatArray
 from stablepush.geometry import normalize_wrench, twist_from_cor
 from stablepush.objects import PushContact, WrenchCone
-from stablepush.surfaces import LimitSurface, ensemble_of
+from stablepush.surfaces import LimitSurface
 
 #: Stable sets are closed; a margin (rad) this far below zero is on the boundary, to the accuracy of H_inv.
 BOUNDARY_SLACK = 1e-9
@@ -47,7 +47,7 @@ class StabilityOracle:
 
     def probability(self, twists: ArrayLike) -> FloatArray | None:
         """Return the share (...) of the surface's ensemble that calls body twists (..., 3) stable; None without an ensemble."""
-        members = ensemble_of(self.surface)
+        members = self.surface.members()
         if not members:
             return None
         votes = [StabilityOracle(member, self.contact).is_stable(twists) for member in members]

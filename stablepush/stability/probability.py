@@ -12,7 +12,7 @@ from stablepush.objects import PushContact
 from stablepush.stability.kernels.chart import Rings, add_coverage, grid_places, only_polygons, rings_from_disc
 from stablepush.stability.oracle import StabilityOracle
 from stablepush.stability.region import EXTENT_RADII, Interval, StableRegion, stable_region, widest_first
-from stablepush.surfaces import LimitSurface, ensemble_of
+from stablepush.surfaces import LimitSurface
 
 #: Slack of a share of surfaces: k of n must pass for p = k/n.
 _SLACK = 1e-9
@@ -99,7 +99,7 @@ def chance_region(surface: LimitSurface, contact: PushContact, probability: floa
 
 
 def _member_regions(surface: LimitSurface, contact: PushContact) -> list[StableRegion]:
-    members = ensemble_of(surface)
+    members = surface.members()
     if not members:
         raise InputError("surface", "expected one with an ensemble, as a convex fit gives it")
     return [stable_region(member, contact) for member in members]

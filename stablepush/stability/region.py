@@ -44,7 +44,7 @@ from stablepush.stability.kernels.chart import (
     twists_from_homogeneous,
 )
 from stablepush.stability.oracle import StabilityOracle
-from stablepush.surfaces import GaussianProcessSurface, LimitSurface
+from stablepush.surfaces import LimitSurface
 
 #: Largest angle (rad) on the sphere of unit twists between the boundary and the polygon that stands for it.
 BOUNDARY_TOLERANCE = 2e-5
@@ -215,10 +215,10 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
         If the wrench cone holds a line but not every wrench (opposed fingers without friction, and another): its region ends in
         opposite motions.
     """
-    if isinstance(surface, GaussianProcessSurface):
+    if not surface.is_dual:
         raise InputError(
             "surface",
-            "expected a limit surface; the slip and the loads of a Gaussian process do not agree, "
+            f"expected a limit surface; the slip and the loads of a {type(surface).__name__} do not agree, "
             "so it has no stable region (ask StabilityOracle about single motions)",
         )
     # a surface on which motions have no load is refused here, too, though its boundary needs none

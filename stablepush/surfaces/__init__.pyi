@@ -10,5 +10,6 @@ from .monomials import (
     monomials as monomials,
     substitution as substitution,
 )
-from .polynomial import FORCE_UNITS as FORCE_UNITS, PolynomialLimitSurface as PolynomialLimitSurface, ensemble_of as ensemble_of
+from .polynomial import FORCE_UNITS as FORCE_UNITS, PolynomialLimitSurface as PolynomialLimitSurface
 from .protocol import LimitSurface as LimitSurface
+from .registry import surface_kinds as surface_kinds

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import ConvergenceError, FloatArray, InputError, check_array, check_number, check_vectors, read_only
+from stablepush.core import ConvergenceError, FloatArray, InputError, Node, check_array, check_number, check_vectors, read_only
 from stablepush.geometry import normalize_twist, normalize_wrench, unit
+from stablepush.surfaces.protocol import LimitSurface
 
 #: Size (of a unit twist, or N) of a mean below which it says nothing.
 _SILENT = 1e-9
+#: Sums of kernels, and how many coefficients each has for an input.
+_KERNEL_SUMS = {"slip": 3, "log_size": 1, "load": 3}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +45,7 @@ class KernelSum:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GaussianProcessSurface:
+class GaussianProcessSurface(LimitSurface):
     """Means of Gaussian processes that stand for a limit surface (the paper's baseline).
 
     ``slip`` takes unit normalised loads to twists, ``log_size`` unit normalised loads to the logarithm of their size over
@@ -49,11 +53,14 @@ class GaussianProcessSurface:
     convex.
     """
 
+    kind: ClassVar[str] = "gp"
+    is_dual: ClassVar[bool] = False
+
     slip: KernelSum
     log_size: KernelSum
     load: KernelSum
     mean_size: float
-    characteristic_length: float
+    characteristic_length: float = field()  # or the property of the base would be its default
     provenance: Mapping[str, Any]
 
     def __init__(
@@ -66,7 +73,7 @@ class GaussianProcessSurface:
         *,
         provenance: Mapping[str, Any] | None = None,
     ) -> None:
-        for name, kernel, width in (("slip", slip, 3), ("log_size", log_size, 1), ("load", load, 3)):
+        for (name, width), kernel in zip(_KERNEL_SUMS.items(), (slip, log_size, load), strict=True):
             if kernel.coefficients.shape[1] != width:
                 raise InputError(name, f"expected {width} coefficients an input", f"{kernel.coefficients.shape[1]}")
         object.__setattr__(self, "slip", slip)
@@ -78,10 +85,34 @@ class GaussianProcessSurface:
         )
         object.__setattr__(self, "provenance", MappingProxyType(dict(provenance or {})))
 
-    @property
-    def force_unit(self) -> str:
-        """Unit of the forces: always N."""
-        return "N"
+    def to_json(self) -> dict[str, Any]:
+        """Return the ``model/1`` of the surface, without its format and kind."""
+        sums = {name: getattr(self, name) for name in _KERNEL_SUMS}
+        return {
+            "characteristic_length": self.characteristic_length,
+            "mean_size": self.mean_size,
+            **{
+                name: {"inputs": k.inputs.tolist(), "coefficients": k.coefficients.tolist(), "length": k.length}
+                for name, k in sums.items()
+            },
+            "provenance": dict(self.provenance),
+        }
+
+    @classmethod
+    def from_json(cls, node: Node) -> Self:
+        """Read the value of a ``model/1`` of this kind."""
+        node.expect_keys("format", "kind", "characteristic_length", "mean_size", "provenance", *_KERNEL_SUMS)
+        sums: dict[str, KernelSum] = {}
+        for name, width in _KERNEL_SUMS.items():
+            entry = node[name]
+            entry.expect_keys("inputs", "coefficients", "length")
+            inputs, coefficients = entry["inputs"].array(None, 3), entry["coefficients"].array(None, width)
+            length = entry["length"].number(positive=True)
+            sums[name] = entry.checked(partial(KernelSum, inputs, coefficients, length))
+        size, rho = node["mean_size"].number(positive=True), node["characteristic_length"].number(positive=True)
+        provenance = node["provenance"]
+        said = None if provenance.value is None else provenance.object()
+        return node.checked(lambda: cls(sums["slip"], sums["log_size"], sums["load"], size, rho, provenance=said))
 
     def value(self, wrenches: ArrayLike) -> FloatArray:
         """Return the size (...) of wrenches (..., 3) over the size that slips in their direction: 1 on the surface."""

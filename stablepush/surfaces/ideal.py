@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import LEAST_POSITIVE, ConvergenceError, FloatArray, InputError, check_number, check_vectors
+from stablepush.core import LEAST_POSITIVE, ConvergenceError, FloatArray, InputError, Node, check_number, check_vectors
 from stablepush.geometry import normalize_twist, normalize_wrench, unit
 from stablepush.objects import SupportDistribution
+from stablepush.surfaces.protocol import LimitSurface
 
 #: Support points this close, in units of the characteristic length, are one.
 _COINCIDENT = 1e-9
@@ -18,7 +20,7 @@ _LEAST_SHARE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class IdealLimitSurface:
+class IdealLimitSurface(LimitSurface):
     """Limit surface of isotropic Coulomb friction at support points.
 
     The load of a twist is ``F(V) = Σ m_k (e_k, x_k × e_k)`` where ``e_k`` is the unit velocity of point ``k`` and ``m_k = mu
@@ -35,9 +37,11 @@ class IdealLimitSurface:
         ``rho`` in m; ``sqrt(sum m |x|^2 / sum m)`` if not given.
     """
 
+    kind: ClassVar[str] = "support"
+
     support: SupportDistribution
     friction_load: float
-    characteristic_length: float
+    characteristic_length: float = field()  # or the property of the base would be its default
 
     def __init__(self, support: SupportDistribution, friction_load: float, characteristic_length: float | None = None) -> None:
         rho = support.characteristic_length if characteristic_length is None else characteristic_length
@@ -55,9 +59,31 @@ class IdealLimitSurface:
         return self.support.weights * self.friction_load
 
     @property
-    def force_unit(self) -> str:
-        """Unit of the forces: always N."""
-        return "N"
+    def point_loads(self) -> tuple[FloatArray, FloatArray]:
+        """Support points (k, 2) in m and their friction loads (k,) in N."""
+        return self.support.points, self.loads
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the ``model/1`` of the surface, without its format and kind."""
+        return {
+            "points": self.support.points.tolist(),
+            "loads": self.loads.tolist(),
+            "characteristic_length": self.characteristic_length,
+        }
+
+    @classmethod
+    def from_json(cls, node: Node) -> Self:
+        """Read the value of a ``model/1`` of this kind."""
+        node.expect_keys("format", "kind", "points", "loads", "characteristic_length")
+        points = node["points"].array(None, 2)
+        loads = node["loads"].array(None)
+        if (loads < 0).any():
+            node["loads"].fail("expected loads >= 0", f"{loads.min():g}")
+        if loads.sum() < LEAST_POSITIVE:
+            node["loads"].fail(f"expected a sum of at least {LEAST_POSITIVE:g}", f"{loads.sum():g}")
+        rho_node = node.get("characteristic_length")
+        given = None if rho_node is None else rho_node.number(positive=True)
+        return node.checked(lambda: cls(SupportDistribution(points, loads), float(loads.sum()), given))
 
     def wrench(self, twists: ArrayLike) -> FloatArray:
         """Return the loads (..., 3) ``F(V)`` of twists (..., 3); only the direction of a twist counts."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ from stablepush.core import (
     ConvergenceError,
     FloatArray,
     InputError,
+    Node,
     check_number,
     check_vectors,
     read_only,
@@ -26,12 +27,19 @@ from stablepush.surfaces.protocol import LimitSurface
 
 #: What ``force_unit`` may be: forces in newton, or in units of the maximal friction force mu*N.
 FORCE_UNITS = ("N", "mu*N")
+#: Degrees that a polynomial may have.
+DEGREES = (2, 4, 6, 8, 10)
+#: Keys of its ``model/1``, besides those of every model and the unit, which may be left out.
+_KEYS = (
+    *("degree", "characteristic_length", "exponents", "coefficients"),
+    *("certificate", "covariance", "ensemble", "provenance"),
+)
 #: Directions in which an ensemble is looked at, how far its second derivatives may be below zero by rounding, and rows at once.
 _DIRECTIONS, _ROUNDING, _AT_ONCE = 200, 1e-6, 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PolynomialLimitSurface:
+class PolynomialLimitSurface(LimitSurface):
     """The 1-level set of ``H(F) = sum_m a_m fx^i fy^j (tau/rho)^k`` of even degree ``i + j + k = d``.
 
     During slip the load ``F`` lies on ``H = 1`` and the twist is along the gradient: ``(vx, vy, rho*omega) ∝ ∇H``, where the
@@ -57,10 +65,12 @@ class PolynomialLimitSurface:
         Where the surface comes from; any JSON object.
     """
 
+    kind: ClassVar[str] = "polynomial"
+
     coefficients: FloatArray
-    degree: int
-    characteristic_length: float
-    force_unit: str
+    degree: int = field()
+    characteristic_length: float = field()  # or the property of the base would be its default
+    force_unit: str = field()
     certificate: Mapping[str, Any] | None
     covariance: FloatArray | None
     ensemble: FloatArray | None
@@ -80,7 +90,7 @@ class PolynomialLimitSurface:
         ensemble: ArrayLike | None = None,
         provenance: Mapping[str, Any] | None = None,
     ) -> None:
-        if degree not in (2, 4, 6, 8, 10):
+        if degree not in DEGREES:
             raise InputError("degree", "expected an even number from 2 to 10", degree)
         exponents = monomial_exponents(degree)
         a = check_vectors(coefficients, "coefficients", len(exponents))
@@ -123,6 +133,49 @@ class PolynomialLimitSurface:
         certificate = None if self.certificate is None else dict(self.certificate)
         given = (self.covariance, self.ensemble, dict(self.provenance))
         return _rebuilt, (self.coefficients, self.degree, self.characteristic_length, self.force_unit, certificate, *given)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the ``model/1`` of the surface, without its format and kind."""
+        return {
+            "degree": self.degree,
+            "characteristic_length": self.characteristic_length,
+            "force_unit": self.force_unit,
+            "exponents": self.exponents.tolist(),
+            "coefficients": self.coefficients.tolist(),
+            "certificate": None if self.certificate is None else dict(self.certificate),
+            "covariance": None if self.covariance is None else self.covariance.tolist(),
+            "ensemble": None if self.ensemble is None else self.ensemble.tolist(),
+            "provenance": dict(self.provenance),
+        }
+
+    @classmethod
+    def from_json(cls, node: Node) -> Self:
+        """Read the value of a ``model/1`` of this kind."""
+        node.expect_keys("format", "kind", "force_unit", *_KEYS)
+        degree = node["degree"].integer(at_least=2)
+        if degree not in DEGREES:
+            node["degree"].fail("expected an even number from 2 to 10", degree)
+        rho = node["characteristic_length"].number(positive=True)
+        coefficients = _coefficients(node, degree)
+        certificate, covariance_node, provenance = node["certificate"], node["covariance"], node["provenance"]
+        size = len(coefficients)
+        covariance = None if covariance_node.value is None else covariance_node.array(size, size)
+        ensemble_node = node.get("ensemble")
+        ensemble = None if ensemble_node is None else ensemble_node.array(None, size)
+        unit_node = node.get("force_unit")
+        force_unit = "N" if unit_node is None else unit_node.text(FORCE_UNITS)
+        return node.checked(
+            lambda: cls(
+                coefficients,
+                degree,
+                rho,
+                force_unit=force_unit,
+                certificate=None if certificate.value is None else certificate.object(),
+                covariance=covariance,
+                ensemble=ensemble,
+                provenance=None if provenance.value is None else provenance.object(),
+            )
+        )
 
     @property
     def exponents(self) -> NDArray[np.int64]:
@@ -205,6 +258,26 @@ class PolynomialLimitSurface:
         return normalize_wrench(check_vectors(wrenches, "wrenches", 3), self.characteristic_length)
 
 
+def _coefficients(node: Node, degree: int) -> np.ndarray:
+    """Coefficients in the library's order, whatever order the file has; monomials that it leaves out are zero."""
+    exponents = node["exponents"].array(None, 3)
+    given = node["coefficients"].array(None)
+    if len(exponents) != len(given):
+        node["coefficients"].fail(f"expected {len(exponents)} numbers, one for each exponent", len(given))
+    place = {tuple(row): i for i, row in enumerate(monomial_exponents(degree).tolist())}
+    coefficients = np.zeros(len(place))
+    seen: set[int] = set()
+    for entry, row, value in zip(node["exponents"].items(), exponents.tolist(), given, strict=True):
+        index = place.get(tuple(row))
+        if index is None:
+            entry.fail(f"expected three whole numbers >= 0 with the sum {degree}", entry.value)
+        if index in seen:
+            entry.fail(f"expected every monomial once, {entry.value} stands twice")
+        seen.add(index)
+        coefficients[index] = value
+    return coefficients
+
+
 def _check_size(coefficients: FloatArray, degree: int, name: str) -> None:
     """Refuse surfaces whose loads cannot be told from zero, or from a slip of units."""
     low, high, largest = LARGEST_MAGNITUDE**-degree, LEAST_POSITIVE**-degree, np.abs(coefficients).max()
@@ -252,8 +325,3 @@ def _rebuilt(
         ensemble=ensemble,
         provenance=provenance,
     )
-
-
-def ensemble_of(surface: LimitSurface) -> list[PolynomialLimitSurface]:
-    """Return the surfaces that the data of a fit leave likely; none for a surface without an ensemble."""
-    return surface.members() if isinstance(surface, PolynomialLimitSurface) else []

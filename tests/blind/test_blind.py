@@ -419,13 +419,13 @@ def test_the_lab_s_cases_do_not_tell_their_arrangement(lab: Path) -> None:
     from stablepush.io.importers.mlab import triangle_slider
 
     key = fernet.Fernet.generate_key()
-    number = next(i for i, (source, arrangement) in enumerate(cases(lab)) if source.arrangement != arrangement)
+    number = next(i for i, (source, arrangement) in enumerate(cases(lab)) if source.labels["arrangement"] != arrangement)
     source, arrangement = cases(lab)[number]
     _, files = imported(number, lab, key)
     text = b"".join(data for name, data in files.items() if name.startswith("log/"))
-    assert source.arrangement.encode() not in text and source.name.encode() not in text
+    assert source.labels["arrangement"].encode() not in text and source.name.encode() not in text
     label = json.loads(fernet.Fernet(key).decrypt(files["label.sealed"]))
-    assert (label["arrangement"], label["nominal"], len(label["applied"])) == (source.arrangement, arrangement, 1)
+    assert (label["arrangement"], label["nominal"], len(label["applied"])) == (source.labels["arrangement"], arrangement, 1)
     rig = json.loads(files["log/rig.json"])
     support = triangle_slider(arrangement).support
     assert support is not None and np.allclose(rig["slider"]["support"]["points"], support.points)

@@ -280,7 +280,7 @@ def raw_log(pushes: int) -> str:
 
 def readers(at: dict[str, Path]) -> dict[str, tuple[list[Path], Callable[[], object]]]:
     """Files that are broken, and what reads them."""
-    from stablepush.io.importers.mlab import find_sources, import_source
+    from stablepush.io.importers import find_sources, import_source
 
     found: dict[str, tuple[list[Path], Callable[[], object]]] = {
         "model, polynomial": ([at["polynomial"]], lambda: sp.load_model(at["polynomial"])),

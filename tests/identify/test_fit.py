@@ -177,7 +177,7 @@ def test_unknown_models_are_refused():
 
 def test_lab_pokes_are_fitted_as_well_as_published(lab):
     """Zhou et al. 2016, figure 5 over four arrangements: 12.6 deg (convex quartic), 14.9 deg (ellipsoid), 30 pokes of wood."""
-    from stablepush.io.importers.mlab import find_sources, import_source
+    from stablepush.io.importers import find_sources, import_source
 
     (source,) = find_sources(lab / "raw/SlidingExpCode/FusionMatlab/RandPushExp/SensorLogs/wood_30_90_30_30_30_90")
     log, _ = import_source(source)

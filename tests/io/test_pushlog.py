@@ -9,7 +9,7 @@ import stablepush as sp
 from stablepush.demo import demo_pokes
 from stablepush.geometry.planar import angle_between, normalize_twist, normalize_wrench
 from stablepush.geometry.se2 import compose, exp, wrap_angle
-from stablepush.io.importers.mlab import find_sources, import_source, triangle_slider
+from stablepush.io.importers import find_sources, import_source, triangle_slider
 from stablepush.io.pushlog import told_apart
 
 

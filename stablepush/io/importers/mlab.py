@@ -9,7 +9,6 @@ legs of 150 mm; its tracked frame sits in the corner with the right angle, its C
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,11 +18,10 @@ import numpy as np
 
 from stablepush.core import LARGEST_MAGNITUDE, FloatArray, InputError
 from stablepush.geometry import compose, exp, inverse, rotate_vectors, transform_points, wrap_angle, wrench_from_force
+from stablepush.io.importers.registry import Source, name_of
 from stablepush.io.json_files import read_text
 from stablepush.io.pushlog import PushLog, Rig
 from stablepush.objects import Slider, SupportDistribution
-
-KINDS = ("mlab-poke", "mlab-stable")
 
 #: Legs of the triangle and its COM, from the right-angle corner (m); mass (kg).
 _LEG = 0.150
@@ -78,56 +76,38 @@ class Action:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
-    """A raw log on disk: its kind, file, and the name of surface and arrangement."""
+class LabLogs:
+    """Importer of one kind of the laboratory's logs; their labels are ``surface`` and ``arrangement`` of the support."""
 
     kind: str
-    file: Path
-    surface: str
-    arrangement: str
-    name: str
+
+    def find(self, root: Path) -> Iterator[Source]:
+        """Return the logs of this kind, which their first lines and their names tell."""
+        files = [root] if root.is_file() else sorted(root.rglob("*.txt"))
+        return (_name_source(self.kind, f) for f in files if _kind_of(f, f == root) == self.kind)
+
+    def read(self, source: Source, slider: Slider | None) -> tuple[PushLog, list[str]]:
+        """Return a log with the laboratory's triangle, or with another slider."""
+        surface, arrangement = source.labels["surface"], source.labels["arrangement"]
+        rig = Rig(
+            slider=triangle_slider(arrangement) if slider is None else slider,
+            contact_kind="point" if self.kind == "mlab-poke" else "two-point",
+            support_friction=_SUPPORT_FRICTION.get(surface),
+            contact_friction=_CONTACT_FRICTION,
+            extra={"source": {"kind": source.kind, "surface": surface, "arrangement": arrangement}},
+        )
+        pushes, notes = read_raw(source.file)
+        if self.kind == "mlab-poke":
+            trials, samples, more = _poke_tables(pushes)
+        else:
+            trials, samples, more = _rotation_tables(pushes, read_actions(_actions_file(source.file)))
+        notes += more
+        if not trials["trial"]:
+            raise InputError("", "expected at least one usable push", file=source.file)
+        return PushLog(rig, trials, samples), [f"{source.file}: {note}" for note in notes]
 
 
-def find_sources(path: str | Path, kind: str | None = None) -> list[Source]:
-    """Return the raw logs that a file, a folder or a whole clone holds, ordered by path, with distinct names."""
-    root = Path(path)
-    if kind is not None and kind not in KINDS:
-        raise InputError("--kind", f"expected {' or '.join(KINDS)}", f"{kind!r}")
-    if not root.exists():
-        raise InputError("", "cannot read: no such file or folder", file=root)
-    files = [root] if root.is_file() else sorted(root.rglob("*.txt"))
-    found = [(k, f) for f in files if (k := _kind_of(f, f == root)) and kind in (None, k)]
-    if not found:
-        wanted = kind or " or ".join(KINDS)
-        raise InputError("", f"expected a raw log of kind {wanted}, found none", file=root)
-    sources = [_name_source(k, f) for k, f in found]
-    names = [s.name for s in sources]
-    return [
-        s if names.count(s.name) == 1 else Source(s.kind, s.file, s.surface, s.arrangement, f"{s.name}_{_slug(s.file)}")
-        for s in sources
-    ]
-
-
-def import_source(source: Source, slider: Slider | None = None) -> tuple[PushLog, list[str]]:
-    """Read one raw log into a :class:`PushLog`; also returns lines about what could not be used."""
-    if slider is None:
-        slider = triangle_slider(source.arrangement)
-    rig = Rig(
-        slider=slider,
-        contact_kind="point" if source.kind == "mlab-poke" else "two-point",
-        support_friction=_SUPPORT_FRICTION.get(source.surface),
-        contact_friction=_CONTACT_FRICTION,
-        extra={"source": {"kind": source.kind, "surface": source.surface, "arrangement": source.arrangement}},
-    )
-    pushes, notes = read_raw(source.file)
-    if source.kind == "mlab-poke":
-        trials, samples, more = _poke_tables(pushes)
-    else:
-        trials, samples, more = _rotation_tables(pushes, read_actions(_actions_file(source.file)))
-    notes += more
-    if not trials["trial"]:
-        raise InputError("", "expected at least one usable push", file=source.file)
-    return PushLog(rig, trials, samples), [f"{source.file}: {note}" for note in notes]
+POKES, ROTATIONS = LabLogs("mlab-poke"), LabLogs("mlab-stable")
 
 
 def triangle_slider(arrangement: str) -> Slider:
@@ -198,22 +178,19 @@ def _actions_file(file: Path) -> Path:
 
 def _name_source(kind: str, file: Path) -> Source:
     folder = file.resolve().parent.name
-    if kind == "mlab-stable":
-        for stamp, (surface, arrangement) in _RELABELLED.items():
-            if stamp in file.name:
-                return Source(kind, file, surface, arrangement, f"{surface}_{arrangement}_stable")
-        return Source(kind, file, "poster", folder, f"poster_{_slug(Path(folder))}_stable")
     surface, _, rest = folder.partition("_")
-    if surface == "wood":
-        return Source(kind, file, "wood", rest, _slug(Path(folder)))
-    if folder == "patch" or _coordinates(folder) is not None:
-        return Source(kind, file, "board", folder, f"board_{folder}")
-    return Source(kind, file, "", folder, _slug(Path(folder)))
-
-
-def _slug(path: Path) -> str:
-    stem = path.name.removesuffix(".txt")
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-.") or "log"
+    if kind == "mlab-stable":
+        surface, rest, name = "poster", folder, f"poster_{name_of(Path(folder))}_stable"
+        for stamp, (told, arrangement) in _RELABELLED.items():
+            if stamp in file.name:
+                surface, rest, name = told, arrangement, f"{told}_{arrangement}_stable"
+    elif surface == "wood":
+        name = name_of(Path(folder))
+    elif folder == "patch" or _coordinates(folder) is not None:
+        surface, rest, name = "board", folder, f"board_{folder}"
+    else:
+        surface, rest, name = "", folder, name_of(Path(folder))
+    return Source(kind, file, name, {"surface": surface, "arrangement": rest})
 
 
 def read_raw(file: Path) -> tuple[list[RawPush], list[str]]:

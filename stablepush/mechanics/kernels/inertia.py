@@ -8,7 +8,7 @@ import numpy as np
 
 from stablepush.core import FloatArray, InputError, check_number, check_zero_or_positive
 from stablepush.objects import Slider
-from stablepush.surfaces import IdealLimitSurface, LimitSurface
+from stablepush.surfaces import LimitSurface
 from stablepush.surfaces.kernels import sum_loads
 
 #: Support points this much slower than the slider, in the norm of U, have friction in proportion to their speed.
@@ -34,9 +34,7 @@ class Body:
             if mu is None:
                 raise InputError("mu", "expected the friction of the support, since the forces of the model are in units of mu*N")
             self.load = mu * self.mass * gravity
-        self.points = self.loads = np.zeros((0, 2))
-        if isinstance(surface, IdealLimitSurface):
-            self.points, self.loads = surface.support.points, surface.loads
+        self.points, self.loads = surface.point_loads or (np.zeros((0, 2)), np.zeros(0))
         #: Time that an evaluation takes, in that of few points.
         self.cost = 1 + len(self.points) // _CHEAP_POINTS
 

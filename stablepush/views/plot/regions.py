@@ -14,7 +14,7 @@ from stablepush.geometry import cor_from_twist, unit
 from stablepush.objects import PushContact, Slider
 from stablepush.stability import MEASURES, ProbabilityMap, RankedContact, StabilityOracle, StableRegion
 from stablepush.stability.kernels import RIM, disc_from_twists
-from stablepush.surfaces import LimitSurface, ensemble_of
+from stablepush.surfaces import LimitSurface
 from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, SENSES, SLIDER, canvas, draw_contact, fill, legend
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def plot_margins(
         axis=-1,
     )
     figure, axes = canvas((8.4, 5.4), equal=False)
-    members = ensemble_of(surface)
+    members = surface.members()
     degrees = np.degrees(turn)
     if members:
         spread = np.degrees([StabilityOracle(member, contact).margin(twists) for member in members])

@@ -1,0 +1,53 @@
+"""An importer of another laboratory's logs is one class and one entry point."""
+
+from types import SimpleNamespace
+
+import pytest
+from conftest import make_log, one_line
+
+import stablepush as sp
+from stablepush.cli import main
+from stablepush.io.importers import Source, find_sources, import_source, registry
+
+
+class OneNumber:
+    """Logs that hold the number of their pushes."""
+
+    def find(self, root):
+        files = [root] if root.is_file() else sorted(root.rglob("*.number"))
+        return [Source("one-number", file, file.stem, {}) for file in files if file.suffix == ".number"]
+
+    def read(self, source, slider):
+        log = make_log(count=int(source.file.read_text(encoding="utf-8")))
+        return log, ["all of it is made up"]
+
+
+@pytest.fixture
+def installed(monkeypatch, tmp_path):
+    entry = SimpleNamespace(name="one-number", load=OneNumber)
+    monkeypatch.setattr(registry, "entry_points", lambda group: [entry])
+    registry.importers.cache_clear()
+    for name in ("b", "a"):
+        (tmp_path / f"{name}.number").write_text("16", encoding="utf-8")
+    yield tmp_path
+    registry.importers.cache_clear()
+
+
+def test_it_is_found_and_read(installed):
+    sources = find_sources(installed)
+    assert [source.name for source in sources] == ["a", "b"]
+    log, notes = import_source(sources[0])
+    assert isinstance(log, sp.PushLog)
+    assert notes == ["all of it is made up"]
+
+
+def test_the_program_takes_it(installed, capsys):
+    assert main(["import", str(installed), "--kind", "one-number", "-o", str(installed / "logs")]) == 0
+    assert len(sp.read_pushlog(installed / "logs" / "a")) == 16
+    capsys.readouterr()
+    command = ["import", installed, "--kind", "other", "-o", installed / "more"]
+    one_line(capsys, command, "--kind: expected one-number, got 'other'")
+
+
+def test_the_library_has_the_manipulation_labs():
+    assert {"mlab-poke", "mlab-stable"} <= set(registry.importers())
