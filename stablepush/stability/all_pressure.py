@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -12,7 +12,7 @@ from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError,
 from stablepush.geometry import unit
 from stablepush.objects import PushContact, Slider
 from stablepush.stability.kernels.chart import Rings, hemisphere, new_places, rings_from_disc, whole_disc
-from stablepush.stability.region import EXTENT_RADII, Interval, StableRegion, cut_parts, everywhere
+from stablepush.stability.region import EXTENT_RADII, Interval, StableRegion, all_turns, cut_parts
 
 #: A load may leave the cone by this much, for a friction load of one, and still count as on its boundary.
 CERTIFICATE_TOLERANCE = 1e-10
@@ -176,27 +176,33 @@ def all_pressure_region(
     support = _Support(slider, contact, com_tolerance, characteristic_length)
     extent = EXTENT_RADII * max(slider.radius, contact.radius)
 
-    def accepts(twists: FloatArray) -> BoolArray:
-        return support.holds(support.normalized(twists), support.facets)
-
-    def rings(sense: int) -> Rings:
-        if support.cone.rank < 3:
-            return []
-        parts = [
-            _facet_disc(support, facet, boundary, sense) for facet, boundary in zip(support.facets, boundaries(), strict=True)
-        ]
-        return rings_from_disc(shapely.intersection_all(parts), sense)
-
-    known: list[FloatArray | None] = []
-
-    def boundaries() -> list[FloatArray | None]:
-        if not known:
-            known.extend(_trace(support, facet, np.delete(support.facets, i, axis=0)) for i, facet in enumerate(support.facets))
-        return known
-
     if len(support.facets) == 0:
-        return StableRegion("all-pressure", support.rho, extent, ((0.0, 2 * np.pi),), accepts, everywhere(extent, support.rho))
-    return StableRegion("all-pressure", support.rho, extent, _translations(support), accepts, rings)
+        return StableRegion("all-pressure", support.rho, extent, ((0.0, 2 * np.pi),), _StableUnderAll(support, extent))
+    return StableRegion("all-pressure", support.rho, extent, _translations(support), _StableUnderAll(support, extent))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _StableUnderAll:
+    """Motions that are stable under every pressure of a support."""
+
+    support: _Support
+    extent: float
+    _traced: list[FloatArray | None] = field(default_factory=list, repr=False)
+
+    def accepts(self, twists: FloatArray) -> BoolArray:
+        return self.support.holds(self.support.normalized(twists), self.support.facets)
+
+    def rings(self, sense: int) -> Rings:
+        facets = self.support.facets
+        if len(facets) == 0:
+            return all_turns(self.extent, self.support.rho, sense)
+        if self.support.cone.rank < 3:
+            return []
+        if not self._traced:
+            # the same curves bound turns of both senses
+            self._traced.extend(_trace(self.support, facet, np.delete(facets, i, axis=0)) for i, facet in enumerate(facets))
+        parts = [_facet_disc(self.support, facet, line, sense) for facet, line in zip(facets, self._traced, strict=True)]
+        return rings_from_disc(shapely.intersection_all(parts), sense)
 
 
 def worst_pressure(

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import numpy as np
 
 from stablepush.core import BoolArray, FloatArray, UnsupportedContactError, check_number
 from stablepush.geometry import unit, wrap_angle
 from stablepush.objects import PushContact, Slider
-from stablepush.stability.kernels.chart import clip_loop, square_of_cors, twists_from_homogeneous
-from stablepush.stability.region import EXTENT_RADII, FAR, StableRegion
+from stablepush.stability.kernels.chart import Rings, clip_loop, square_of_cors, twists_from_homogeneous
+from stablepush.stability.region import EXTENT_RADII, FAR, Interval, StableRegion
 
 #: Slack of the closed inequalities, relative to the size of their terms: rounding must not open the set.
 _SLACK = 1e-12
@@ -39,34 +42,46 @@ def lynch_mason_region(slider: Slider, contact: PushContact, *, characteristic_l
         -1.0: _half_planes(vertices, right, left, *reversed(edges)),
     }
 
-    interval = _translations(contact, normal)
-
-    def accepts(twists: FloatArray) -> BoolArray:
-        good = np.zeros(len(twists), dtype=bool)
-        for sign, (rows, offsets) in planes.items():
-            # a·c >= b for c = (-vy, vx)/omega, times |omega|
-            turning = sign * twists[:, 2] > 0
-            v = sign * twists[turning]
-            size = np.linalg.norm(rows, axis=1) * (np.linalg.norm(v[:, :2], axis=1) + slider.radius * v[:, 2])[:, None]
-            height = np.stack((-v[:, 1], v[:, 0]), axis=-1) @ rows.T - offsets * v[:, 2:]
-            good[turning] = (height >= -_SLACK * size).all(axis=1)
-        still = twists[:, 2] == 0
-        if interval is not None and still.any():
-            angle = np.arctan2(twists[still, 1], twists[still, 0])
-            good[still] = np.mod(angle - interval[0] + _SLACK, 2 * np.pi) <= interval[1] - interval[0] + 2 * _SLACK
-        return good
-
     rho = slider.characteristic_length
     if characteristic_length is not None:
         rho = check_number(characteristic_length, "characteristic_length", positive=True)
+    interval = _translations(contact, normal)
     return StableRegion(
         name="conservative",
         characteristic_length=rho,
         default_extent=EXTENT_RADII * max(slider.radius, contact.radius),
         translation_intervals=() if interval is None else (interval,),
-        _accepts=accepts,
-        _rings=lambda sense: [[_ring(*planes[float(sense)], FAR * slider.radius, sense) * (1.0, 1.0, rho)]],
+        motions=_HalfPlanes(planes, interval, slider.radius, rho),
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _HalfPlanes:
+    """CORs between half-planes ``a·c >= b`` of each sense, and translations in an interval of angles."""
+
+    planes: Mapping[float, tuple[FloatArray, FloatArray]]
+    interval: Interval | None
+    radius: float
+    rho: float
+
+    def accepts(self, twists: FloatArray) -> BoolArray:
+        good = np.zeros(len(twists), dtype=bool)
+        for sign, (rows, offsets) in self.planes.items():
+            # a·c >= b for c = (-vy, vx)/omega, times |omega|
+            turning = sign * twists[:, 2] > 0
+            v = sign * twists[turning]
+            size = np.linalg.norm(rows, axis=1) * (np.linalg.norm(v[:, :2], axis=1) + self.radius * v[:, 2])[:, None]
+            height = np.stack((-v[:, 1], v[:, 0]), axis=-1) @ rows.T - offsets * v[:, 2:]
+            good[turning] = (height >= -_SLACK * size).all(axis=1)
+        still = twists[:, 2] == 0
+        if self.interval is not None and still.any():
+            low, high = self.interval
+            angle = np.arctan2(twists[still, 1], twists[still, 0])
+            good[still] = np.mod(angle - low + _SLACK, 2 * np.pi) <= high - low + 2 * _SLACK
+        return good
+
+    def rings(self, sense: int) -> Rings:
+        return [[_ring(*self.planes[float(sense)], FAR * self.radius, sense) * (1.0, 1.0, self.rho)]]
 
 
 def _line_contact(contact: PushContact) -> tuple[FloatArray, FloatArray, FloatArray]:

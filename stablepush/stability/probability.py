@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,22 +81,30 @@ def chance_region(surface: LimitSurface, contact: PushContact, probability: floa
     oracle = StabilityOracle(surface, contact)
     rho = surface.characteristic_length
 
-    def accepts(twists: FloatArray) -> BoolArray:
-        share = oracle.probability(twists)
-        assert share is not None
-        return np.asarray(share >= needed / len(regions) - _SLACK)
-
-    def rings(sense: int) -> Rings:
-        return rings_from_disc(_covered([region.disc(sense) for region in regions], needed), sense)
-
     return StableRegion(
         name=f"probability {level:g}",
         characteristic_length=rho,
         default_extent=EXTENT_RADII * max(contact.radius, rho),
         translation_intervals=_common([region.translation_intervals for region in regions], needed),
-        _accepts=accepts,
-        _rings=rings,
+        motions=_ProbablyStable(oracle, regions, needed),
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _ProbablyStable:
+    """Motions that at least ``needed`` surfaces of an ensemble call stable."""
+
+    oracle: StabilityOracle
+    regions: Sequence[StableRegion]
+    needed: int
+
+    def accepts(self, twists: FloatArray) -> BoolArray:
+        share = self.oracle.probability(twists)
+        assert share is not None
+        return np.asarray(share >= self.needed / len(self.regions) - _SLACK)
+
+    def rings(self, sense: int) -> Rings:
+        return rings_from_disc(_covered([region.disc(sense) for region in self.regions], self.needed), sense)
 
 
 def _member_regions(surface: LimitSurface, contact: PushContact) -> list[StableRegion]:

@@ -7,9 +7,9 @@ boundary is the image of the cone's facets: no inversion and no grid is needed, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import shapely
@@ -61,6 +61,16 @@ _MOST_PARTS = 64
 Interval = tuple[float, float]
 
 
+class MotionSet(Protocol):
+    """What a region is: which motions it holds, and its boundary."""
+
+    def accepts(self, twists: FloatArray) -> BoolArray:
+        """Return whether body twists (n, 3) are in the set."""
+
+    def rings(self, sense: int) -> Rings:
+        """Return the boundary of each piece of turns of a sense, as unit normalised twists."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class StableRegion:
     """A closed set of stable motions: rotations of both senses, and translations.
@@ -75,6 +85,8 @@ class StableRegion:
         Half side (m) of the square about the origin of B at which :meth:`polygons` cuts.
     translation_intervals : tuple of pairs of floats
         Intervals of stable translation directions, as angles (rad) in B with ``lower <= upper``, the widest first.
+    motions : MotionSet
+        The set itself.
     curve : array, shape (n, 3), or None
         Where the region has no interior (one finger, no friction, or a cone within a facet of an ideal surface), the unit
         twists ``(vx, vy, rho*omega)`` along it; one where a single motion is stable. The region then has no polygons.
@@ -84,8 +96,7 @@ class StableRegion:
     characteristic_length: float
     default_extent: float
     translation_intervals: tuple[Interval, ...]
-    _accepts: Callable[[FloatArray], BoolArray]
-    _rings: Callable[[int], Rings]
+    motions: MotionSet = field(repr=False)
     curve: FloatArray | None = None
     _known: dict[int, Rings] = field(default_factory=dict, repr=False)
 
@@ -112,7 +123,7 @@ class StableRegion:
         v = check_vectors(twists, "twists", 3)
         if not v.any(axis=-1).all():
             raise InputError("twists", "expected twists that are not zero")
-        return np.asarray(self._accepts(v.reshape(-1, 3)).reshape(v.shape[:-1]))
+        return np.asarray(self.motions.accepts(v.reshape(-1, 3)).reshape(v.shape[:-1]))
 
     def contains(self, cors: ArrayLike, sense: ArrayLike) -> BoolArray:
         """Return whether CORs (..., 2) in B (m) with ``sense`` (+1 or -1, a scalar or an array) lie in the region; never cut."""
@@ -180,7 +191,7 @@ class StableRegion:
     def _rings_of(self, sense: int) -> Rings:
         sign = _one_sense(sense)
         if sign not in self._known:
-            self._known[sign] = self._rings(sign)
+            self._known[sign] = self.motions.rings(sign)
         return self._known[sign]
 
 
@@ -195,9 +206,29 @@ def _one_sense(sense: int) -> int:
 FAR = 1e9
 
 
-def everywhere(extent: float, rho: float) -> Callable[[int], Rings]:
-    """Return the rings of the set of all motions."""
-    return lambda sense: [[twists_from_homogeneous(square_of_cors(FAR * extent), sense) * (1.0, 1.0, rho)]]
+def all_turns(extent: float, rho: float, sense: int) -> Rings:
+    """Return the rings of all turns of a sense."""
+    return [[twists_from_homogeneous(square_of_cors(FAR * extent), sense) * (1.0, 1.0, rho)]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _StableMotions:
+    """The motions that an oracle calls stable; ``boundary`` (n, 3): unit normalised twists, None for all motions."""
+
+    oracle: StabilityOracle
+    boundary: FloatArray | None
+    extent: float
+
+    def accepts(self, twists: FloatArray) -> BoolArray:
+        return self.oracle.is_stable(twists)
+
+    def rings(self, sense: int) -> Rings:
+        if self.boundary is None:
+            return all_turns(self.extent, self.oracle.surface.characteristic_length, sense)
+        # a flat cone, or a rotation about one support point, has no interior
+        if self.oracle.cone.rank < 3 or len(self.boundary) == 1:
+            return []
+        return rings_from_disc(hemisphere(self.boundary, sense), sense)
 
 
 def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
@@ -227,7 +258,7 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
     rho = surface.characteristic_length
     cone, extent = oracle.cone, EXTENT_RADII * max(contact.radius, rho)
     if len(cone.normals) == 0:
-        return StableRegion("model", rho, extent, ((0.0, 2 * np.pi),), oracle.is_stable, everywhere(extent, rho))
+        return StableRegion("model", rho, extent, ((0.0, 2 * np.pi),), _StableMotions(oracle, None, extent))
     if cone.rank == 3 and not cone.is_solid_and_pointed:
         raise UnsupportedContactError(
             "stable region: expected a wrench cone without a line in it, or all wrenches; these contacts can press against each "
@@ -239,13 +270,10 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
     if cone.rank == 3 and np.ptp(boundary, axis=0).max() < _STILL:
         # all loads of the cone lie on one facet of an ideal surface: rotation about one support point
         boundary = boundary[:1]
+    motions = _StableMotions(oracle, boundary, extent)
     if cone.rank < 3 or len(boundary) == 1:
-        return StableRegion("model", rho, extent, _crossings(boundary), oracle.is_stable, lambda sense: [], boundary)
-
-    def rings(sense: int) -> Rings:
-        return rings_from_disc(hemisphere(boundary, sense), sense)
-
-    return StableRegion("model", rho, extent, translation_intervals(boundary), oracle.is_stable, rings)
+        return StableRegion("model", rho, extent, _crossings(boundary), motions, boundary)
+    return StableRegion("model", rho, extent, translation_intervals(boundary), motions)
 
 
 def trace_cone(surface: LimitSurface, cone: WrenchCone) -> FloatArray:

@@ -1,10 +1,11 @@
+import pickle
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
-from conftest import SQUARE, SQUARE_PUSH, counts, grid, random_twists, surface_zoo, three_feet, triangle
+from conftest import SQUARE, SQUARE_PUSH, counts, grid, pairs, random_twists, surface_zoo, three_feet, triangle
 
 import stablepush as sp
 from stablepush.geometry.planar import normalize_wrench, twist_from_cor
@@ -310,3 +311,19 @@ def test_the_tightest_turn_is_the_nearest_stable_cor():
             assert np.linalg.norm(near, axis=1).min() > radius - 1e-5
             polygon = shapely.union_all(region.polygons(sense, 1.0))
             assert shapely.distance(polygon, shapely.Point(turn)) < 1e-5
+
+
+def test_regions_travel_between_processes():
+    contact = edge_contact()
+    fit = sp.fit_limit_surface(*pairs(12, 0.02), slider=triangle())
+    regions = [
+        sp.stable_region(fit.surface, contact),
+        sp.chance_region(fit.surface, contact, 0.9),
+        sp.all_pressure_region(triangle(), contact),
+        sp.lynch_mason_region(triangle(), contact),
+        sp.stable_region(fit.surface, sp.PushContact(((0.0, -0.05),), (0, 1), 0.5)),
+    ]
+    for region in regions:
+        copy = pickle.loads(pickle.dumps(region))
+        np.testing.assert_array_equal(copy.contains(grid(0.5), 1), region.contains(grid(0.5), 1))
+        assert copy.solid_angle() == region.solid_angle()
