@@ -12,7 +12,16 @@ from .core import (
     UnsupportedContactError as UnsupportedContactError,
     run_parallel as run_parallel,
 )
-from .diagnosis import GapReport as GapReport, diagnose as diagnose
+from .diagnosis import (
+    ChannelGap as ChannelGap,
+    GapReduction as GapReduction,
+    GapReport as GapReport,
+    NextExperiment as NextExperiment,
+    ParameterEstimate as ParameterEstimate,
+    RankedEffect as RankedEffect,
+    Verdict as Verdict,
+    diagnose as diagnose,
+)
 from .effects import CATALOGUE as CATALOGUE, Effect as Effect, EffectKind as EffectKind, parse_effect as parse_effect
 from .identify import (
     Certificate as Certificate,
@@ -22,6 +31,7 @@ from .identify import (
     OnlineEstimate as OnlineEstimate,
     OnlineIdentifier as OnlineIdentifier,
     Poke as Poke,
+    SlipPairs as SlipPairs,
     certify as certify,
     cross_validate as cross_validate,
     ellipsoid_from_pressure as ellipsoid_from_pressure,
@@ -67,6 +77,7 @@ from .planning import (
     PlanningProblem as PlanningProblem,
     PlanOptions as PlanOptions,
     PlanResult as PlanResult,
+    PlanStatus as PlanStatus,
     Push as Push,
     RegionPlan as RegionPlan,
     Trajectory as Trajectory,

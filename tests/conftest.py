@@ -203,7 +203,7 @@ def check_evidence(report):
     """Something is said of every effect: for what is named, against what is not."""
     assert set(report.evidence) == set(CATALOGUE)
     for entry in report.ranking:
-        id = entry["effect"]
+        id = entry.effect
         supporting, opposing, unseen = report.evidence[id]
         if id in report.named:
             assert supporting, (id, opposing)
@@ -211,10 +211,10 @@ def check_evidence(report):
         elif unseen:
             assert (supporting, opposing) == ([], []), id
             fitted_along = "cannot be judged" in unseen
-            assert entry["identifiable"] == fitted_along, (id, unseen)
-            assert fitted_along or unseen == f"this log cannot show it: {entry['reason']}"
+            assert entry.identifiable == fitted_along, (id, unseen)
+            assert fitted_along or unseen == f"this log cannot show it: {entry.reason}"
         else:
-            assert entry["identifiable"] and opposing, (id, supporting)
+            assert entry.identifiable and opposing, (id, supporting)
             assert not supporting or id == "model-capacity" or report.verdict == "unknown", (id, supporting)
 
 

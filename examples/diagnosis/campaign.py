@@ -103,12 +103,12 @@ def covered(report: sp.GapReport, effects: list[sp.Effect]) -> str:
     """Whether the intervals of effects that are named hold the truth: 1 or 0 for each number."""
     found = []
     for effect in effects:
-        entry = next(e for e in report.ranking if e["effect"] == effect.id)
+        entry = next(e for e in report.ranking if e.effect == effect.id)
         for parameter in CATALOGUE[effect.id].parameters:
             # a direction counts up to half a turn, and means nothing when the ratio is near one
-            if effect.id not in report.named or parameter.name not in entry["parameters"] or parameter.name == "direction":
+            if effect.id not in report.named or parameter.name not in entry.parameters or parameter.name == "direction":
                 continue
-            pairs = np.reshape(entry["parameters"][parameter.name]["ci95"], (-1, 2))
+            pairs = np.reshape(entry.parameters[parameter.name].ci95, (-1, 2))
             found += [str(int(a <= v <= b)) for (a, b), v in zip(pairs, effect.vector(parameter.name), strict=True)]
     return " ".join(found)
 
@@ -159,7 +159,7 @@ def one(name: str, seed: int, pushes: int) -> dict[str, object]:
         "effect": name, "truth": " ".join(truth), "seed": seed, "share": SHARES[seed % len(SHARES)],
         "kind": "two" if len(rig.pusher.fingers) == 2 else "one",
         "verdict": report.verdict, "named": " ".join(report.named),
-        "closed": next((e["closed"] for e in report.shrink if e["channel"] in ("wrench", "pose")), np.nan),
+        "closed": next((e.closed for e in report.shrink if e.channel in ("wrench", "pose")), np.nan),
         "covered": covered(report, effects), "seconds": seconds,
         "probabilities": " ".join(f"{e['effect']}={e['probability']:.3f}" for e in report.ranking),
     }  # fmt: skip

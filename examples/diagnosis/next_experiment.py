@@ -49,7 +49,7 @@ def one(id: str, seed: int, pushes: int, wanted: int, forces: bool) -> tuple[str
     rng = np.random.default_rng(seed)
     commands = [small(command, rng) for command in commands]
     verdict, _, report = named(rig.execute(commands, seed=draw).log, id, forces)
-    proposed = report.next_experiment["pushes"]
+    proposed = report.next_experiment.pushes
     if verdict != "ambiguous" or not proposed:
         return None
     more = [

@@ -19,8 +19,8 @@ log = rig.execute(sp.random_pushes(slider, rig.pusher, 60, seed=2), seed=3).log
 
 report = sp.diagnose(log)
 print(report.sentence)
-for name, parameter in report.ranking[0]["parameters"].items():
-    print(name, [round(x, 4) for x in parameter["estimate"]], parameter["unit"], "95 %:", parameter["ci95"])
+for name, parameter in report.ranking[0].parameters.items():
+    print(name, [round(x, 4) for x in parameter.estimate], parameter.unit, "95 %:", parameter.ci95)
 
 figure = plot_residuals_against(report)
 save_figure(figure, "diagnosis.png")

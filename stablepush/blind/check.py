@@ -242,7 +242,7 @@ def known(number: int, files: Files, effects: list[str]) -> tuple[int, dict[str,
     with tempfile.TemporaryDirectory() as place:
         _write(Path(place), files)
         log = read_pushlog(Path(place))
-    return number, {entry["channel"]: entry["closed"] for entry in shrink_with(log, effects)}
+    return number, {entry.channel: entry.closed for entry in shrink_with(log, effects)}
 
 
 def _read(folder: Path) -> Files:

@@ -50,10 +50,10 @@ def diagnose(
     print(f"{log}: {report.verdict}{': ' + ', '.join(report.named) if report.named else ''}")
     print(report.sentence)
     for entry in report.shrink:
-        low, high = entry["ci95"]
-        unit = "" if entry["unit"] == "1" else f" {entry['unit']}"
-        sizes = f"{entry['before']:.4g}{unit} before, {entry['after']:.4g} after, floor {entry['floor']:.4g}"
-        print(f"{entry['channel']}: {sizes}; closed {100 * entry['closed']:.0f} % ({percent(low)} to {percent(high)})")
+        low, high = entry.ci95
+        unit = "" if entry.unit == "1" else f" {entry.unit}"
+        sizes = f"{entry.before:.4g}{unit} before, {entry.after:.4g} after, floor {entry.floor:.4g}"
+        print(f"{entry.channel}: {sizes}; closed {100 * entry.closed:.0f} % ({percent(low)} to {percent(high)})")
 
 
 def _write_pushes(report: GapReport, path: Path) -> None:
@@ -61,9 +61,9 @@ def _write_pushes(report: GapReport, path: Path) -> None:
 
     from stablepush.io import table_text, write_atomically
 
-    proposed = report.next_experiment["pushes"]
+    proposed = report.next_experiment.pushes
     if not proposed:
-        print(f"{path}: not written: {report.next_experiment['why']}")
+        print(f"{path}: not written: {report.next_experiment.why}")
         return
     names = [name for name in proposed[0] if not name.startswith("expected")]
     write_atomically(path, table_text({name: np.array([push[name] for push in proposed]) for name in names}))

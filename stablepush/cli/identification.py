@@ -54,8 +54,8 @@ def import_logs(
             for note in notes:
                 step.say(f"note: {note}")
             pairs = log.pairs()
-            forward = int(((pairs[0] * pairs[1]).sum(axis=1) > 0).sum())
-            summary = f", {len(pairs[0])} pairs, {forward} with F·V > 0" if len(pairs[0]) else ""
+            forward = int(((pairs.wrenches * pairs.twists).sum(axis=1) > 0).sum())
+            summary = f", {len(pairs.trials)} pairs, {forward} with F·V > 0" if pairs.trials else ""
             step.say(f"{target}: {item.kind}, {len(log)} pushes{summary}", error=False)
             step()
     if not imported:

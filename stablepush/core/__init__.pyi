@@ -51,3 +51,4 @@ from .plausibility import (
     note_time as note_time,
     note_tolerance as note_tolerance,
 )
+from .words import Word as Word

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from stablepush.diagnosis.attribution import P_SLIP, Attribution, Screening
+from stablepush.diagnosis.results import RankedEffect
 from stablepush.diagnosis.system import System
 
 #: Contact friction that differs with so small a p-value does so clearly, though it need not be named.
@@ -26,7 +27,7 @@ def cannot_show(reason: str) -> Evidence:
 
 
 def evidence(
-    system: System, found: Attribution, ranking: Sequence[dict[str, Any]], effects: list[str], why: str
+    system: System, found: Attribution, ranking: Sequence[RankedEffect], effects: list[str], why: str
 ) -> dict[str, Evidence]:
     """Return what speaks for and against each effect of a ranking.
 
@@ -36,10 +37,10 @@ def evidence(
     reshaped = "free" in found.scores and system.better(found.scores["free"], found.scores["scaled"])
     result = {}
     for entry in ranking:
-        id = entry["effect"]
+        id = entry.effect
         acts = id in (*found.named, *found.rivals)
-        if not entry["identifiable"] and not acts:
-            said = cannot_show(entry["reason"])
+        if not entry.identifiable and not acts:
+            said = cannot_show(entry.reason or "")
         elif id == "contact-friction" and system.has_wrench:
             said = _of_slip(system, found)
         elif id == "model-capacity":

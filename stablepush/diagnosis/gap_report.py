@@ -16,6 +16,7 @@ from stablepush.diagnosis.motions import Motions, motions_of
 from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import Replay, replays
+from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
 from stablepush.diagnosis.shrink import closes_touch, ends_are_off, explains_most, gap, hold_out, shrink
 from stablepush.diagnosis.system import System, system_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share, residuals
@@ -24,7 +25,8 @@ from stablepush.geometry import rotate_vectors
 from stablepush.io import PushLog, Rig
 from stablepush.surfaces import IdealLimitSurface
 
-VERDICTS = ("none", "absorbed", "named", "ambiguous", "unknown")
+#: The words of a verdict.
+VERDICTS = tuple(Verdict)
 #: What is left counts as unknown if so much of it follows place, heading, order or speed, and it is so much larger than the
 #: noise.
 _UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
@@ -48,14 +50,14 @@ class GapReport:
     log: str
     trials: int
     channels: list[str]
-    verdict: str
+    verdict: Verdict
     named: list[str]
-    gap: list[dict[str, Any]]
+    gap: list[ChannelGap]
     where: list[Finding]
-    ranking: list[dict[str, Any]]
-    shrink: list[dict[str, Any]]
+    ranking: list[RankedEffect]
+    shrink: list[GapReduction]
     worse: list[str]
-    next_experiment: dict[str, Any]
+    next_experiment: NextExperiment
     sentence: str
     notes: list[str]
     rig: Rig
@@ -88,7 +90,7 @@ class GapReport:
             "log": self.log,
             "trials": self.trials,
             "channels": self.channels,
-            "gap": self.gap,
+            "gap": as_json(self.gap),
             "where": [
                 {
                     "channel": f.channel, "component": f.component, "covariate": f.covariate,
@@ -96,12 +98,12 @@ class GapReport:
                 }
                 for f in self.where
             ],
-            "verdict": self.verdict,
+            "verdict": str(self.verdict),
             "effects": self.named,
-            "ranking": self.ranking,
-            "shrink": self.shrink,
+            "ranking": as_json(self.ranking),
+            "shrink": as_json(self.shrink),
             "worse": self.worse,
-            "next_experiment": self.next_experiment,
+            "next_experiment": as_json(self.next_experiment),
             "sentence": self.sentence,
             "notes": self.notes,
         }  # fmt: skip
@@ -147,7 +149,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     unknown = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
     # a cause that brings no channel nearer on trials that it was not fitted to explains nothing
     touch = closes_touch(held)
-    worse = bool(named and closed) and max(touch, *(entry["closed"] for entry in closed)) <= 0
+    worse = bool(named and closed) and max(touch, *(entry.closed for entry in closed)) <= 0
     if worse and found.chosen and found.scores:
         # a few rows that hardly tell anything may hide it from the mean square
         folds = folds_of(system)
@@ -174,19 +176,19 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     surface = system.surface(found.final.loads) if sized else None
     # a rig has fingers of one radius
     simulated = [id for id in named if id != "contact-geometry" or all(observations.off)]
-    report_effects = {entry["effect"]: _plain(entry) for entry in ranking if entry["effect"] in simulated}
+    report_effects = {entry.effect: _plain(entry) for entry in ranking if entry.effect in simulated}
     notes = _notes(log, system, found, effects, share, p_share, left_out)
     return GapReport(
         log=name,
         trials=len(log),
-        channels=[entry["channel"] for entry in closed],
-        verdict=verdict,
+        channels=[entry.channel for entry in closed],
+        verdict=Verdict(verdict),
         named=effects,
         gap=gap(system, held),
         where=where,
         ranking=ranking,
         shrink=closed,
-        worse=[entry["channel"] for entry in closed if entry["after"] > 1.02 * entry["before"]],
+        worse=[entry.channel for entry in closed if entry.after > 1.02 * entry.before],
         next_experiment=_next(system, found, effects, ranking),
         sentence=_sentence(verdict, effects, closed, touch, system.has_wrench, log.rig.noise is not None),
         notes=notes,
@@ -207,7 +209,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     )
 
 
-def shrink_with(log: PushLog, effects: list[str]) -> list[dict[str, Any]]:
+def shrink_with(log: PushLog, effects: list[str]) -> list[GapReduction]:
     """Return how far the gap shrinks, as ``shrink`` of a report, when it is known which effects act."""
     observations = observe(log)
     if len(np.unique(observations.trial)) < 2:
@@ -234,13 +236,12 @@ def _equations(log: PushLog, observations: Observations) -> tuple[System, list[R
 def _too_little(log: PushLog, name: str) -> GapReport:
     """The answer to a log that can show nothing."""
     words = "the log has fewer than two pushes in which the slider is seen to move: nothing can be said"
-    ranking = [
-        {"effect": id, "probability": 0.02, "parameters": {}, "identifiable": False, "reason": UNSEEN[id]} for id in CATALOGUE
-    ]
+    ranking = [RankedEffect(id, 0.02, {}, False, UNSEEN[id]) for id in CATALOGUE]
     nothing = np.zeros((0, 3))
-    after = {"separates": [], "pushes": [], "why": "more pushes in headings, places, speeds and faces that vary, in random order"}
+    after = NextExperiment([], [], "more pushes in headings, places, speeds and faces that vary, in random order")
+    sentence = f"{words[0].upper()}{words[1:]}."
     return GapReport(
-        name, len(log), [], "none", [], [], [], ranking, [], [], after, f"{words[0].upper()}{words[1:]}.", [words], log.rig, None,
+        name, len(log), [], Verdict.NONE, [], [], [], ranking, [], [], after, sentence, [words], log.rig, None,
         {}, {id: cannot_show(UNSEEN[id]) for id in CATALOGUE}, {}, {}, nothing, nothing, nothing, np.zeros(0), np.zeros(0),
         np.zeros(0), [], [],
     )  # fmt: skip
@@ -259,13 +260,13 @@ def _completed(rig: Rig, system: System, found: Attribution) -> Rig:
     return replace(rig, contact_friction=mu, finger_radius=radius)
 
 
-def _plain(entry: dict[str, Any]) -> dict[str, Any]:
-    return {name: parameter["estimate"] for name, parameter in entry["parameters"].items()}
+def _plain(entry: RankedEffect) -> dict[str, Any]:
+    return {name: parameter.estimate for name, parameter in entry.parameters.items()}
 
 
-def _next(system: System, found: Attribution, effects: list[str], ranking: list[dict[str, Any]]) -> dict[str, Any]:
+def _next(system: System, found: Attribution, effects: list[str], ranking: list[RankedEffect]) -> NextExperiment:
     """The pushes that best separate the two causes most in play."""
-    likely = [*effects, *(entry["effect"] for entry in ranking if entry["identifiable"])]
+    likely = [*effects, *(entry.effect for entry in ranking if entry.identifiable)]
     # loads of straight pushes do not tell of the fingers' friction, ends of slanting ones do
     unseen = {"contact-friction"} if system.has_wrench else set()
     pair = list(dict.fromkeys(id for id in likely if id in SIZES and id not in unseen))[:2]
@@ -274,7 +275,7 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
     # a log of neither loads nor ends shows nothing that pushes could be chosen by
     if len(pair) < 2 or unseen & set(pair) or not (system.has_wrench or isinstance(system, Motions)):
         why = "more pushes in headings, places, speeds and faces that vary, in random order"
-        return {"separates": pair, "pushes": [], "why": why}
+        return NextExperiment(pair, [], why)
     from stablepush.diagnosis.separation import separating_pushes
 
     others = [id for id in found.chosen if id not in pair]
@@ -285,18 +286,18 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
             f"{pair[0]} and {pair[1]} predict the same, within the noise, for straight pushes of all edges that the pusher fits "
             "on: use another pusher, or measure one of them by itself"
         )
-    return {"separates": pair, "pushes": pushes, "why": why}
+    return NextExperiment(pair, pushes, why)
 
 
-def _sentence(verdict: str, effects: list[str], shrink: list[dict[str, Any]], touch: float, forces: bool, noise: bool) -> str:
+def _sentence(verdict: str, effects: list[str], shrink: list[GapReduction], touch: float, forces: bool, noise: bool) -> str:
     # of the first channel that comes nearer: a cause need not show in all
-    shares = {f"the {entry['channel']}": entry["closed"] for entry in shrink} | {"how fingers touch": touch}
+    shares = {f"the {entry.channel}": entry.closed for entry in shrink} | {"how fingers touch": touch}
     nearer = [(channel, share) for channel, share in shares.items() if share > _SAID]
     how = f"; {100 * nearer[0][1]:.0f} % of the gap in {nearer[0][0]} closes on held-out trials" if nearer else ""
     words = [CATALOGUE[id].what for id in effects]
     if verdict == "none":
         if not forces:
-            carried = any(entry["channel"] == "stability" or entry["channel"] == "pose" for entry in shrink)
+            carried = any(entry.channel in ("stability", "pose") for entry in shrink)
             seen = "No cause stands out of the scatter of the poses" if carried else "Nothing stands out"
             return f"{seen}; without forces little more can be said."
         if not noise:

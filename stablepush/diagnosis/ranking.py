@@ -11,6 +11,7 @@ from scipy.stats import t as student
 from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import RANGES, SIZES
+from stablepush.diagnosis.results import ParameterEstimate, RankedEffect
 from stablepush.diagnosis.system import System
 from stablepush.effects import CATALOGUE
 
@@ -48,13 +49,13 @@ UNSEEN = {
 }
 
 
-def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, dict[str, Any]]:
+def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, ParameterEstimate]:
     """Parameters of the catalogue, with 95 % intervals, from those that are fitted."""
     known = {p.name: p for p in CATALOGUE[id].parameters}
 
-    def entry(name: str, estimate: Any, low: Any, high: Any) -> dict[str, dict[str, Any]]:
+    def entry(name: str, estimate: Any, low: Any, high: Any) -> dict[str, ParameterEstimate]:
         pairs = [list(p) for p in zip(low, high, strict=True)] if isinstance(estimate, list) else [low, high]
-        return {name: {"estimate": estimate, "ci95": pairs, "unit": known[name].unit}}
+        return {name: ParameterEstimate(estimate, pairs, known[name].unit)}
 
     if id in ("anisotropy-world", "anisotropy-object"):
         size, error = float(np.hypot(*value)), float(np.sqrt((errors**2).mean()))
@@ -77,8 +78,8 @@ def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, dic
     return entry(name, estimates, low, high)
 
 
-def rank(system: System, found: Attribution, effects: list[str]) -> list[dict[str, Any]]:
-    """Return the entries of ``ranking`` as ``diagnosis/1`` has them; ``effects``: those that the verdict names."""
+def rank(system: System, found: Attribution, effects: list[str]) -> list[RankedEffect]:
+    """Return the effects of the catalogue, the most probable first; ``effects``: those that the verdict names."""
     # causes that the log cannot tell apart share the probability of the one that was fitted
     apart = (found.rivalled, *found.rivals) if found.rivals else ()
     shared = _of_fit(found.rivalled, system, found, effects)[0] / len(apart) if apart else 0.0
@@ -96,16 +97,9 @@ def rank(system: System, found: Attribution, effects: list[str]) -> list[dict[st
         probability, parameters, seen = entry
         if id in apart:
             probability = shared
-        entries.append(
-            {
-                "effect": id,
-                "probability": float(np.clip(probability, 0.001, 0.999)),
-                "parameters": parameters,
-                "identifiable": seen,
-                "reason": None if seen else _unseen(id, found),
-            }
-        )
-    return sorted(entries, key=lambda entry: -entry["probability"])
+        reason = None if seen else _unseen(id, found)
+        entries.append(RankedEffect(id, float(np.clip(probability, 0.001, 0.999)), parameters, seen, reason))
+    return sorted(entries, key=lambda entry: -entry.probability)
 
 
 def _unseen(id: str, found: Attribution) -> str:
@@ -117,7 +111,7 @@ def _unseen(id: str, found: Attribution) -> str:
     return UNSEEN[id]
 
 
-Entry = tuple[float, dict[str, dict[str, Any]], bool]
+Entry = tuple[float, dict[str, ParameterEstimate], bool]
 
 
 def _of_slip(system: System, found: Attribution) -> Entry:
@@ -128,7 +122,7 @@ def _of_slip(system: System, found: Attribution) -> Entry:
     far = float(student.ppf(0.975, contact.trials - 1)) * contact.error
     interval = [contact.estimate - far, contact.estimate + far]
     probability = 1 - min(1.0, 50 * contact.p_value) if contact.p_value < 1 else 0.02
-    return probability, {"mu": {"estimate": contact.estimate, "ci95": interval, "unit": "1"}}, True
+    return probability, {"mu": ParameterEstimate(contact.estimate, interval, "1")}, True
 
 
 def _of_fit(id: str, system: System, found: Attribution, effects: list[str]) -> Entry:

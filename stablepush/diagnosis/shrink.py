@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.stats import chi2, t as student
@@ -15,6 +14,7 @@ from stablepush.diagnosis.attribution import BEYOND_PRESSURE, FOLDS, Attribution
 from stablepush.diagnosis.equations import Values
 from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.replay import Replay, first_contacts, misses
+from stablepush.diagnosis.results import ChannelGap, GapReduction
 from stablepush.diagnosis.system import IN_GAPS, System
 from stablepush.geometry import angle_between, twist_from_cor
 from stablepush.io import PushLog
@@ -193,7 +193,7 @@ def closes_touch(held: HeldOut) -> float:
     """Return the share of the gaps between fingers and outline that closes; 0 where none are measured."""
     if "touch" not in held.squares:
         return 0.0
-    return float(_closed("touch", "m", held.trials["touch"], held.squares["touch"], held.floors["touch"])["closed"])
+    return float(_closed("touch", "m", held.trials["touch"], held.squares["touch"], held.floors["touch"]).closed)
 
 
 def explains_most(held: HeldOut, effects: Sequence[str]) -> bool:
@@ -272,7 +272,7 @@ def percent(share: float) -> str:
 _UNITS = {"wrench": "N", "twist": "rad", "pose": "m", "stability": "1"}
 
 
-def shrink(held: HeldOut) -> list[dict[str, Any]]:
+def shrink(held: HeldOut) -> list[GapReduction]:
     """Return how far the gap shrinks, channel by channel, as ``diagnosis/1`` has it."""
     return [
         _closed(channel, unit, held.trials[channel], held.squares[channel], held.floors[channel])
@@ -281,7 +281,7 @@ def shrink(held: HeldOut) -> list[dict[str, Any]]:
     ]
 
 
-def _closed(channel: str, unit: str, trial: np.ndarray, squares: dict[str, FloatArray], floor: float) -> dict[str, Any]:
+def _closed(channel: str, unit: str, trial: np.ndarray, squares: dict[str, FloatArray], floor: float) -> GapReduction:
     """An entry of ``shrink`` from squared residuals of rows, trials resampled for the interval."""
     names, rows = np.unique(trial, return_inverse=True)
     before, after = squares["before"], squares["after"]
@@ -300,22 +300,22 @@ def _closed(channel: str, unit: str, trial: np.ndarray, squares: dict[str, Float
     shares = share(drawn[:, 0] / drawn[:, 2], drawn[:, 1] / drawn[:, 2])
     # where there is hardly a gap its share is anything
     low, high = np.clip(np.quantile(shares, (0.025, 0.975)), -10.0, 1.0)
-    return {
-        "channel": channel,
-        "unit": unit,
-        "held_out_trials": len(names),
-        "before": float(np.sqrt(b)),
-        "after": float(np.sqrt(a)),
-        "floor": float(np.sqrt(floor)),
-        "closed": float(np.clip(share(np.array(b), np.array(a)), -10.0, 1.0)),
-        "ci95": [float(low), float(high)],
-    }
+    return GapReduction(
+        channel=channel,
+        unit=unit,
+        held_out_trials=len(names),
+        before=float(np.sqrt(b)),
+        after=float(np.sqrt(a)),
+        floor=float(np.sqrt(floor)),
+        closed=float(np.clip(share(np.array(b), np.array(a)), -10.0, 1.0)),
+        ci95=[float(low), float(high)],
+    )
 
 
-def gap(system: System, held: HeldOut) -> list[dict[str, Any]]:
+def gap(system: System, held: HeldOut) -> list[ChannelGap]:
     """Return the size of the gap, channel by channel, as ``diagnosis/1`` has it."""
     o = system.observations
-    entries: list[dict[str, Any]] = []
+    entries: list[ChannelGap] = []
     for channel, unit in _UNITS.items():
         if channel not in held.squares:
             continue
@@ -328,14 +328,14 @@ def gap(system: System, held: HeldOut) -> list[dict[str, Any]]:
             p = _above(held.squares[channel]["before"], held.trials[channel], held.floors[channel])
         squares = held.squares[channel]
         entries.append(
-            {
-                "channel": channel,
-                "unit": unit,
-                "nominal": float(np.sqrt(squares["before"].mean())),
-                "refitted": float(np.sqrt(squares["refit"].mean())),
-                "noise_floor": float(np.sqrt(held.floors[channel])),
-                "p_lack_of_fit": p,
-            }
+            ChannelGap(
+                channel=channel,
+                unit=unit,
+                nominal=float(np.sqrt(squares["before"].mean())),
+                refitted=float(np.sqrt(squares["refit"].mean())),
+                noise_floor=float(np.sqrt(held.floors[channel])),
+                p_lack_of_fit=p,
+            )
         )
     return entries
 

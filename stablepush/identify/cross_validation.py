@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from stablepush.core import FloatArray, InputError, check_seed, check_vectors, first_least, read_only, run_parallel
 from stablepush.geometry import angle_between, normalize_twist
 from stablepush.identify.fit import MODELS, fit_limit_surface
-from stablepush.identify.pairs import Pairs
+from stablepush.identify.pairs import Pairs, SlipPairs, given_pairs
 from stablepush.objects import Slider
 
 #: Mean errors (rad) that differ by no more are alike.
@@ -52,8 +52,8 @@ class CrossValidation:
 
 
 def cross_validate(
-    wrenches: ArrayLike,
-    twists: ArrayLike,
+    wrenches: ArrayLike | SlipPairs,
+    twists: ArrayLike | None = None,
     models: Sequence[str] = ("poly4-cvx", "quadratic", "poly4"),
     slider: Slider | None = None,
     characteristic_length: float | None = None,
@@ -94,6 +94,7 @@ def cross_validate(
             raise InputError("models", f"expected some of {', '.join(MODELS)}", f"{model!r}")
     if not models:
         raise InputError("models", "expected at least one")
+    wrenches, twists = given_pairs(wrenches, twists)
     loads, motions = check_vectors(wrenches, "wrenches", 3), check_vectors(twists, "twists", 3)
     # checks what the pairs are, and gives the length that all fits share
     rho = Pairs.from_data(loads, motions, slider, characteristic_length).rho

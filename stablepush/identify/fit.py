@@ -16,7 +16,7 @@ from stablepush.geometry import angle_between, normalize_twist
 from stablepush.identify.certificate import Certificate, certify
 from stablepush.identify.estimator import Estimator, NormLoss, NormWeights, Part, SquaredLoss, SquaredWeights
 from stablepush.identify.gp import fit_gaussian_process
-from stablepush.identify.pairs import LARGEST_RATIO, Pairs
+from stablepush.identify.pairs import LARGEST_RATIO, Pairs, SlipPairs, given_pairs
 from stablepush.identify.posterior import draw_coefficients
 from stablepush.identify.pressure import PressureEnsemble, PressureSampler
 from stablepush.identify.program import PROVABLE, Estimate
@@ -100,8 +100,8 @@ class Fit:
 
 
 def fit_limit_surface(
-    wrenches: ArrayLike,
-    twists: ArrayLike,
+    wrenches: ArrayLike | SlipPairs,
+    twists: ArrayLike | None = None,
     model: str = "poly4-cvx",
     slider: Slider | None = None,
     characteristic_length: float | None = None,
@@ -128,11 +128,11 @@ def fit_limit_surface(
 
     Parameters
     ----------
-    wrenches : array-like, shape (n, 3)
-        Loads ``(fx, fy, tau)`` in N and N·m, in B. With a slider ``n`` may be 0: the fit is then what the prior expects, in
-        units of the friction load.
+    wrenches : array-like, shape (n, 3), or SlipPairs
+        Pairs of loads and twists, or loads ``(fx, fy, tau)`` in N and N·m, in B. With a slider ``n`` may be 0: the fit is then
+        what the prior expects, in units of the friction load.
     twists : array-like, shape (n, 3)
-        Slip twists ``(vx, vy, omega)`` in B; only their directions count.
+        With loads: slip twists ``(vx, vy, omega)`` in B; only their directions count.
     model : {"poly4-cvx", "poly4", "poly6-cvx", "quadratic", "gp"}
         ``"gp"`` is the paper's baseline, a Gaussian process without physics; it needs scikit-learn.
     slider : Slider, optional
@@ -162,6 +162,7 @@ def fit_limit_surface(
         No solver found a solution.
     """
     started = time.perf_counter()
+    wrenches, twists = given_pairs(wrenches, twists)
     if model not in MODELS:
         raise InputError("model", f"expected one of {', '.join(MODELS)}", f"{model!r}")
     if loss not in LOSSES:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +26,29 @@ SAME_DIRECTION = 1e-3
 LEAST_SPREAD = 0.05
 STANDARD_GRAVITY = 9.80665
 _TRANSLATION = 1e300
+
+
+class SlipPairs(NamedTuple):
+    """Measured loads and the slip twists that belong to them, as :meth:`stablepush.PushLog.pairs` returns them.
+
+    ``wrenches`` (n, 3): loads ``(fx, fy, tau)`` in N and N·m; ``twists`` (n, 3): ``(vx, vy, omega)`` in m/s and rad/s, both in B;
+    ``trials``: the name of the trial of each pair.
+    """
+
+    wrenches: FloatArray
+    twists: FloatArray
+    trials: list[str]
+
+
+def given_pairs(wrenches: ArrayLike | SlipPairs, twists: ArrayLike | None) -> tuple[ArrayLike, ArrayLike]:
+    """Return loads and twists of which a caller gives both, or :class:`SlipPairs` alone."""
+    if isinstance(wrenches, SlipPairs):
+        if twists is not None:
+            raise InputError("twists", "expected none besides the pairs, which have them")
+        return wrenches.wrenches, wrenches.twists
+    if twists is None:
+        raise InputError("twists", "expected slip twists, or pairs of loads and twists in place of the loads")
+    return wrenches, twists
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -27,6 +27,7 @@ from stablepush.core import (
     read_only,
 )
 from stablepush.geometry import compose, inverse, log, wrap_angle
+from stablepush.identify import SlipPairs
 from stablepush.io.formats import slider_from_node, slider_to_json
 from stablepush.io.json_files import read_json, whole_folder, write_atomically, write_json
 from stablepush.io.parquet import read_parquet
@@ -121,8 +122,8 @@ class PushLog:
         blank = np.full(len(self.samples["t"]), np.nan)
         return np.stack([np.asarray(self.samples.get(name, blank), dtype=np.float64) for name in names], axis=-1)
 
-    def pairs(self) -> tuple[FloatArray, FloatArray, list[str]]:
-        """Return one load (n, 3), one slip twist (n, 3) and the trial for each trial that has them.
+    def pairs(self) -> SlipPairs:
+        """Return a load, a slip twist and the name of each trial that has them, as fits take them.
 
         Both are means over the trial's ``push`` rows that have forces; twists that the log does not hold are differences
         of the poses. A log without a ``phase`` column counts every row. Trials whose mean load or twist is missing or
@@ -146,7 +147,7 @@ class PushLog:
                 f.append(load)
                 v.append(twist)
                 names.append(name)
-        return np.reshape(f, (-1, 3)), np.reshape(v, (-1, 3)), names
+        return SlipPairs(np.reshape(f, (-1, 3)), np.reshape(v, (-1, 3)), names)
 
     def twists(self) -> FloatArray:
         """Return the body twists (n, 3) of all rows: as logged where they are, else differentiated from the poses.

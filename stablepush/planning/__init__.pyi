@@ -5,7 +5,14 @@ from .feasibility import infeasibility as infeasibility
 from .options import REGIONS as REGIONS, PlanOptions as PlanOptions
 from .problem import PlanningProblem as PlanningProblem, load_scene as load_scene, save_scene as save_scene
 from .registry import least_probability as least_probability, plan as plan, planner_names as planner_names
-from .result import PlanResult as PlanResult, Push as Push, Transfer as Transfer, load_plan as load_plan, save_plan as save_plan
+from .result import (
+    PlanResult as PlanResult,
+    PlanStatus as PlanStatus,
+    Push as Push,
+    Transfer as Transfer,
+    load_plan as load_plan,
+    save_plan as save_plan,
+)
 from .rosbag import load_rosbag as load_rosbag, save_rosbag as save_rosbag
 from .trajectory import (
     PASSES as PASSES,

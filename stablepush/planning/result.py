@@ -9,9 +9,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import LARGEST_MAGNITUDE, FloatArray, Node, read_only
+from stablepush.core import LARGEST_MAGNITUDE, FloatArray, Node, Word, read_only
 from stablepush.geometry import compose, exp
 from stablepush.io import read_json, write_json
+
+
+class PlanStatus(Word):
+    """How a search for a plan ended."""
+
+    SOLVED = "solved", "simulate it, then execute it"
+    NO_PATH = (
+        "no-path",
+        "there is none, or the search space is exhausted: try other contacts or a larger tolerance",
+    )
+    TIMEOUT = "timeout", "no path was found in time, which does not mean that there is none: a longer time limit, another planner"
+    INTERRUPTED = "interrupted", "it was stopped before there was a path"
+    REJECTED = "rejected", "the check refuses what the planner made, which is an error of the planner: report it"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,8 +68,8 @@ class Transfer:
 class PlanResult:
     """What a planner found.
 
-    ``status`` is ``"solved"``, ``"no-path"`` (there is none, or the search space is exhausted), ``"timeout"``, ``"interrupted"``
-    (stopped before there was a path) or ``"rejected"`` (the check refuses what the planner made); ``message`` says more.
+    ``status``, a :class:`PlanStatus`, equals its word, as ``"solved"``, and has an ``advice``; ``message`` says more. Planners of
+    others may have words of their own.
     ``duration`` in s, ``length`` (way of the body origin during pushes) in m, ``min_margin`` in rad;
     ``lower_bound`` (s) is below the duration of every plan that solves the problem, or None; ``planning_time`` in s.
     """
@@ -72,6 +85,10 @@ class PlanResult:
     planning_time: float = 0.0
     seed: int = 0
     message: str = ""
+
+    def __post_init__(self) -> None:
+        if self.status in set(PlanStatus):
+            object.__setattr__(self, "status", PlanStatus(self.status))
 
     @classmethod
     def from_segments(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import count, groupby
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import FloatArray
-from stablepush.diagnosis import Evidence, GapReport, percent, readable
+from stablepush.diagnosis import ChannelGap, Evidence, GapReduction, GapReport, ParameterEstimate, RankedEffect, percent, readable
 from stablepush.geometry import rotate_vectors
 from stablepush.objects import Slider
 from stablepush.views.pages import Section, render, script
@@ -37,17 +38,17 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         Section("Verdict", report.sentence, [("verdict", report.verdict), ("effects", ", ".join(report.named) or "none")]),
     ]
     if report.gap:
-        sections.append(Section("How large the gap is", size, [(entry["channel"], _gap(entry)) for entry in report.gap]))
+        sections.append(Section("How large the gap is", size, [(entry.channel, _gap(entry)) for entry in report.gap]))
     left_out = (
         "Root mean squares on trials that the mended simulation was not fitted to; the floor is no higher than what is left."
     )
     shrink = [
         (
-            entry["channel"],
-            f"{readable(entry['before'])}{_unit(entry)} before, {readable(entry['after'])} after, "
-            f"floor {readable(entry['floor'])}; "
-            f"closed {100 * entry['closed']:.0f} % ({percent(entry['ci95'][0])} to {percent(entry['ci95'][1])}), "
-            f"{entry['held_out_trials']} held-out trials",
+            entry.channel,
+            f"{readable(entry.before)}{_unit(entry)} before, {readable(entry.after)} after, "
+            f"floor {readable(entry.floor)}; "
+            f"closed {100 * entry.closed:.0f} % ({percent(entry.ci95[0])} to {percent(entry.ci95[1])}), "
+            f"{entry.held_out_trials} held-out trials",
         )
         for entry in report.shrink
     ]
@@ -68,7 +69,7 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     if report.ends and len(report.places):
         words = "Pushes carried out again in simulation, from where the slider lay and as the pusher went."
         sections.append(Section.with_picture("Where: ends of pushes", figure_png(plot_ends(report)), words))
-    rows = [(entry["effect"], _effect(entry, report.evidence[entry["effect"]])) for entry in report.ranking]
+    rows = [(entry.effect, _effect(entry, report.evidence[entry.effect])) for entry in report.ranking]
     text = (
         "Probability of each effect of the catalogue given the others that are named, its parameters with 95 % intervals, and "
         "what speaks for and against it; or why this log cannot judge it."
@@ -76,8 +77,8 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     sections.append(Section.with_picture("Why", figure_png(plot_effects(report)), text, rows))
     after = report.next_experiment
     numbers = count(1)
-    pushes = [(f"push {' and '.join(str(next(numbers)) for _ in same)}", _push(push)) for push, same in groupby(after["pushes"])]
-    words = f"To separate {' and '.join(after['separates'])}: {after['why']}." if after["separates"] else f"{after['why']}."
+    pushes = [(f"push {' and '.join(str(next(numbers)) for _ in same)}", _push(push)) for push, same in groupby(after.pushes)]
+    words = f"To separate {' and '.join(after.separates)}: {after.why}." if after.separates else f"{after.why}."
     if pushes:
         words += (
             " Edges are counted from 0, places along them from their first corner; directions turn counter-clockwise "
@@ -207,38 +208,38 @@ def _rows(
     ]
 
 
-def _gap(entry: dict[str, Any]) -> str:
+def _gap(entry: ChannelGap) -> str:
     """A channel of ``gap``."""
-    unit, chance = _unit(entry), entry["p_lack_of_fit"]
-    nominal, refitted, floor = (readable(entry[key]) for key in ("nominal", "refitted", "noise_floor"))
+    unit, chance = _unit(entry), entry.p_lack_of_fit
+    nominal, refitted, floor = (readable(size) for size in (entry.nominal, entry.refitted, entry.noise_floor))
     words = f"{nominal}{unit} from the nominal simulation, {refitted} with a refitted surface, floor {floor}"
     return f"{words}; p {f'{chance:.2g}' if chance > 1e-4 else 'below 0.0001'}"
 
 
-def _unit(entry: dict[str, Any]) -> str:
+def _unit(entry: ChannelGap | GapReduction) -> str:
     """The unit of a channel, with the space before it; none for numbers."""
-    return f" {entry['unit']}".removesuffix(" 1")
+    return f" {entry.unit}".removesuffix(" 1")
 
 
-def _effect(entry: dict[str, Any], evidence: Evidence) -> str:
+def _effect(entry: RankedEffect, evidence: Evidence) -> str:
     """An effect: probability, parameters, and what speaks for it and against it; or why the log cannot judge it."""
-    parameters = "; ".join(_parameter(name, p) for name, p in entry["parameters"].items()) if entry["identifiable"] else ""
+    parameters = "; ".join(_parameter(name, p) for name, p in entry.parameters.items()) if entry.identifiable else ""
     if evidence.unseen:
         return "\n".join(filter(None, (parameters, evidence.unseen)))
-    lines = [f"{entry['probability']:.2f}" + (f": {parameters}" if parameters else "")]
+    lines = [f"{entry.probability:.2f}" + (f": {parameters}" if parameters else "")]
     lines += [f"for: {clause}" for clause in evidence.supporting] + [f"against: {clause}" for clause in evidence.opposing]
     return "\n".join(lines)
 
 
-def _parameter(name: str, found: dict[str, Any]) -> str:
+def _parameter(name: str, found: ParameterEstimate) -> str:
     """A parameter with intervals and unit."""
-    several = isinstance(found["estimate"], list)
-    values = zip(found["estimate"], found["ci95"], strict=True) if several else [(found["estimate"], found["ci95"])]
+    value = found.estimate
+    values = list(zip(value, found.ci95, strict=True)) if isinstance(value, list) else [(value, found.ci95)]
     numbers = ", ".join(f"{readable(value)} ({readable(low)} to {readable(high)})" for value, (low, high) in values)
-    return f"{name} {numbers} {re.sub('^1(, | |$)', '', found['unit'])}".strip()
+    return f"{name} {numbers} {re.sub('^1(, | |$)', '', found.unit)}".strip()
 
 
-def _push(push: dict[str, Any]) -> str:
+def _push(push: Mapping[str, Any]) -> str:
     """A proposed push as a lab would read it."""
     x, y = 1000 * push["x"], 1000 * push["y"]
     words = (

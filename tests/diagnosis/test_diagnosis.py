@@ -78,19 +78,19 @@ def test_an_effect_is_named_with_its_parameters(effect, name, truth):
     check_schema(report)
     assert report.verdict == "named" and report.named == [id], (report.verdict, report.named)
     top = report.ranking[0]
-    assert top["effect"] == id and top["probability"] > 0.8
-    parameter = top["parameters"][name]
-    estimate = np.atleast_1d(parameter["estimate"])
-    pairs = np.reshape(parameter["ci95"], (-1, 2))
+    assert top.effect == id and top.probability > 0.8
+    parameter = top.parameters[name]
+    estimate = np.atleast_1d(parameter.estimate)
+    pairs = np.reshape(parameter.ci95, (-1, 2))
     width = pairs[:, 1] - pairs[:, 0]
     assert (np.abs(estimate - truth) <= 2 * width + 0.02 * np.abs(truth)).all()
     channel = "pose" if id in ("contact-geometry", "latency") else "wrench"
-    entry = next(e for e in report.shrink if e["channel"] == channel)
-    assert entry["closed"] > 0.8
+    entry = next(e for e in report.shrink if e.channel == channel)
+    assert entry.closed > 0.8
     if id in FIRST:
         first = report.where[0]
         assert first.channel == FIRST[id][0] and first.covariate in FIRST[id][1], first
-    assert entry["after"] < entry["before"]
+    assert entry.after < entry.before
 
 
 def test_an_effect_in_the_body_frame_need_not_do_quite_as_well_as_the_free_surface():
@@ -150,23 +150,23 @@ def test_labelled_rotations_have_a_channel_of_their_own():
         commands.append(sp.contact_push(contact, twist, 2.0, radius=0.005, pose=pose, put=True))
     report = sp.diagnose(rig.execute(commands).log)
     check_schema(report)
-    entry = next(e for e in report.shrink if e["channel"] == "stability")
-    assert entry["held_out_trials"] > 15
-    assert entry["before"] ** 2 <= 2 / entry["held_out_trials"] + 1e-12
+    entry = next(e for e in report.shrink if e.channel == "stability")
+    assert entry.held_out_trials > 15
+    assert entry.before**2 <= 2 / entry.held_out_trials + 1e-12
 
 
 def test_a_sensor_mounted_at_an_angle_is_no_friction_of_the_fingers():
     report = sp.diagnose(make_log("force-rotation:angle=0.12"))
     assert report.named == ["force-rotation"]
-    entry = next(e for e in report.ranking if e["effect"] == "contact-friction")
-    assert entry["parameters"]["mu"]["estimate"] == pytest.approx(0.5, abs=0.03)
+    entry = next(e for e in report.ranking if e.effect == "contact-friction")
+    assert entry.parameters["mu"].estimate == pytest.approx(0.5, abs=0.03)
 
 
 def test_friction_off_is_absorbed():
     log = make_log()
     report = sp.diagnose(edited(log, support_friction=0.8 * log.rig.support_friction))
     assert report.verdict == "absorbed"
-    assert next(e for e in report.shrink if e["channel"] == "wrench")["closed"] > 0.9
+    assert next(e for e in report.shrink if e.channel == "wrench").closed > 0.9
 
 
 @pytest.mark.parametrize(
@@ -220,8 +220,8 @@ def test_a_last_push_that_was_broken_off_is_no_error():
 def test_friction_of_the_fingers_that_the_rig_does_not_say_is_measured_not_judged():
     report = sp.diagnose(edited(make_log(), contact_friction=None))
     check_schema(report)
-    entry = next(e for e in report.ranking if e["effect"] == "contact-friction")
-    assert not entry["identifiable"] and re.search(r"needs the friction that the rig believes .* say 0\.\d+$", entry["reason"])
+    entry = next(e for e in report.ranking if e.effect == "contact-friction")
+    assert not entry.identifiable and re.search(r"needs the friction that the rig believes .* say 0\.\d+$", entry.reason)
 
 
 def test_many_rows_are_averaged():
@@ -363,7 +363,7 @@ def test_stability_counts_where_only_the_first_row_tells_where_fingers_are():
     turns = np.isfinite(np.stack([np.asarray(log.trials[c], dtype=float) for c in columns])).all(axis=0)
     report = sp.diagnose(sp.PushLog(log.rig, log.trials, {**log.samples, **pusher}))
     assert turns.sum() >= 4
-    assert next(e for e in report.shrink if e["channel"] == "stability")["held_out_trials"] == turns.sum()
+    assert next(e for e in report.shrink if e.channel == "stability").held_out_trials == turns.sum()
 
 
 def test_a_log_of_one_group_is_left_out_by_trials():
@@ -375,8 +375,8 @@ def test_a_log_of_one_group_is_left_out_by_trials():
 def test_shares_are_those_of_the_figures_beside_them():
     for log in (make_log("drift:rate=-0.2"), make_log(count=20)):
         for e in sp.diagnose(log).shrink:
-            share = (e["before"] ** 2 - e["after"] ** 2) / (e["before"] ** 2 - e["floor"] ** 2)
-            assert abs(e["closed"] - np.clip(share, -10, 1)) < 1e-6 and e["ci95"][1] <= 1.0
+            share = (e.before**2 - e.after**2) / (e.before**2 - e.floor**2)
+            assert abs(e.closed - np.clip(share, -10, 1)) < 1e-6 and e.ci95[1] <= 1.0
 
 
 def test_the_chance_of_a_statistic_is_hotelling_s():
@@ -438,6 +438,6 @@ def test_acceleration_is_uncertain_where_the_speed_changes_its_course():
 def test_proposed_pushes_are_made_twice():
     """No single push is believed; where nothing tells two causes apart, none is proposed, and why is said."""
     report = sp.diagnose(make_log("force-bias:force=0.3/0.1", count=30))
-    pushes = report.next_experiment["pushes"]
+    pushes = report.next_experiment.pushes
     assert len(pushes) >= 2 and pushes[0::2] == pushes[1::2]
     assert pushes[0]["expected_difference_N"] > 0

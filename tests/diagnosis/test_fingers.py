@@ -35,9 +35,9 @@ def test_one_finger_of_two_that_is_thicker_is_told(side, fingers):
     report = sp.diagnose(log)
     check_schema(report)
     assert report.named == ["contact-geometry"]
-    assert report.ranking[0]["parameters"]["radius"]["estimate"] == pytest.approx(0.0075, abs=1e-4)
+    assert report.ranking[0].parameters["radius"].estimate == pytest.approx(0.0075, abs=1e-4)
     assert any(f"the {side} finger alone" in note for note in report.notes)
-    assert next(e for e in report.shrink if e["channel"] == "pose")["closed"] > 0.9
+    assert next(e for e in report.shrink if e.channel == "pose").closed > 0.9
     # the mended rig has fingers that are alike
     assert report.effects == {}
     # nobody knows which one is as it should be where the rig does not say how thick they are

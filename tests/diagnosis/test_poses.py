@@ -84,10 +84,10 @@ def test_poses_alone_name_what_moves_the_slider(effect, name):
     id = effect.split(":")[0]
     assert report.named == [id]
     truth = np.array(parse_effect(effect).vector(name))
-    estimate = np.atleast_1d(next(e for e in report.ranking if e["effect"] == id)["parameters"][name]["estimate"])
+    estimate = np.atleast_1d(next(e for e in report.ranking if e.effect == id).parameters[name].estimate)
     assert np.abs(estimate - truth).max() < 0.25 * np.abs(truth - (name == "ratio")).max()
-    pose = next(e for e in report.shrink if e["channel"] == "pose")
-    assert pose["closed"] > 0.8 and pose["before"] > 2 * pose["floor"]
+    pose = next(e for e in report.shrink if e.channel == "pose")
+    assert pose.closed > 0.8 and pose.before > 2 * pose.floor
     assert check_schema(report)["worse"] == []
 
 
@@ -95,9 +95,9 @@ def test_latency_shows_in_gaps_of_fingers_of_unknown_radius():
     log = edited(make_log("latency:delay=0.1", count=16), FORCES, finger_radius=None, noise=None)
     report = sp.diagnose(log)
     assert report.named == ["latency"]
-    delay = next(e for e in report.ranking if e["effect"] == "latency")["parameters"]["delay"]
-    assert abs(delay["estimate"] - 0.1) < 0.02
-    assert not next(e for e in report.ranking if e["effect"] == "contact-geometry")["identifiable"]
+    delay = next(e for e in report.ranking if e.effect == "latency").parameters["delay"]
+    assert abs(delay.estimate - 0.1) < 0.02
+    assert not next(e for e in report.ranking if e.effect == "contact-geometry").identifiable
 
 
 def test_a_chance_push_is_left_out_of_the_poses():
@@ -115,10 +115,10 @@ def test_pushes_that_separate_causes_are_proposed_without_forces():
     report = sp.diagnose(edited(make_log("tilt:slope=0.03/0.01", count=30), FORCES))
     assert report.named == ["tilt"]
     after = report.next_experiment
-    assert after["separates"][0] == "tilt" and after["pushes"][0::2] == after["pushes"][1::2]
+    assert after.separates[0] == "tilt" and after.pushes[0::2] == after.pushes[1::2]
     acting, other = make_rig("tilt:slope=0.03/0.01"), make_rig()
     away = []
-    for push in after["pushes"][::2]:
+    for push in after.pushes[::2]:
         place = {k: push[k] for k in ("edge", "along", "direction", "way", "speed")}
         start = (push["x"], push["y"], push["theta"])
         command = poke(acting.slider, acting.pusher, **place, start=start)
@@ -127,7 +127,7 @@ def test_pushes_that_separate_causes_are_proposed_without_forces():
         away.append(float(np.linalg.norm(log_of(compose(inverse(two), one)) * (1, 1, rho))))
     # a slope moves what would lie still without it
     assert min(away) > 1e-3
-    said = [push["expected_difference_of_ends_m"] for push in after["pushes"][::2]]
+    said = [push["expected_difference_of_ends_m"] for push in after.pushes[::2]]
     # the other cause may move one of them as well
     assert np.median(np.abs(np.divide(said, away) - 1)) < 0.05
 
@@ -164,9 +164,9 @@ def test_fingers_of_unknown_friction_are_no_cause(seed):
 
 def test_a_known_cause_closes_the_gap_without_forces():
     log = edited(make_log("tilt:slope=0.02/-0.01", count=24), FORCES)
-    closed = {entry["channel"]: entry["closed"] for entry in shrink_with(log, ["tilt"])}
+    closed = {entry.channel: entry.closed for entry in shrink_with(log, ["tilt"])}
     assert closed["pose"] > 0.8
-    assert {entry["channel"]: entry["closed"] for entry in sp.diagnose(log).shrink}["pose"] > 0.8
+    assert {entry.channel: entry.closed for entry in sp.diagnose(log).shrink}["pose"] > 0.8
 
 
 def test_a_log_whose_last_push_shows_nothing_is_fitted_without_it():

@@ -334,3 +334,16 @@ def test_the_other_solver_takes_over(monkeypatch):
     monkeypatch.setattr(program, "_attempt", lambda name, s: "failed")
     with pytest.raises(sp.SolverError, match="SCS"):
         program.solve(quadratic, linear)
+
+
+def test_pairs_of_a_log_are_one_argument():
+    loads, twists = pairs(12, 0.02)
+    together = sp.SlipPairs(loads, twists, [str(i) for i in range(12)])
+    apart = sp.fit_limit_surface(loads, twists, slider=triangle())
+    np.testing.assert_array_equal(
+        sp.fit_limit_surface(together, slider=triangle()).surface.coefficients, apart.surface.coefficients
+    )
+    with pytest.raises(sp.InputError, match="twists: expected none besides the pairs"):
+        sp.fit_limit_surface(together, twists)
+    with pytest.raises(sp.InputError, match="twists: expected slip twists"):
+        sp.fit_limit_surface(loads)

@@ -98,10 +98,10 @@ def plot_effects(report: GapReport) -> Figure:
     """Draw how probable each effect of the catalogue is; those that the log cannot judge have grey names and no bar."""
     figure, axes = canvas((8.0, 4.8), equal=False)
     entries = report.ranking[::-1]
-    unseen = [bool(report.evidence[entry["effect"]].unseen) for entry in entries]
-    colors = [COUNTER_CLOCKWISE if entry["effect"] in report.named else CLOCKWISE for entry in entries]
-    lengths = [0.0 if hidden else entry["probability"] for entry, hidden in zip(entries, unseen, strict=True)]
-    axes.barh([entry["effect"] for entry in entries], lengths, color=colors)
+    unseen = [bool(report.evidence[entry.effect].unseen) for entry in entries]
+    colors = [COUNTER_CLOCKWISE if entry.effect in report.named else CLOCKWISE for entry in entries]
+    lengths = [0.0 if hidden else entry.probability for entry, hidden in zip(entries, unseen, strict=True)]
+    axes.barh([entry.effect for entry in entries], lengths, color=colors)
     for label, hidden in zip(axes.get_yticklabels(), unseen, strict=True):
         label.set_color(_HIDDEN if hidden else "black")
     axes.set_xlim(0, 1)

@@ -1,0 +1,99 @@
+"""What a diagnosis returns, as values; :func:`as_json` makes the JSON of any of them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
+
+from stablepush.core import Word
+
+
+class Verdict(Word):
+    """The answer to a log in one word."""
+
+    NONE = "none", "the nominal simulation fits within the noise: nothing to correct"
+    ABSORBED = "absorbed", "a refitted surface and friction fit: use the corrected model; no other cause stands out"
+    NAMED = "named", "use the corrected simulation, or remove the cause"
+    AMBIGUOUS = "ambiguous", "make the pushes of next_experiment: this log cannot separate the causes"
+    UNKNOWN = "unknown", "no effect of the catalogue explains the gap: see where it lies"
+
+
+class Record:
+    """A result whose fields were keys of a dictionary: ``record["name"]`` works for one more version."""
+
+    __slots__ = ()
+
+    def __getitem__(self, name: str) -> Any:
+        warnings.warn(f'use .{name} instead of ["{name}"]', DeprecationWarning, stacklevel=2)
+        return getattr(self, name)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ParameterEstimate(Record):
+    """A parameter of an effect: its value, or two, each with its 95 % interval, and the unit."""
+
+    estimate: float | list[float]
+    ci95: list[Any]
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RankedEffect(Record):
+    """An effect of the catalogue with the probability that it acts; ``reason``: why this log cannot show it, if so."""
+
+    effect: str
+    probability: float
+    parameters: Mapping[str, ParameterEstimate]
+    identifiable: bool
+    reason: str | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChannelGap(Record):
+    """The gap in a channel as root mean squares in ``unit``: of the nominal and of the refitted simulation, and of the noise."""
+
+    channel: str
+    unit: str
+    nominal: float
+    refitted: float
+    noise_floor: float
+    p_lack_of_fit: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GapReduction(Record):
+    """The gap in a channel on held-out trials, root mean squares in ``unit`` before and after the correction.
+
+    ``closed = (before² - after²)/(before² - floor²)`` with its 95 % interval.
+    """
+
+    channel: str
+    unit: str
+    held_out_trials: int
+    before: float
+    after: float
+    floor: float
+    closed: float
+    ci95: list[float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NextExperiment(Record):
+    """Pushes that separate two effects, and why these; without pushes ``why`` says what to do instead."""
+
+    separates: Sequence[str]
+    pushes: Sequence[Mapping[str, Any]]
+    why: str
+
+
+def as_json(value: Any) -> Any:
+    """Return the JSON of a result: objects have the fields of its dataclass as keys."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: as_json(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: as_json(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_json(entry) for entry in value]
+    return value
