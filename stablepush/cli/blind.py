@@ -53,7 +53,7 @@ def blind(
     Exits with 1 if the seal of any set is broken.
     """
     if generator is not None and generator not in _NEEDS:
-        raise InputError("--generator", f"expected {', '.join(list(_NEEDS)[:-1])} or lab", f"{generator!r}")
+        raise InputError("--generator", f"expected {', '.join(list(_NEEDS)[:-1])} or lab", repr(generator))
     if (generator == "lab") != (data is not None):
         raise InputError("--data", "the generator lab needs the folder of the lab's logs, others take none")
     for word, value, least, most in (("sets", sets, 1, 100_000), ("pushes", pushes, 4, 10_000), ("jobs", jobs, 1, 1024)):

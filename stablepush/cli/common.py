@@ -34,7 +34,7 @@ def numbers(option: str, names: Sequence[str], texts: Sequence[str]) -> list[flo
         except ValueError:
             value = math.nan
         if not (math.isfinite(value) and abs(value) <= LARGEST):
-            raise InputError(f"{option}: {name}", f"expected a finite number of at most {LARGEST:g}", f"{text!r}")
+            raise InputError(f"{option}: {name}", f"expected a finite number of at most {LARGEST:g}", repr(text))
         found.append(value)
     return found
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -46,11 +47,11 @@ def check_number(
 ) -> float:
     """Return ``value`` as a finite float within the given limits; a positive one is at least :data:`LEAST_POSITIVE`."""
     if isinstance(value, (bool, str, bytes)):
-        raise InputError(name, "expected a number", f"{value!r}")
+        raise InputError(name, "expected a number", repr(value))
     try:
         number = float(value)
     except (TypeError, ValueError):
-        raise InputError(name, "expected a number", f"{type(value).__name__}") from None
+        raise InputError(name, "expected a number", type(value).__name__) from None
     except OverflowError:
         number = np.inf
     if not np.isfinite(number):
@@ -72,10 +73,26 @@ def check_zero_or_positive(value: Any, name: str) -> float:
     return number
 
 
+def check_share(value: Any, name: str) -> float:
+    """Return ``value`` as a float from 0 to 1."""
+    share = check_number(value, name)
+    if not 0 <= share <= 1:
+        raise InputError(name, "expected a share from 0 to 1", f"{share:g}")
+    return share
+
+
+def check_choice(value: Any, name: str, choices: Iterable[str]) -> str:
+    """Return ``value``, which must be one of some words."""
+    words = tuple(choices)
+    if value not in words:
+        raise InputError(name, f"expected one of {', '.join(words)}", repr(value))
+    return str(value)
+
+
 def check_count(value: object, name: str, most: int) -> int:
     """Return a whole number from 1 to ``most``, or say what is wrong."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
-        raise InputError(name, f"expected a whole number from 1 to {most}", f"{value!r}")
+        raise InputError(name, f"expected a whole number from 1 to {most}", repr(value))
     return int(value)
 
 
@@ -137,5 +154,5 @@ def _shape_text(shape: tuple[int | None, ...]) -> str:
 def check_seed(seed: Any) -> int:
     """Return a seed for numpy's generators."""
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**32:
-        raise InputError("seed", "expected a whole number from 0 to 4294967295", f"{seed!r}")
+        raise InputError("seed", "expected a whole number from 0 to 4294967295", repr(seed))
     return int(seed)

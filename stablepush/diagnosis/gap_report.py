@@ -126,7 +126,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         A log of fewer than two pushes in which the slider moves gets the verdict ``"none"`` with a note that says so.
     """
     if not isinstance(log, PushLog):
-        raise InputError("log", "expected a PushLog, as of read_pushlog", f"{type(log).__name__}")
+        raise InputError("log", "expected a PushLog, as of read_pushlog", type(log).__name__)
     said = progress or (lambda _: None)
     said("reading")
     observations = observe(log)

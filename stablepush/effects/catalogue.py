@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from stablepush.core import LARGEST_MAGNITUDE, InputError, check_number, note_friction, note_quantity
+from stablepush.core import LARGEST_MAGNITUDE, InputError, check_choice, check_number, note_friction, note_quantity
 
 #: Speed (m/s) at which friction that depends on speed is nominal.
 REFERENCE_SPEED = 0.02
@@ -172,16 +172,15 @@ class Effect:
     values: Mapping[str, tuple[float, ...]]
 
     def __init__(self, id: str, values: Mapping[str, float | Iterable[float]]) -> None:
-        if id not in CATALOGUE:
-            raise InputError("effect", f"expected one of {', '.join(CATALOGUE)}", f"{id!r}")
+        check_choice(id, "effect", CATALOGUE)
         kind = CATALOGUE[id]
         known = {p.name: p for p in kind.parameters}
         if not isinstance(values, Mapping):
-            raise InputError(f"effect {id}", "expected a mapping from parameters to values", f"{values!r}")
+            raise InputError(f"effect {id}", "expected a mapping from parameters to values", repr(values))
         checked: dict[str, tuple[float, ...]] = {}
         for name, given in values.items():
             if name not in known:
-                raise InputError(f"effect {id}", f"expected the parameters {', '.join(known)}", f"{name!r}")
+                raise InputError(f"effect {id}", f"expected the parameters {', '.join(known)}", repr(name))
             parameter = known[name]
             several = given if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
             numbers = tuple(check_number(x, f"effect {id}: {name}", largest=math.inf) for x in several)
@@ -216,19 +215,19 @@ class Effect:
 def parse_effect(text: str) -> Effect:
     """Read ``id:param=value,param=value``; the numbers of a vector are separated by slashes, as in ``0.01/0.02``."""
     if not isinstance(text, str):
-        raise InputError("effect", "expected a text like drift:rate=-0.1", f"{text!r}")
+        raise InputError("effect", "expected a text like drift:rate=-0.1", repr(text))
     id, _, rest = text.partition(":")
     values: dict[str, tuple[float, ...]] = {}
     for part in filter(None, rest.split(",")):
         name, equals, numbers = part.partition("=")
         if not equals:
-            raise InputError(f"effect {id}", "expected param=value", f"{part!r}")
+            raise InputError(f"effect {id}", "expected param=value", repr(part))
         if name in values:
             raise InputError(f"effect {id}", f"{name} is given twice")
         try:
             values[name] = tuple(float(x) for x in numbers.split("/"))
         except ValueError:
-            raise InputError(f"effect {id}: {name}", "expected numbers separated by '/'", f"{numbers!r}") from None
+            raise InputError(f"effect {id}: {name}", "expected numbers separated by '/'", repr(numbers)) from None
     effect = Effect(id, values)
     for parameter in CATALOGUE[id].parameters:
         for value in values.get(parameter.name, ()):

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import ArrayLike
 
-from stablepush.core import LEAST_POSITIVE, FloatArray, InputError, SolverError, read_only
+from stablepush.core import LEAST_POSITIVE, FloatArray, InputError, SolverError, check_choice, read_only
 from stablepush.geometry import unit
 from stablepush.identify.pairs import Pairs
 from stablepush.identify.pressure import predict_loads
@@ -67,10 +67,9 @@ def fit_pressure_grid(
     spacing : float, optional
         Side of a cell in m; a twelfth of the outline's extent if not given.
     """
-    if method not in METHODS:
-        raise InputError("method", f"expected one of {', '.join(METHODS)}", f"{method!r}")
+    check_choice(method, "method", METHODS)
     if not isinstance(slider, Slider):
-        raise InputError("slider", "expected a Slider", f"{type(slider).__name__}")
+        raise InputError("slider", "expected a Slider", type(slider).__name__)
     pairs = Pairs.from_data(wrenches, twists, slider, None)
     if not len(pairs):
         raise InputError("wrenches, twists", "expected at least one pair")

@@ -46,7 +46,7 @@ class CrossValidation:
         """Return by how much (rad) a model errs more than the best, and half the 95 % interval of that difference, from its
         scatter between pairs."""
         if model not in self.models:
-            raise InputError("model", f"expected one of {', '.join(self.models)}", f"{model!r}")
+            raise InputError("model", f"expected one of {', '.join(self.models)}", repr(model))
         difference = self.errors[self.models.index(model)] - self.errors[first_least(self.means, _ALIKE)]
         return float(difference.mean()), float(1.96 * difference.std(ddof=1) / np.sqrt(len(difference)))
 
@@ -88,10 +88,10 @@ def cross_validate(
     models = tuple(models)
     for name, number in (("folds", folds), ("repeats", repeats)):
         if isinstance(number, bool) or not isinstance(number, int | np.integer):
-            raise InputError(name, "expected a whole number", f"{number!r}")
+            raise InputError(name, "expected a whole number", repr(number))
     for model in models:
         if model not in MODELS:
-            raise InputError("models", f"expected some of {', '.join(MODELS)}", f"{model!r}")
+            raise InputError("models", f"expected some of {', '.join(MODELS)}", repr(model))
     if not models:
         raise InputError("models", "expected at least one")
     wrenches, twists = given_pairs(wrenches, twists)

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.special
 from numpy.typing import ArrayLike
 
-from stablepush.core import FloatArray, InputError, SolverError, check_seed, check_vectors, first_least, read_only
+from stablepush.core import FloatArray, InputError, SolverError, check_choice, check_seed, check_vectors, first_least, read_only
 from stablepush.geometry import angle_between, normalize_twist
 from stablepush.identify.certificate import Certificate, certify
 from stablepush.identify.estimator import Estimator, NormLoss, NormWeights, Part, SquaredLoss, SquaredWeights
@@ -163,13 +163,11 @@ def fit_limit_surface(
     """
     started = time.perf_counter()
     wrenches, twists = given_pairs(wrenches, twists)
-    if model not in MODELS:
-        raise InputError("model", f"expected one of {', '.join(MODELS)}", f"{model!r}")
-    if loss not in LOSSES:
-        raise InputError("loss", f"expected one of {', '.join(LOSSES)}", f"{loss!r}")
+    check_choice(model, "model", MODELS)
+    check_choice(loss, "loss", LOSSES)
     seed = 0 if seed is None else check_seed(seed)
     if slider is not None and not isinstance(slider, Slider):
-        raise InputError("slider", "expected a Slider", f"{type(slider).__name__}")
+        raise InputError("slider", "expected a Slider", type(slider).__name__)
     box = _com_box(com_tolerance)
     pairs = Pairs.from_data(wrenches, twists, slider, characteristic_length)
     train, tests = _split(len(pairs), hold_out, seed, pairs.usable)
@@ -333,7 +331,7 @@ def _level(coefficients: FloatArray, pairs: Pairs, weights: FloatArray, degree: 
 def _com_box(tolerance: ArrayLike) -> FloatArray:
     box = check_vectors(np.atleast_1d(tolerance), "com_tolerance", np.atleast_1d(tolerance).shape[-1])
     if box.shape not in ((1,), (2,)) or (box < 0).any():
-        raise InputError("com_tolerance", "expected one or two half widths >= 0 in m", f"{tolerance!r}")
+        raise InputError("com_tolerance", "expected one or two half widths >= 0 in m", repr(tolerance))
     return np.broadcast_to(box, (2,))
 
 

@@ -50,11 +50,11 @@ def poke_candidates(
     widest = min(check_number(widest, "widest", at_least=0.0, largest=np.pi / 2), np.pi / 2 - 1e-6)
     for name, count in (("places", places), ("headings", headings)):
         if not isinstance(count, (int, np.integer)) or count < 1:
-            raise InputError(name, "expected a whole number >= 1", f"{count!r}")
+            raise InputError(name, "expected a whole number >= 1", repr(count))
     if edges is not None and not all(
         isinstance(edge, (int, np.integer)) for edge in np.atleast_1d(np.asarray(edges, dtype=object))
     ):
-        raise InputError("edges", "expected numbers of edges", f"{edges!r}")
+        raise InputError("edges", "expected numbers of edges", repr(edges))
     angles = np.linspace(-widest, widest, headings) if headings > 1 else (0.0,)
     found = []
     for edge in range(len(slider.vertices)) if edges is None else np.atleast_1d(edges).tolist():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import LARGEST_MAGNITUDE, FloatArray, InputError, SolverError, check_number, check_vectors
+from stablepush.core import LARGEST_MAGNITUDE, FloatArray, InputError, SolverError, check_choice, check_number, check_vectors
 from stablepush.geometry import angle_between, normalize_twist, normalize_wrench, unit
 from stablepush.identify.certificate import Certificate, certify
 from stablepush.identify.estimator import MIDDLE, sphere_penalty, sphere_power
@@ -75,10 +75,9 @@ class OnlineIdentifier:
         method: str = "moments",
         step: float = 0.3,
     ) -> None:
-        if method not in METHODS:
-            raise InputError("method", f"expected one of {', '.join(METHODS)}", f"{method!r}")
+        check_choice(method, "method", METHODS)
         if not isinstance(degree, int) or degree not in (2, 4, 6):
-            raise InputError("degree", "expected 2, 4 or 6", f"{degree!r}")
+            raise InputError("degree", "expected 2, 4 or 6", repr(degree))
         self._rho = check_number(characteristic_length, "characteristic_length", positive=True)
         self._forgetting = check_number(forgetting, "forgetting", positive=True, largest=1.0)
         self._eta1, self._eta2 = check_number(eta1, "eta1", positive=True), check_number(eta2, "eta2", positive=True)

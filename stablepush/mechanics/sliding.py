@@ -130,7 +130,7 @@ def simulate_free_sliding(
     from scipy.integrate import solve_ivp
 
     if variant not in VARIANTS:
-        raise InputError("variant", f"expected {' or '.join(VARIANTS)}", f"{variant!r}")
+        raise InputError("variant", f"expected {' or '.join(VARIANTS)}", repr(variant))
     body = Body(surface, slider, mu, gravity)
     first = check_array(twist, "twist", (3,))
     start = check_array(pose, "pose", (3,))

@@ -42,7 +42,7 @@ class PlanOptions:
 
     def __post_init__(self) -> None:
         if self.region not in REGIONS:
-            raise InputError("region", f"expected {' or '.join(REGIONS)}", f"{self.region!r}")
+            raise InputError("region", f"expected {' or '.join(REGIONS)}", repr(self.region))
         if not 0 <= check_number(self.probability, "probability") <= 1:
             raise InputError("probability", "expected a number from 0 to 1", f"{self.probability:g}")
         check_number(self.margin_weight, "margin_weight", at_least=0.0)

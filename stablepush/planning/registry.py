@@ -98,7 +98,7 @@ def plan(
     options = PlanOptions(region, given, margin_weight, cor_rate, improve)
     found = {entry.name: entry for entry in entry_points(group="stablepush.planners")}
     if planner not in found:
-        raise InputError("planner", f"expected one of {', '.join(sorted(found)) or 'none installed'}", f"{planner!r}")
+        raise InputError("planner", f"expected one of {', '.join(sorted(found)) or 'none installed'}", repr(planner))
     run: Planner = found[planner].load()
 
     number = 0 if seed is None else check_seed(seed)

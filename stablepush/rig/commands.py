@@ -16,6 +16,7 @@ from stablepush.core import (
     check_array,
     check_number,
     check_seed,
+    check_share,
     note_cors,
     note_distance,
     note_heading,
@@ -104,7 +105,7 @@ def poke(
         The same for repeats.
     """
     if isinstance(edge, bool) or not isinstance(edge, int | np.integer) or not 0 <= edge < len(slider.vertices):
-        raise InputError("edge", f"expected one from 0 to {len(slider.vertices) - 1}", f"{edge!r}")
+        raise InputError("edge", f"expected one from 0 to {len(slider.vertices) - 1}", repr(edge))
     a, b = slider.edge(edge)
     length = float(np.linalg.norm(b - a))
     if not -_END * length <= check_number(along, "along") <= (1 + _END) * length:
@@ -215,11 +216,10 @@ def random_pushes(
         if low > high:
             raise InputError(name, "expected the smaller number first", f"{low:g}, {high:g}")
     check_number(field, "field", at_least=0.0)
-    if check_number(turning, "turning", at_least=0.0) > 1:
-        raise InputError("turning", "expected a share from 0 to 1", f"{turning:g}")
+    check_share(turning, "turning")
     for name, whole in (("count", count), ("groups", groups), ("repeats", repeats)):
         if isinstance(whole, bool) or not isinstance(whole, int | np.integer):
-            raise InputError(name, "expected a whole number", f"{whole!r}")
+            raise InputError(name, "expected a whole number", repr(whole))
     if count < 1 or groups < 0 or repeats < 1 or groups * repeats > count:
         raise InputError("count", f"expected at least groups * repeats = {groups * repeats} pushes", count)
     half = float(np.abs(pusher.fingers[:, 1]).max()) + pusher.radius

@@ -17,6 +17,7 @@ from stablepush.core import (
     check_count,
     check_number,
     check_seed,
+    check_share,
     run_parallel,
 )
 from stablepush.effects import REFERENCE_SPEED, Effect, principal
@@ -118,18 +119,16 @@ class VirtualRig:
     def __post_init__(self) -> None:
         by_id: dict[str, Effect] = {}
         if not isinstance(self.effects, Sequence):
-            raise EffectError("effects", "expected a sequence of effects", f"{self.effects!r}")
+            raise EffectError("effects", "expected a sequence of effects", repr(self.effects))
         for effect in self.effects:
             if not isinstance(effect, Effect):
-                raise EffectError("effects", "expected effects, as of parse_effect", f"{effect!r}")
+                raise EffectError("effects", "expected effects, as of parse_effect", repr(effect))
             if effect.id in by_id:
                 raise EffectError("effects", f"expected every effect once, {effect.id} is given twice")
             by_id[effect.id] = effect
         object.__setattr__(self, "_by_id", by_id)
-        if check_number(self.outliers, "outliers", at_least=0.0) > 1:
-            raise InputError("outliers", "expected a share from 0 to 1", f"{self.outliers:g}")
-        if check_number(self.scatter, "scatter", at_least=0.0) > 1:
-            raise InputError("scatter", "expected a share from 0 to 1", f"{self.scatter:g}")
+        check_share(self.outliers, "outliers")
+        check_share(self.scatter, "scatter")
         if self.noise is not None:
             for name in ("force", "position", "angle"):
                 check_number(getattr(self.noise, name), f"noise.{name}", at_least=0.0)

@@ -76,9 +76,9 @@ class _Support:
         try:
             tolerance = np.atleast_1d(np.asarray(com_tolerance, dtype=np.float64))
         except (TypeError, ValueError):
-            raise InputError("com_tolerance", "expected one or two half widths >= 0 in m", f"{com_tolerance!r}") from None
+            raise InputError("com_tolerance", "expected one or two half widths >= 0 in m", repr(com_tolerance)) from None
         if tolerance.shape not in ((1,), (2,)) or not np.isfinite(tolerance).all() or (tolerance < 0).any():
-            raise InputError("com_tolerance", "expected one or two half widths >= 0 in m", f"{com_tolerance!r}")
+            raise InputError("com_tolerance", "expected one or two half widths >= 0 in m", repr(com_tolerance))
         box = np.broadcast_to(tolerance, (2,))
         self.rho = (
             slider.characteristic_length if length is None else check_number(length, "characteristic_length", positive=True)
@@ -169,9 +169,9 @@ def all_pressure_region(
         try:
             low, high = mu
         except (TypeError, ValueError):
-            raise InputError("mu", "expected an interval of two numbers", f"{mu!r}") from None
+            raise InputError("mu", "expected an interval of two numbers", repr(mu)) from None
         if check_number(low, "mu", at_least=0.0) > check_number(high, "mu", at_least=0.0):
-            raise InputError("mu", "expected the lower end first", f"{mu!r}")
+            raise InputError("mu", "expected the lower end first", repr(mu))
         contact = PushContact(contact.points, contact.normals, low)
     support = _Support(slider, contact, com_tolerance, characteristic_length)
     extent = EXTENT_RADII * max(slider.radius, contact.radius)

@@ -8,7 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import LEAST_POSITIVE, FloatArray, InputError, check_array, check_count, check_number, order_with_ties
+from stablepush.core import (
+    LEAST_POSITIVE,
+    FloatArray,
+    InputError,
+    check_array,
+    check_choice,
+    check_count,
+    check_number,
+    order_with_ties,
+)
 from stablepush.geometry import twist_from_cor
 from stablepush.objects import PushContact, Slider
 from stablepush.stability.all_pressure import all_pressure_region
@@ -94,8 +103,7 @@ def rank_contacts(
     progress : callable, optional
         Called with the number of contacts done and planned.
     """
-    if measure not in MEASURES:
-        raise InputError("measure", f"expected one of {', '.join(MEASURES)}", f"{measure!r}")
+    check_choice(measure, "measure", MEASURES)
     if surface is None and measure == "margin":
         raise InputError("measure", "expected area or tightest-turn; without a surface there is no margin")
     check_count(places, "places", most=1000)
@@ -106,12 +114,12 @@ def rank_contacts(
     if widths is not None:
         spacings = np.unique(check_array(np.atleast_1d(np.asarray(widths, dtype=object)).tolist(), "widths", (None,)))
         if not len(spacings) or (spacings < LEAST_POSITIVE).any():
-            raise InputError("widths", "expected distances > 0 in m", f"{widths!r}")
+            raise InputError("widths", "expected distances > 0 in m", repr(widths))
     chosen = list(range(len(lengths)))
     if edges is not None:
         given = np.atleast_1d(np.asarray(edges, dtype=object)).tolist()
         if not given or not all(isinstance(e, (int, np.integer)) and not isinstance(e, bool) for e in given):
-            raise InputError("edges", "expected numbers of edges", f"{edges!r}")
+            raise InputError("edges", "expected numbers of edges", repr(edges))
         chosen = sorted({int(edge) for edge in given})
     settings = []
     for edge in chosen:

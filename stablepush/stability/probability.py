@@ -75,7 +75,7 @@ def chance_region(surface: LimitSurface, contact: PushContact, probability: floa
     """
     level = check_number(probability, "probability")
     if not 0 < level <= 1:
-        raise InputError("probability", "expected a number above 0 and up to 1", f"{probability!r}")
+        raise InputError("probability", "expected a number above 0 and up to 1", repr(probability))
     regions = _member_regions(surface, contact)
     needed = max(1, int(np.ceil(level * len(regions) - _SLACK)))
     oracle = StabilityOracle(surface, contact)

@@ -17,6 +17,7 @@ from stablepush.core import (
     FloatArray,
     InputError,
     Node,
+    check_choice,
     check_number,
     check_vectors,
     read_only,
@@ -99,8 +100,7 @@ class PolynomialLimitSurface(LimitSurface):
         if not a.any():
             raise InputError("coefficients", "expected at least one that is not zero")
         _check_size(a, degree, "coefficients")
-        if force_unit not in FORCE_UNITS:
-            raise InputError("force_unit", f"expected one of {', '.join(FORCE_UNITS)}", f"{force_unit!r}")
+        check_choice(force_unit, "force_unit", FORCE_UNITS)
         if covariance is not None:
             covariance = check_vectors(covariance, "covariance", len(a))
             if covariance.shape != (len(a), len(a)):

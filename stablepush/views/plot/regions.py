@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from stablepush.core import FloatArray, InputError, check_number
+from stablepush.core import FloatArray, InputError, check_choice, check_number
 from stablepush.geometry import cor_from_twist, unit
 from stablepush.objects import PushContact, Slider
 from stablepush.stability import MEASURES, ProbabilityMap, RankedContact, StabilityOracle, StableRegion
@@ -175,8 +175,7 @@ def plot_margins(
 
 def plot_contacts(slider: Slider, ranked: Sequence[RankedContact], measure: str = "area", title: str | None = None) -> Figure:
     """Draw ranked contacts along the edges of a slider, one row of dots for each spacing of the fingers, and the best of them."""
-    if measure not in MEASURES:
-        raise InputError("measure", f"expected one of {', '.join(MEASURES)}", f"{measure!r}")
+    check_choice(measure, "measure", MEASURES)
     if not ranked:
         raise InputError("ranked", "expected at least one contact")
     factor, unit_name = {"area": (1.0, "sr"), "tightest-turn": (1e3, "mm"), "margin": (180 / np.pi, "deg")}[measure]
