@@ -32,21 +32,21 @@ EFFORTS = (0.0, 1_000.0, 5_000.0, 20_000.0)
 IMPROVING, SHARES = ("ompl-bitstar", "ompl-informed-rrtstar", "ompl-rrtstar"), (0.1, 0.3)
 
 
-def run(scene: str, planner: str, seed: int, seconds: float, improve: float) -> dict:
+def run(scene: str, planner: str, seed: int, seconds: float, refinement_budget: float) -> dict:
     """Plan once; what became of it."""
     problem = sp.load_scene(SCENES / f"{scene}.json")
     # in a process that has planned before: reading compiled code from disk takes half a second
-    sp.plan(sp.load_scene(SCENES / "open.json"), LATTICE, time_limit=60.0, improve=0.0)
+    sp.plan(sp.load_scene(SCENES / "open.json"), LATTICE, time_limit=60.0, refinement_budget=0.0)
     started = time.perf_counter()
     # what planners compete for is time: the quickest plan
-    result = sp.plan(problem, planner, time_limit=seconds, seed=seed, improve=improve, probability=0.0)
+    result = sp.plan(problem, planner, time_limit=seconds, seed=seed, refinement_budget=refinement_budget, probability=0.0)
     taken = time.perf_counter() - started
     return {
         "scene": scene,
         "planner": planner,
         "seed": seed,
         "seconds": seconds,
-        "improve": improve,
+        "improve": refinement_budget,
         "status": result.status,
         "message": result.message,
         "time": taken,
@@ -126,12 +126,12 @@ def show(scene: str, rows: list[dict], others: list[str], options: argparse.Name
     def median(times: list[float]) -> str:
         return f"{np.median(times):.2f}" if times and np.isfinite(np.median(times)) else "-"
 
-    def line(name: str, planner: str, seconds: float, improve: float) -> None:
+    def line(name: str, planner: str, seconds: float, refinement_budget: float) -> None:
         runs = [row for row in rows if row["planner"] == planner]
-        those = [row for row in runs if row["seconds"] == seconds and row["improve"] == improve]
+        those = [row for row in runs if row["seconds"] == seconds and row["improve"] == refinement_budget]
         good = [row for row in those if row["valid"]]
         # what takes no more than the runs of this line
-        less = [row for row in runs if row["valid"] and (row["improve"] < improve or row["seconds"] <= seconds)]
+        less = [row for row in runs if row["valid"] and (row["improve"] < refinement_budget or row["seconds"] <= seconds)]
         near = [
             min((r["time"] for r in less if r["seed"] == row["seed"] and r["duration"] <= 1.05 * best), default=math.inf)
             for row in those

@@ -51,10 +51,10 @@ def scene(count: int, width: float, seed: int) -> sp.PlanningProblem:
     )  # fmt: skip
 
 
-def timed(problem: sp.PlanningProblem, improve: float) -> tuple[float, sp.PlanResult]:
+def timed(problem: sp.PlanningProblem, refinement_budget: float) -> tuple[float, sp.PlanResult]:
     """Plan, and say how long it took."""
     started = time.perf_counter()
-    result = sp.plan(problem, time_limit=120.0, improve=improve, probability=0.0)
+    result = sp.plan(problem, time_limit=120.0, refinement_budget=refinement_budget, probability=0.0)
     return time.perf_counter() - started, result
 
 

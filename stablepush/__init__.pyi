@@ -30,7 +30,6 @@ from .identify import (
     GridPressure as GridPressure,
     OnlineEstimate as OnlineEstimate,
     OnlineIdentifier as OnlineIdentifier,
-    Poke as Poke,
     SlipPairs as SlipPairs,
     certify as certify,
     cross_validate as cross_validate,
@@ -67,6 +66,7 @@ from .mechanics import (
     sliding_basins as sliding_basins,
 )
 from .objects import (
+    EdgePush as EdgePush,
     PushContact as PushContact,
     Slider as Slider,
     SupportDistribution as SupportDistribution,
@@ -111,6 +111,8 @@ from .rig import (
     poke as poke,
     random_pushes as random_pushes,
     read_commands as read_commands,
+    read_pushes as read_pushes,
+    write_pushes as write_pushes,
 )
 from .stability import (
     ProbabilityMap as ProbabilityMap,

@@ -19,7 +19,7 @@ _WAY, _SPEED = 0.015, 0.0025
 
 
 def demo_slider() -> Slider:
-    """A right triangle with legs of 0.16 m on three feet that the fit is not told about."""
+    """A right triangle with legs of 0.16 m on three feet that the fit does not know."""
     return Slider(np.array(((0.0, 0.0), (0.16, 0.0), (0.0, 0.16))) - 0.16 / 3, _MASS)
 
 

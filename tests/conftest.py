@@ -212,7 +212,7 @@ def check_evidence(report):
             assert (supporting, opposing) == ([], []), id
             fitted_along = "cannot be judged" in unseen
             assert entry.identifiable == fitted_along, (id, unseen)
-            assert fitted_along or unseen == f"this log cannot show it: {entry.reason}"
+            assert fitted_along or unseen == f"not identifiable from this log: {entry.reason}"
         else:
             assert entry.identifiable and opposing, (id, supporting)
             assert not supporting or id == "model-capacity" or report.verdict == "unknown", (id, supporting)

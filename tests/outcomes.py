@@ -70,7 +70,7 @@ def plans() -> dict[str, Any]:
         for angle in TURNS:
             result = sp.plan(turned(problem, angle), time_limit=60.0)
             sides = [int(np.sign(round(push.twist[2] * push.duration, 6))) for push in result.pushes]
-            found[f"{name}, turned by {angle:.2f}"] = (result.status, len(result.pushes), sides, result.message.split(",")[0])
+            found[f"{name}, heading {angle:.2f}"] = (result.status, len(result.pushes), sides, result.message.split(",")[0])
     result = sp.plan(several, time_limit=60.0)
     found["several contacts"] = (result.status, result.switches, [push.contact for push in result.pushes])
     return found
@@ -149,7 +149,7 @@ def pushes() -> dict[str, Any]:
         frame = contact.frame
         for name, pusher in (("finger", sp.Pusher.finger(0.0)), ("fingers", sp.Pusher.two_fingers(0.05, 0.0))):
             trace = sp.simulate_push(table, slider, pusher, 0.0, (0.0, 0.0, 0.0), frame, [((0.02, 0.0, 0.0), 1.0)])
-            found[f"{name}, turned by {angle:.2f}"] = np.unique(trace.modes, axis=0).tolist()
+            found[f"{name}, heading {angle:.2f}"] = np.unique(trace.modes, axis=0).tolist()
     poses = {
         "trial": list("aabb"),
         "t": [0.0, 1.0] * 2,

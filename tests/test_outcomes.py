@@ -19,7 +19,7 @@ from stablepush.geometry.se2 import compose, exp, wrap_angle
 
 def by_problem(found):
     """What was decided by the name of the problem, without its turn."""
-    groups = itertools.groupby(sorted(found.items()), key=lambda item: item[0].partition(", turned by")[0])
+    groups = itertools.groupby(sorted(found.items()), key=lambda item: item[0].partition(", heading")[0])
     return {name: [decided for _, decided in items] for name, items in groups}
 
 

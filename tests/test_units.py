@@ -99,7 +99,7 @@ def test_plans(s):
         None if one.bounds is None else s * one.bounds, None if one.pusher is None else s * one.pusher,
         tuple(np.array(one.tolerance) * (s, 1)), s * one.speed, one.switch_cost, one.min_margin,
     )  # fmt: skip
-    here, there = sp.plan(one, improve=0), sp.plan(other, improve=0)
+    here, there = sp.plan(one, refinement_budget=0), sp.plan(other, refinement_budget=0)
     assert here.solved and there.solved and sp.check_plan(other, there).valid
     # the lattice is laid in metres of the object's size
     assert there.duration == pytest.approx(here.duration, rel=0.02)

@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 import stablepush as sp
 from stablepush.core.parallel import run_parallel
-from stablepush.diagnosis import attribution, gap_report, shrink, system
+from stablepush.diagnosis import attribution, gap_reduction, gap_report, system
 from stablepush.diagnosis.equations import SIZES, Demands, ScoreTest
 from stablepush.diagnosis.observations import Observations, observe
 
@@ -37,16 +37,16 @@ def by_rows(log: sp.PushLog) -> Observations:
 
 def one_by_one(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[str, float]:
     """An effect's own p-value, made such that 5 % of it meet the demand."""
-    least = system.System.demands.chance
+    least = system.System.demands.family_wise_p
     return {id: float(chi2.sf(test.statistic, SIZES[id])) * least / 0.05 for id, test in tests.items()}
 
 
 @contextmanager
 def without(variant: str) -> Iterator[None]:
-    """The diagnosis without one of its parts; ends of pushes, which name nothing where there are forces, are left out."""
+    """The diagnosis without one of its parts; final poses, which name nothing where there are forces, are left out."""
     base = system.System.base
     # rows that are called trials have no labels
-    with patch.object(gap_report, "replays", lambda *_: []), patch.object(shrink, "_labels", lambda *_: {}):
+    with patch.object(gap_report, "replays", lambda *_: []), patch.object(gap_reduction, "_labels", lambda *_: {}):
         if variant == VARIANTS[1]:
             with patch.object(system.System, "base", lambda self, values, free: base(self, values, False)):
                 yield
@@ -55,7 +55,7 @@ def without(variant: str) -> Iterator[None]:
                 yield
         elif variant == VARIANTS[3]:
             # the other demands are there for the same reason
-            lax = Demands(3.84, 0.0, 0.0, system.System.demands.chance, np.inf)
+            lax = Demands(3.84, 0.0, 0.0, system.System.demands.family_wise_p, np.inf)
             with patch.object(attribution, "by_chance", one_by_one), patch.object(system.System, "demands", lax):
                 yield
         else:

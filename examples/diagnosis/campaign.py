@@ -77,7 +77,7 @@ def effect_of(id: str, size: float, rng: np.random.Generator, mu: float, radius:
     return sp.Effect(id, values[id])
 
 
-def in_squares(rig: sp.VirtualRig, commands: list[sp.Command], seed: int) -> sp.PushLog:
+def in_squares(rig: sp.VirtualRig, commands: list[sp.EdgePush], seed: int) -> sp.PushLog:
     """A log of pushes, each on the friction of the square of the table where it starts."""
     trials: dict[str, list] = {}
     samples: dict[str, list] = {}
@@ -113,7 +113,7 @@ def covered(report: sp.GapReport, effects: list[sp.Effect]) -> str:
     return " ".join(found)
 
 
-def world(id: str, seed: int, pushes: int, **campaign: object) -> tuple[sp.VirtualRig, list[sp.Command], int]:
+def world(id: str, seed: int, pushes: int, **campaign: object) -> tuple[sp.VirtualRig, list[sp.EdgePush], int]:
     """A random rig with an effect, a campaign of pushes (options of ``random_pushes``), and a seed for its noise.
 
     The same rigs for all effects would let one unlucky rig count often: effect and seed together make the rig.
@@ -159,7 +159,7 @@ def one(name: str, seed: int, pushes: int) -> dict[str, object]:
         "effect": name, "truth": " ".join(truth), "seed": seed, "share": SHARES[seed % len(SHARES)],
         "kind": "two" if len(rig.pusher.fingers) == 2 else "one",
         "verdict": report.verdict, "named": " ".join(report.named),
-        "closed": next((e.closed for e in report.shrink if e.channel in ("wrench", "pose")), np.nan),
+        "closed": next((e.closed for e in report.reductions if e.channel in ("wrench", "pose")), np.nan),
         "covered": covered(report, effects), "seconds": seconds,
         "probabilities": " ".join(f"{e['effect']}={e['probability']:.3f}" for e in report.ranking),
     }  # fmt: skip

@@ -17,8 +17,6 @@ import numpy as np
 
 import stablepush as sp
 from stablepush.core.parallel import run_parallel
-from stablepush.geometry.se2 import compose, inverse
-from stablepush.rig.commands import poke
 
 #: Effects that small campaigns confuse, and how strong they are.
 CONFUSED = (
@@ -29,11 +27,10 @@ CONFUSED = (
 TURN, FIELD = 0.3, 0.04
 
 
-def small(command: sp.Command, rng: np.random.Generator) -> sp.Command:
-    """The same push of a slider that is put as it always is."""
-    assert command.start is not None
+def small(push: sp.EdgePush, rng: np.random.Generator) -> sp.EdgePush:
+    """The same push of a slider that is reset as always."""
     start = np.array((*rng.uniform(-FIELD / 2, FIELD / 2, 2), rng.uniform(-TURN, TURN)))
-    return replace(command, start=start, place=compose(start, compose(inverse(command.start), command.place)))
+    return replace(push, start=start)
 
 
 def named(log: sp.PushLog, truth: str, forces: bool) -> tuple[str, bool, sp.GapReport]:
@@ -52,13 +49,7 @@ def one(id: str, seed: int, pushes: int, wanted: int, forces: bool) -> tuple[str
     proposed = report.next_experiment.pushes
     if verdict != "ambiguous" or not proposed:
         return None
-    more = [
-        poke(
-            rig.slider, rig.pusher, push["edge"], push["along"], start=(push["x"], push["y"], push["theta"]),
-            direction=push["direction"], way=push["way"], speed=push["speed"],
-        )
-        for push in proposed[:wanted]
-    ]  # fmt: skip
+    more = list(proposed[:wanted])
     others = sp.random_pushes(rig.slider, rig.pusher, len(more), seed=seed, groups=0)
     words = []
     for extra in (more, others):

@@ -3,7 +3,7 @@ Why does reality differ?
 ========================
 
 A simulated robot pushes a triangle sixty times over a table that is not level: 0.02 rad. The diagnosis sees the log and the
-nominal simulation, and finds the slope. Shown is what the nominal simulation and the mended one leave of the forces.
+nominal simulation, and finds the slope. Shown is what the nominal simulation and the corrected one leave of the forces.
 """
 
 import stablepush as sp

@@ -1,6 +1,6 @@
 """Which part of the default identification brings how much, on the real pokes.
 
-From the paper's fit to this library's default one step at a time, the older ways that the paper names beside it, all on the
+From the paper's fit to this library's default one step at a time, the older methods that the paper names beside it, all on the
 same pokes; then the same with a tenth of the pokes replaced by nonsense.
 
     python examples/paper/ablation.py DATA -o paper [--surface wood] [--evaluations 4] [--jobs 2]
@@ -26,8 +26,10 @@ TEST = 10
 
 def held_out(loads: np.ndarray, twists: np.ndarray, **options: Any) -> sp.LimitSurface:
     """Fit with a quarter of the pokes held out to choose the weights, as the paper has it."""
-    hold_out = np.arange(max(1, len(loads) // 4))
-    return sp.fit_limit_surface(loads, twists, characteristic_length=lab.RHO, hold_out=hold_out, **options).surface
+    validation_indices = np.arange(max(1, len(loads) // 4))
+    return sp.fit_limit_surface(
+        loads, twists, characteristic_length=lab.RHO, validation_indices=validation_indices, **options
+    ).surface
 
 
 def fitted(loads: np.ndarray, twists: np.ndarray, **options: Any) -> sp.LimitSurface:

@@ -77,9 +77,14 @@ def run_trial(case: str, trial: int) -> dict[str, list[float]]:
             if method == "default":
                 fit = sp.fit_limit_surface(seen_loads[rows], seen[rows], characteristic_length=1.0)
             else:
-                hold_out = np.arange(count, len(rows))
+                validation_indices = np.arange(count, len(rows))
                 fit = sp.fit_limit_surface(
-                    seen_loads[rows], seen[rows], method, characteristic_length=1.0, loss="norm", hold_out=hold_out
+                    seen_loads[rows],
+                    seen[rows],
+                    method,
+                    characteristic_length=1.0,
+                    loss="norm",
+                    validation_indices=validation_indices,
                 )
             errors[method].append(lab.angle_error(fit.surface, loads[test], directions[test], rho=1.0))
     return errors

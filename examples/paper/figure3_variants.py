@@ -79,7 +79,7 @@ def run_trial(case: str, variant: str, trial: int) -> dict[str, list[float]]:
             method,
             characteristic_length=1.0,
             loss="norm",
-            hold_out=np.arange(count, len(rows)),
+            validation_indices=np.arange(count, len(rows)),
         )
         errors[method].append(lab.angle_error(fit.surface, loads[test], directions[test], rho=1.0))
     return errors

@@ -62,9 +62,9 @@ def main() -> None:
         x, y, z = (np.clip(size * c, -limit, limit) for c in level_set(surface, degree))
         axes.plot_surface(x, y, z, color="#56B4E9", alpha=0.55, rstride=1, cstride=1, linewidth=0, lightsource=light)
         if len(rows):
-            at, way = normalize_wrench(loads[rows], lab.RHO), unit(normalize_twist(twists[rows], lab.RHO))
+            at, route = normalize_wrench(loads[rows], lab.RHO), unit(normalize_twist(twists[rows], lab.RHO))
             axes.scatter(*at.T, color="#D55E00", s=14, depthshade=False)
-            axes.quiver(*at.T, *way.T, length=0.35 * friction, color="#0072B2", linewidth=1)
+            axes.quiver(*at.T, *route.T, length=0.35 * friction, color="#0072B2", linewidth=1)
         error = lab.angle_error(surface, np.delete(loads, rows, axis=0), np.delete(twists, rows, axis=0))
         axes.set_title(f"{title}\n{error:.1f}° on the other pokes", fontsize=10)
         axes.set(xlim=(-limit, limit), ylim=(-limit, limit), zlim=(-limit, limit))

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+import math
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -61,7 +62,7 @@ def pokes(data: Path, surface: str) -> dict[str, tuple[np.ndarray, np.ndarray, s
 
 
 @cache
-def pokes_as_commanded(data: Path, arrangement: str) -> tuple[np.ndarray, np.ndarray, sp.Slider, list[sp.Poke]]:
+def pokes_as_commanded(data: Path, arrangement: str) -> tuple[np.ndarray, np.ndarray, sp.Slider, list[sp.EdgePush]]:
     """Return loads, twists, slider and what was commanded, contact point and finger heading, for the pokes of a log on wood."""
     wanted = {"surface": "wood", "arrangement": arrangement}
     (source,) = [s for s in _sources(data, "mlab-poke") if s.labels == wanted]
@@ -72,14 +73,16 @@ def pokes_as_commanded(data: Path, arrangement: str) -> tuple[np.ndarray, np.nda
         rows = log.rows(trial)
         rows = rows[log.samples["phase"][rows] == "push"]
         theta = log.samples["theta"][rows[0]]
-        way = np.array([log.samples[axis][rows[-1]] - log.samples[axis][rows[0]] for axis in ("px", "py")])
+        route = np.array([log.samples[axis][rows[-1]] - log.samples[axis][rows[0]] for axis in ("px", "py")])
         turn = np.array(((np.cos(theta), np.sin(theta)), (-np.sin(theta), np.cos(theta))))
-        heading = unit(turn @ way)
+        heading = unit(turn @ route)
         point = np.array([log.samples[axis][rows[0]] for axis in ("c1x", "c1y")])
         ends = [log.rig.slider.edge(i) for i in range(len(log.rig.slider.vertices))]
         normals = [unit(np.array((start[1] - end[1], end[0] - start[0]))) for start, end in ends]
         edge = int(np.argmin([abs((point - ends[i][0]) @ normals[i]) for i in range(len(ends))]))
-        commands.append(sp.Poke(edge, point, normals[edge], heading, 0.0))
+        # the finger was where it was measured, a little beside the outline that is believed
+        direction = float(np.arctan2(normals[edge][0] * heading[1] - normals[edge][1] * heading[0], normals[edge] @ heading))
+        commands.append(sp.EdgePush(edge, math.dist(point, ends[edge][0]), point, normals[edge], direction))
     return loads, twists, log.rig.slider, commands
 
 
@@ -135,8 +138,10 @@ def fit_as_published(
 ) -> sp.Fit:
     """Fit as the authors' code does: norm loss, weights chosen on the held-out pairs, no refit on them."""
     rows = np.concatenate((train, validation))
-    hold_out = np.arange(len(train), len(rows))
-    return sp.fit_limit_surface(loads[rows], twists[rows], model, characteristic_length=rho, loss="norm", hold_out=hold_out)
+    validation_indices = np.arange(len(train), len(rows))
+    return sp.fit_limit_surface(
+        loads[rows], twists[rows], model, characteristic_length=rho, loss="norm", validation_indices=validation_indices
+    )
 
 
 def run_all(function: Callable, jobs: list[tuple], options: argparse.Namespace) -> list:

@@ -30,7 +30,7 @@ MU, NOISE = 0.8, 0.06
 def curve(
     slider: sp.Slider,
     with_slider: bool,
-    pool: list[sp.Poke],
+    pool: list[sp.EdgePush],
     loads: np.ndarray,
     twists: np.ndarray,
     chosen: bool,

@@ -20,9 +20,9 @@ from stablepush.geometry.planar import unit
 
 POKES, CHANGE, STREAMS, NOISE = 120, 60, 20, 0.05
 METHODS = {
-    "forgetting 0.9": {"forgetting": 0.9},
-    "forgetting 0.95": {"forgetting": 0.95},
-    "no forgetting": {"forgetting": 1.0},
+    "forgetting 0.9": {"forgetting_factor": 0.9},
+    "forgetting 0.95": {"forgetting_factor": 0.95},
+    "no forgetting": {"forgetting_factor": 1.0},
     "projected gradient": {"method": "projected-gradient"},
 }
 

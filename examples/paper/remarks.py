@@ -37,8 +37,10 @@ def errors(support: sp.SupportDistribution, noise: float, rho: float, seed: int)
     found: tuple[list[float], list[float]] = ([], [])
     for count in TRAIN:
         rows = slice(0, VALIDATION + count)
-        hold_out = np.arange(VALIDATION)
-        published = sp.fit_limit_surface(loads[rows], twists[rows], characteristic_length=rho, loss="norm", hold_out=hold_out)
+        validation_indices = np.arange(VALIDATION)
+        published = sp.fit_limit_surface(
+            loads[rows], twists[rows], characteristic_length=rho, loss="norm", validation_indices=validation_indices
+        )
         default = sp.fit_limit_surface(loads[rows], twists[rows], characteristic_length=rho)
         for kept, fit in zip(found, (published, default), strict=True):
             kept.append(lab.angle_error(fit.surface, *test, rho=own))

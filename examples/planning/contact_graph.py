@@ -1,4 +1,4 @@
-"""Draw the contacts of a scene, and the ways of the pusher between them.
+"""Draw the contacts of a scene, and the paths of the pusher between them.
 
 python examples/planning/contact_graph.py [SCENE.json] [-o contacts.png]
 """

@@ -1,4 +1,4 @@
-"""Would a plan made from a few pokes stay stuck? Plans executed on ideal surfaces that the pokes leave likely.
+"""Would a plan made from a few pokes stay stuck? Plans executed on ideal surfaces of the posterior.
 
 The limit surface of the built-in rig is identified from ``--pokes`` pokes; each solvable scene of ``examples/scenes`` is planned
 with it: quickest, weighing margins, with a chance constraint on every push, and with CORs of the all-pressure region only.
@@ -54,7 +54,7 @@ def main() -> None:
     ]
     names = sorted(file.stem for file in SCENES.glob("*.json") if file.stem not in ("triangle", "unsolvable"))
     print(f"surface from {options.pokes} pokes, {options.surfaces} pressures that they leave likely, scenes: {', '.join(names)}")
-    print(f"{'':>16s} {'solved':>7s} {'time':>7s} {'stuck on all the way':>21s} {'pushing time stuck':>19s}")
+    print(f"{'':>16s} {'solved':>7s} {'time':>7s} {'sticking throughout':>21s} {'pushing time stuck':>19s}")
     quickest: dict[str, float] = {}
     for asked, words in ASKED.items():
         longer, whole, parts, solved = [], [], [], 0

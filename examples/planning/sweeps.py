@@ -59,7 +59,7 @@ def main() -> None:
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
     times = np.linspace(0, 1, options.samples)[:, None]
-    asked = free = misses = refused = unexplained = 0
+    asked = free = pose_errors = refused = unexplained = 0
     taken = 0.0
     nearest = []
     with tqdm(total=options.pushes, disable=None, leave=False) as bar:
@@ -77,7 +77,7 @@ def main() -> None:
             for pose, twist, good in zip(poses, twists, found, strict=True):
                 dense = bool(body.free(compose(pose, exp(twist * times))).all())
                 asked, free = asked + 1, free + int(good)
-                misses += int(good and not dense)
+                pose_errors += int(good and not dense)
                 if dense and not good:
                     refused += 1
                     path = compose(pose, exp(twist * times[:: options.samples // 1000]))
@@ -89,7 +89,7 @@ def main() -> None:
                     # a touch of no more than the overlap that is allowed, and the rounding of the samples
                     unexplained += int(least > 2 * OVERLAP)
                 bar.update()
-    print(f"{asked} pushes, {free} free: {misses} free by the sweep but not by {options.samples} poses along them")
+    print(f"{asked} pushes, {free} free: {pose_errors} free by the sweep but not by {options.samples} poses along them")
     print(f"{refused} refused by the sweep but free at all poses: nearest approach {max(nearest, default=0):.1e} m,")
     print(f"{unexplained} of them farther than the overlap that is allowed")
     print(f"time a push: {1e6 * taken / asked:.1f} µs")

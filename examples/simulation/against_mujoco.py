@@ -122,11 +122,11 @@ def main() -> None:
     options = parser.parse_args()
     found = list(run_parallel(both, [(seed, options.step) for seed in range(options.pushes)], options.jobs))
     ours, theirs = np.array([f[0] for f in found]), np.array([f[1] for f in found])
-    way = np.hypot(*theirs[:, :2].T)
+    route = np.hypot(*theirs[:, :2].T)
     off, turn = np.hypot(*(ours - theirs)[:, :2].T), np.abs(wrap_angle(ours[:, 2] - theirs[:, 2]))
     kinds = np.arange(options.pushes)
     print(f"{options.pushes} pushes of 40 mm at 5 to 20 mm/s, MuJoCo with steps of {options.step:g} s")
-    share = 100 * off / np.maximum(way, 1e-3)
+    share = 100 * off / np.maximum(route, 1e-3)
     for word, chosen in (
         ("all", kinds >= 0),
         ("one finger, straight", kinds % 4 == 0),

@@ -50,7 +50,7 @@ def main() -> None:
         twist, mode = closed_form(arm**2, point, normal, mu, velocity)
         answer = sp.push_twist(surface, sp.PushContact([point], [normal], mu), (*(velocity), 0.0))
         counts[mode] += 1
-        wrong += answer.modes != [mode] or answer.answers != 1
+        wrong += answer.modes != [mode] or answer.solutions != 1
         scale = (1, 1, arm)
         worst = max(worst, float(np.linalg.norm((answer.twist - twist) * scale) / np.linalg.norm(twist * scale)))
     print(f"{options.cases} cases ({', '.join(f'{n} {mode}' for mode, n in counts.items())})")

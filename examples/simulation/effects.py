@@ -75,9 +75,11 @@ def main() -> None:
         middle, nominal = MIDDLES[id]
         made = run(f"{id}:{middle}")
         moved = np.array([b.poses[-1] - a.poses[-1] for a, b in zip(plain.traces, made.traces, strict=True)])
-        way, turn = 1000 * np.hypot(moved[:, 0], moved[:, 1]), np.degrees(np.abs(wrap_angle(moved[:, 2])))
+        route, turn = 1000 * np.hypot(moved[:, 0], moved[:, 1]), np.degrees(np.abs(wrap_angle(moved[:, 2])))
         change = float(np.sqrt(((load(made) - load(plain)) ** 2).sum(axis=1).mean()))
-        words = f"{np.median(way):.2f}, {np.quantile(way, 0.95):.2f} mm; {np.median(turn):.2f}, {np.quantile(turn, 0.95):.2f} deg"
+        words = (
+            f"{np.median(route):.2f}, {np.quantile(route, 0.95):.2f} mm; {np.median(turn):.2f}, {np.quantile(turn, 0.95):.2f} deg"
+        )
         same = "-" if nominal is None else f"{np.abs(load(run(f'{id}:{nominal}')) - load(plain)).max():.1e}"
         print(f"{id:<20s} {middle:<26s} {words:>36s} {change:>10.3f} N {same:>12s}")
 

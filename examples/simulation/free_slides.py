@@ -39,7 +39,7 @@ def main() -> None:
     twists = rng.normal(size=(20, 3)) / (1, 1, 0.05)
     loads = ideal.wrench(twists)
     noisy = loads * (1 + 0.1 * rng.normal(size=loads.shape))
-    quartic = sp.fit_limit_surface(noisy, twists, hold_out=np.arange(10)).surface
+    quartic = sp.fit_limit_surface(noisy, twists, validation_indices=np.arange(10)).surface
     slides = {}
     for name, surface in (("quartic", quartic), ("feet", ideal)):
         print(f"{name}:")

@@ -48,14 +48,14 @@ def main() -> None:
         twist = twist_from_cor((log.trials["cor_x"][k], log.trials["cor_y"][k]), log.trials["sense"][k])
         motion = [(transport_twist(twist, inverse(docked)), abs(float(log.trials["angle"][k])))]
         trace = sp.simulate_push(surface, slider, pusher, options.mu, start, compose(start, docked), motion, step=2e-4)
-        miss, way = trace.poses[-1] - end, end - start
+        miss, route = trace.poses[-1] - end, end - start
         rows.append(
             (
                 float(log.trials["stable"][k]) if "stable" in log.trials else np.nan,
                 1000 * float(np.hypot(*miss[:2])),
                 float(np.degrees(abs(wrap_angle(miss[2])))),
-                1000 * float(np.hypot(*way[:2])),
-                float(np.degrees(abs(wrap_angle(way[2])))),
+                1000 * float(np.hypot(*route[:2])),
+                float(np.degrees(abs(wrap_angle(route[2])))),
                 float((trace.modes == 1).all(axis=1).mean()),
             )
         )

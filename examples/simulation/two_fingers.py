@@ -43,7 +43,7 @@ def random_surface(rng: np.random.Generator, slider: sp.Slider) -> sp.LimitSurfa
 
 
 def _quartic(ideal: sp.IdealLimitSurface, twists: np.ndarray) -> sp.LimitSurface:
-    return sp.fit_limit_surface(ideal.wrench(twists), twists, hold_out=np.arange(5)).surface
+    return sp.fit_limit_surface(ideal.wrench(twists), twists, validation_indices=np.arange(5)).surface
 
 
 def main() -> None:

@@ -37,7 +37,7 @@ def at_goal(goal, x, y, theta):  # type: ignore[no-untyped-def]
 
 @compiled
 def least_time(goal, x, y, cos, sin):  # type: ignore[no-untyped-def]
-    """Time (s) that every way to the goal takes: no point of the outline is faster than the limit, nor goes through walls."""
+    """Time (s) that every path to the goal takes: no point of the outline is faster than the limit, nor goes through walls."""
     gc, gs = math.cos(goal.pose[2]), math.sin(goal.pose[2])
     most = 0.0
     for v in range(goal.outline.shape[0]):

@@ -10,7 +10,7 @@ import numpy as np
 from stablepush.core import FloatArray, compiled, inner
 from stablepush.planning.kernels import Body, edges_near, line_is_free, pose_is_free, room_at
 
-#: How a change of contact is tested: the pusher takes no room; it goes one of the ways known; as if it could go any way.
+#: How a change of contact is tested: the pusher takes no room; it takes one of the known paths; as if it could take any path.
 NO_PUSHER, KNOWN_WAYS, ANY_WAY = 0, 1, 2
 
 
@@ -26,7 +26,7 @@ class Bodies(NamedTuple):
 
 class Transfers(NamedTuple):
     """Changes of contact: time (s), how they are tested (:data:`NO_PUSHER` and so on), the pusher in its frame, its docked poses
-    (contacts, 3) in B, how far it backs off (m), and two ways round the slider in B for every pair of contacts."""
+    (contacts, 3) in B, how far it backs off (m), and two paths round the slider in B for every pair of contacts."""
 
     cost: float
     kind: int
@@ -55,7 +55,7 @@ def disc_is_free(world, x0, y0, x1, y1, radius):  # type: ignore[no-untyped-def]
     if low_x < b[0] or low_y < b[1] or high_x > b[2] or high_y > b[3]:
         return False
     dx, dy = x1 - x0, y1 - y0
-    way = dx * dx + dy * dy
+    route = dx * dx + dy * dy
     for n in range(edges_near(world, low_x, low_y, high_x, high_y)):
         e = world.found[n]
         ax, ay, bx, by = world.edges[e, 0], world.edges[e, 1], world.edges[e, 2], world.edges[e, 3]
@@ -72,8 +72,8 @@ def disc_is_free(world, x0, y0, x1, y1, radius):  # type: ignore[no-untyped-def]
             t = min(1.0, max(0.0, ((px - ax) * ex + (py - ay) * ey) / length))
             if (px - ax - t * ex) ** 2 + (py - ay - t * ey) ** 2 < radius * radius:
                 return False
-        if way > 0.0:
-            t = min(1.0, max(0.0, ((ax - x0) * dx + (ay - y0) * dy) / way))
+        if route > 0.0:
+            t = min(1.0, max(0.0, ((ax - x0) * dx + (ay - y0) * dy) / route))
             if (ax - x0 - t * dx) ** 2 + (ay - y0 - t * dy) ** 2 < radius * radius:
                 return False
     return True
@@ -81,7 +81,7 @@ def disc_is_free(world, x0, y0, x1, y1, radius):  # type: ignore[no-untyped-def]
 
 @inner
 def route_is_free(transfers, world, route, x, y, cos, sin):  # type: ignore[no-untyped-def]
-    """Whether the pusher, as a disc, can take a way round the slider."""
+    """Whether the pusher, as a disc, can take a path round the slider."""
     a, b = transfers.first[route], transfers.first[route + 1]
     if b == a:
         return False
@@ -108,13 +108,13 @@ def can_back_off(transfers, world, contact, x, y, cos, sin):  # type: ignore[no-
     c, s = math.cos(dock[2]), math.sin(dock[2])
     c, s = cos * c - sin * s, sin * c + cos * s
     px, py = x + cos * dock[0] - sin * dock[1], y + sin * dock[0] + cos * dock[1]
-    way = transfers.retreats[contact]
-    return line_is_free(world, pusher, px, py, c, s, -way * c, -way * s)
+    route = transfers.retreats[contact]
+    return line_is_free(world, pusher, px, py, c, s, -route * c, -route * s)
 
 
 @compiled
 def route_between(transfers, bodies, world, source, target, x, y, cos, sin):  # type: ignore[no-untyped-def]
-    """A free way round the slider from one contact to another: its number, or -1."""
+    """A free path round the slider from one contact to another: its number, or -1."""
     contacts = transfers.docks.shape[0]
     if transfers.retreats[source] < 0.0 or transfers.retreats[target] < 0.0:
         return -1

@@ -78,38 +78,38 @@ def _corner(problem: PlanningProblem, first: TimedTwist, second: TimedTwist, rat
     between = (np.sin((1 - share) * angle) * u + np.sin(share * angle) * v) / math.sin(angle) / (1, 1, rho)
     between *= (problem.speed / problem.push_speed(between))[:, None]
     times = np.concatenate(((first[1] - time / 2,), np.full(count, time / count), (second[1] - time / 2,)))
-    ways = np.concatenate((first[0][None], between, second[0][None])) * times[:, None]
+    arcs = np.concatenate((first[0][None], between, second[0][None])) * times[:, None]
     target = compose(exp(first[0] * first[1]), exp(second[0] * second[1]))
-    closed = _closed(ways, times, target, rho)
+    closed = _closed(arcs, times, target, rho)
     if closed is None:
         return None
     spent = problem.push_speed(closed) / problem.speed
-    return [(way / t, float(t)) for way, t in zip(closed, spent, strict=True)]
+    return [(arc / t, float(t)) for arc, t in zip(closed, spent, strict=True)]
 
 
-def _closed(ways: FloatArray, times: FloatArray, target: FloatArray, rho: float) -> FloatArray | None:
+def _closed(arcs: FloatArray, times: FloatArray, target: FloatArray, rho: float) -> FloatArray | None:
     """Change motions (n, 3) the least, in proportion to their times, so that they lead to a pose."""
     scale = np.array((1.0, 1.0, rho))
     weights = np.repeat(times, 3) ** 2
     for _ in range(_STEPS):
-        miss = _miss(ways, target) * scale
+        miss = _miss(arcs, target) * scale
         if np.abs(miss).max() < _CLOSE:
-            return ways
-        slope = np.empty((3, ways.size))
-        for k in range(ways.size):
-            moved = ways.copy()
+            return arcs
+        slope = np.empty((3, arcs.size))
+        for k in range(arcs.size):
+            moved = arcs.copy()
             moved.flat[k] += 1e-7
             slope[:, k] = (_miss(moved, target) * scale - miss) / 1e-7
         square = (slope * weights) @ slope.T
-        ways = ways - (weights * (slope.T @ np.linalg.solve(square, miss))).reshape(ways.shape)
+        arcs = arcs - (weights * (slope.T @ np.linalg.solve(square, miss))).reshape(arcs.shape)
     return None
 
 
-def _miss(ways: FloatArray, target: FloatArray) -> FloatArray:
+def _miss(arcs: FloatArray, target: FloatArray) -> FloatArray:
     """Motion from a pose to where motions (n, 3) lead."""
     pose = np.zeros(3)
-    for way in ways:
-        pose = compose(pose, exp(way))
+    for arc in arcs:
+        pose = compose(pose, exp(arc))
     offset = compose(inverse(target), pose)
     offset[2] = wrap_angle(offset[2])
     return log(offset)

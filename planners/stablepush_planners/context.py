@@ -21,16 +21,16 @@ from stablepush_planners.lattice import Lattice
 from stablepush_planners.shorten import LEAST_WAY, TimedTwist, merged, shorten
 from stablepush_planners.stable_set import StableSet
 from stablepush_planners.steering import Steering, steering
-from stablepush_planners.transfers import Routes, backed_off, docking_path, route_path, routes_of, way_among_obstacles
+from stablepush_planners.transfers import Routes, backed_off, docking_path, path_among_obstacles, route_path, routes_of
 
 #: A stretch of a path: its contact, and the pushes there.
-Stretch = tuple[int, list[TimedTwist]]
+ContactSegment = tuple[int, list[TimedTwist]]
 
 #: Turning radii that connections try, in units of the tightest: slower to turn, but the outline swings out less.
 RADII = (1.0, 2.0, 4.0, 8.0)
 #: Lattice each way about the goal for which the time without obstacles is known.
 TABLE_REACH = 20
-#: Poses spread along a path between which the way is shortened, in the rounds of shortening.
+#: Poses spread along a path between which the path is shortened, in the rounds of shortening.
 PIECES = (24, 40, 60)
 #: Halves are rounded up, also those that are less by rounding.
 _UP = 0.5 + 1e-9
@@ -45,7 +45,7 @@ class PlanningContext:
 
     Attributes
     ----------
-    hopeless : str
+    infeasible_reason : str
         Why there can be no plan, as far as that is plain before any search; empty if it is not.
     bound : float
         Time in s that every plan takes.
@@ -54,8 +54,8 @@ class PlanningContext:
     def __init__(self, problem: PlanningProblem, options: PlanOptions, deadline: Deadline) -> None:
         if deadline.passed():
             raise OutOfTimeError("the deadline has passed")
-        self.problem, self.deadline, self._rate = problem, deadline, options.cor_rate
-        self.hopeless, self.bound = "", 0.0
+        self.problem, self.deadline, self._rate = problem, deadline, options.max_twist_rate
+        self.infeasible_reason, self.bound = "", 0.0
         self.world = world_of(problem)
         self.bodies = [SweptBody(problem, contact, self.world) for contact in problem.contacts]
         self.field = DistanceField(problem)
@@ -84,7 +84,7 @@ class PlanningContext:
         x, y, theta = problem.start
         self.bound = float(least_time(self.goal, x, y, math.cos(theta), math.sin(theta)))
         if math.isinf(self.bound):
-            self.hopeless, self.bound = "obstacles close off the goal", 0.0
+            self.infeasible_reason, self.bound = "obstacles close off the goal", 0.0
 
     def graph(self, lattice: Lattice, transfers: Transfers | None = None) -> Graph:
         """Return what a search on a lattice runs on; ``transfers``: the changes of contact that it may make, if not all known."""
@@ -160,11 +160,11 @@ class PlanningContext:
             return None
         return [(pieces[k, :3].copy(), float(pieces[k, 3])) for k in range(3) if pieces[k, 3] * self.problem.speed > LEAST_WAY]
 
-    def shortened(self, stretches: Sequence[Stretch]) -> list[Stretch]:
+    def shortened(self, contact_segments: Sequence[ContactSegment]) -> list[ContactSegment]:
         """Return a path with the same changes of contact, at the same poses, that costs no more."""
         pose = np.array(self.problem.start)
-        result: list[Stretch] = []
-        for contact, pushes in stretches:
+        result: list[ContactSegment] = []
+        for contact, pushes in contact_segments:
             best = pushes
             for pieces in PIECES:
                 body, stable = self.bodies[contact], self.stable[contact]
@@ -174,36 +174,36 @@ class PlanningContext:
             pose = end_of(pose, pushes)
         return result
 
-    def result(self, stretches: Sequence[Stretch], planner: str, seed: int, words: str) -> PlanResult:
+    def result(self, contact_segments: Sequence[ContactSegment], planner: str, seed: int, words: str) -> PlanResult:
         """Return a path as the plan that is asked for."""
-        parts, left = self.blended(stretches)
+        parts, left = self.blended(contact_segments)
         segments = self.segments(parts)
-        # the best way may be shorter than the bound by rounding
+        # the best path may be shorter than the bound by rounding
         bound = min(self.bound, sum(s.duration for s in segments))
         message = "; ".join(filter(None, (words, f"{left} corners not blended" if left else "")))
         return PlanResult.from_segments(segments, planner=planner, seed=seed, lower_bound=bound, message=message)
 
-    def blended(self, stretches: Sequence[Stretch]) -> tuple[list[Stretch], int]:
+    def blended(self, contact_segments: Sequence[ContactSegment]) -> tuple[list[ContactSegment], int]:
         """Return a path whose corners are blended as asked, and how many are left."""
         if math.isinf(self._rate):
-            return list(stretches), 0
+            return list(contact_segments), 0
         pose, result, corners = np.array(self.problem.start), [], 0
-        for contact, pushes in stretches:
+        for contact, pushes in contact_segments:
             parts, left = blended(self.problem, self.stable[contact], self.bodies[contact], pose, pushes, self._rate)
             result.append((contact, parts))
             corners += left
             pose = end_of(pose, pushes)
         return result, corners
 
-    def segments(self, stretches: Sequence[Stretch]) -> list[Push | Transfer]:
+    def segments(self, contact_segments: Sequence[ContactSegment]) -> list[Push | Transfer]:
         """Return the pushes of a path, with the changes of contact between its stretches."""
         segments: list[Push | Transfer] = []
         pose, contact = self.problem.start, 0
-        for at, pushes in stretches:
+        for at, pushes in contact_segments:
             if at != contact:
                 path = self.transfer_path(contact, at, pose)
                 if path is None:
-                    raise ConvergenceError("change of contact: the pusher's way that the search found is not free by rounding")
+                    raise ConvergenceError("change of contact: the pusher's path that the search found is not free by rounding")
                 segments.append(Transfer(contact, at, path, self.problem.switch_cost))
                 contact = at
             margins = self.stable[contact].oracle.margin(np.array([twist for twist, _ in pushes]))
@@ -213,18 +213,18 @@ class PlanningContext:
                 pose = push.end
         return segments
 
-    def cost(self, stretches: Sequence[Stretch]) -> float:
+    def cost(self, contact_segments: Sequence[ContactSegment]) -> float:
         """Return what a path costs, in s."""
         pushes = 0.0
-        for contact, part in stretches:
+        for contact, part in contact_segments:
             pushes += float(self.stable[contact].costs(np.array([twist * duration for twist, duration in part])).sum())
-        transfers = sum(a[0] != b[0] for a, b in pairwise(((0, ()), *stretches)))
+        transfers = sum(a[0] != b[0] for a, b in pairwise(((0, ()), *contact_segments)))
         return pushes + transfers * self.problem.switch_cost
 
     def transfer_path(self, source: int, target: int, pose: FloatArray) -> FloatArray | None:
         """Return poses (n, 3) of the pusher's frame in W from one contact to another of a slider at ``pose``, or None.
 
-        Empty where the pusher takes no room; close round the slider where that is free, else any way among the obstacles.
+        Empty where the pusher takes no room; close round the slider where that is free, else any path among the obstacles.
         """
         if self.routes is None:
             return np.empty((0, 3))
@@ -237,11 +237,11 @@ class PlanningContext:
             return None
         docks = [compose(pose, self.routes.docks[k]) for k in (source, target)]
         retreats = [float(self.routes.retreats[k]) for k in (source, target)]
-        ends = [backed_off(dock, way)[:2] for dock, way in zip(docks, retreats, strict=True)]
-        way = way_among_obstacles(self.problem, pose, ends[0], ends[1], self.routes.radius)
-        return None if way is None else docking_path((docks[0], docks[1]), way)
+        ends = [backed_off(dock, route)[:2] for dock, route in zip(docks, retreats, strict=True)]
+        points = path_among_obstacles(self.problem, pose, ends[0], ends[1], self.routes.radius)
+        return None if points is None else docking_path((docks[0], docks[1]), points)
 
-    def nudge(self) -> list[Stretch] | None:
+    def nudge(self) -> list[ContactSegment] | None:
         """A short push that stays within the tolerance, if the start is within it: a plan has at least one push."""
         problem = self.problem
         if 0 not in self.steerings or not at_goal(self.goal, *problem.start):

@@ -20,7 +20,7 @@ from stablepush.planning import PlanningProblem, PlanOptions, PlanResult
 from stablepush_planners import _search
 from stablepush_planners._search import Graph, Tree
 from stablepush_planners._transfer import ANY_WAY, KNOWN_WAYS, Transfers
-from stablepush_planners.context import PlanningContext, Stretch, end_of
+from stablepush_planners.context import ContactSegment, PlanningContext, end_of
 from stablepush_planners.lattice import Lattice, make_lattice
 
 NAME = "cor-lattice"
@@ -53,10 +53,10 @@ def plan_cor_lattice(
     except OutOfTimeError:
         return PlanResult("timeout", NAME, seed=seed, message="the time limit left no time to search")
     planner = _Planner(context, progress or (lambda _: None))
-    status, message = "no-path", context.hopeless
+    status, message = "no-path", context.infeasible_reason
     if not message:
         try:
-            message = planner.run(options.improve)
+            message = planner.run(options.refinement_budget)
         except OutOfTimeError:
             status, message = "timeout", "the time limit passed before a path was found"
     if planner.best is None:
@@ -69,21 +69,21 @@ class _Found:
     """Cost and path that a search found, if any, and how many poses it expanded."""
 
     cost: float
-    stretches: list[Stretch] | None
+    contact_segments: list[ContactSegment] | None
     expanded: int
 
 
 class _Planner:
     """The ladder of searches, and the best plan so far."""
 
-    def __init__(self, context: PlanningContext, said: Callable[[str], None]) -> None:
-        self._context, self._said = context, said
-        self.best: list[Stretch] | None = None
+    def __init__(self, context: PlanningContext, progress: Callable[[str], None]) -> None:
+        self._context, self._progress = context, progress
+        self.best: list[ContactSegment] | None = None
         self.cost, self.found_by = math.inf, ""
         self._lattices: dict[int, Lattice] = {}
 
-    def run(self, improve: float) -> str:
-        """Climb the ladder; once there is a plan, look for better ones while no more than ``improve`` poses are expanded.
+    def run(self, refinement_budget: float) -> str:
+        """Climb the ladder; once there is a plan, look for better ones: at most ``refinement_budget`` poses are expanded.
 
         Returns why there is no plan, if there is none.
         """
@@ -92,18 +92,18 @@ class _Planner:
         if nudge is not None:
             self._take(nudge, "the start is within tolerance")
             return ""
-        useful = self._climb(improve, context.transfers)
+        useful = self._climb(refinement_budget, context.transfers)
         if self.best is None and context.transfers.kind == KNOWN_WAYS and context.routes is not None:
-            # the pusher may still reach another contact on a way that does not hug the slider
-            self._said("any way of the pusher round the slider")
-            self._climb(improve, context.transfers._replace(kind=ANY_WAY))
+            # the pusher may still reach another contact on a path that does not hug the slider
+            self._progress("any path of the pusher round the slider")
+            self._climb(refinement_budget, context.transfers._replace(kind=ANY_WAY))
         return f"the lattice is exhausted at all {len(LADDER)} resolutions" if useful else "no contact has a stable push"
 
-    def _climb(self, improve: float, transfers: Transfers) -> bool:
+    def _climb(self, refinement_budget: float, transfers: Transfers) -> bool:
         """Search from the coarsest lattice to the finest; return whether any of them has an edge."""
         context, useful = self._context, False
         for rung, (headings, share) in enumerate(LADDER):
-            self._said(f"lattice {rung + 1} of {len(LADDER)}: {headings} headings")
+            self._progress(f"lattice {rung + 1} of {len(LADDER)}: {headings} headings")
             cell = share * context.problem.slider.radius
             if rung not in self._lattices:
                 self._lattices[rung] = make_lattice(context.problem, context.stable, headings, cell)
@@ -113,12 +113,14 @@ class _Planner:
             for weight in WEIGHTS:
                 words = f"{headings} headings, cells of {1000 * cell:.3g} mm, weight {weight:g}"
                 improving = self.best is not None
-                found = self._search(graph, weight, min(limit, WORTH * self.cost), improve if improving else math.inf, words)
-                if found.stretches is not None:
+                found = self._search(
+                    graph, weight, min(limit, WORTH * self.cost), refinement_budget if improving else math.inf, words
+                )
+                if found.contact_segments is not None:
                     limit = found.cost
-                    self._take(context.shortened(found.stretches), words)
-                improve -= found.expanded if improving else 0
-                if improve <= 0 and self.best is not None:
+                    self._take(context.shortened(found.contact_segments), words)
+                refinement_budget -= found.expanded if improving else 0
+                if refinement_budget <= 0 and self.best is not None:
                     return useful
                 if self.best is None:
                     break
@@ -143,7 +145,7 @@ class _Planner:
                 tree, spent = self._planted(graph, weight, limit), expanded
             elif why == _search.EXHAUSTED or expanded >= most:
                 return _Found(math.inf, None, expanded)
-            self._said(f"{words}: {expanded} poses expanded, {tree.counts[1]} queued")
+            self._progress(f"{words}: {expanded} poses expanded, {tree.counts[1]} queued")
             if context.deadline.passed():
                 raise OutOfTimeError("search: the deadline has passed")
 
@@ -158,7 +160,7 @@ class _Planner:
         return tree
 
     def _impossible_change(self, graph: Graph, tree: Tree, node: int) -> tuple[int, int] | None:
-        """Return key and former contact of a change on the path of a node for which there is no way; None if there always is."""
+        """Return key and former contact of a change that the pusher has no path for, on the path of a node, or None."""
         while graph.transfers.kind == ANY_WAY and node >= 0:
             if tree.via[node] == _search.TRANSFER:
                 target, heading, i, j = (int(part) for part in _search.parts_of(tree.key[node]))
@@ -170,20 +172,20 @@ class _Planner:
             node = int(tree.parent[node])
         return None
 
-    def _path(self, graph: Graph, tree: Tree, node: int) -> list[Stretch]:
+    def _path(self, graph: Graph, tree: Tree, node: int) -> list[ContactSegment]:
         """Turn a chain of nodes into stretches of one contact each."""
         chain = []
         while node >= 0:
             chain.append(node)
             node = int(tree.parent[node])
         chain.reverse()
-        stretches: list[Stretch] = [(int(_search.parts_of(tree.key[chain[0]])[0]), [])]
+        contact_segments: list[ContactSegment] = [(int(_search.parts_of(tree.key[chain[0]])[0]), [])]
         pose = np.array(self._context.problem.start)
         for parent, child in pairwise(chain):
             via = int(tree.via[child])
             contact = int(_search.parts_of(tree.key[child])[0])
             if via == _search.TRANSFER:
-                stretches.append((contact, []))
+                contact_segments.append((contact, []))
                 continue
             if via >= 0:
                 pushes = [(graph.lattice.twists[via].copy(), float(graph.lattice.durations[via]))]
@@ -193,15 +195,15 @@ class _Planner:
                 if connection is None:
                     raise ConvergenceError("connection to the goal: the path that the search found is not free by rounding")
                 pushes = connection
-            stretches[-1][1].extend(pushes)
+            contact_segments[-1][1].extend(pushes)
             pose = end_of(pose, pushes)
-        return [s for s in stretches if s[1]]
+        return [s for s in contact_segments if s[1]]
 
-    def _take(self, stretches: list[Stretch], words: str) -> None:
+    def _take(self, contact_segments: list[ContactSegment], words: str) -> None:
         """Keep a path if it is the best so far."""
-        cost = self._context.cost(stretches)
+        cost = self._context.cost(contact_segments)
         if cost < self.cost * (1 - _GAIN):
-            self.best, self.cost = stretches, cost
+            self.best, self.cost = contact_segments, cost
             self._context.deadline.path_found()
             ratio = f", cost {cost / self._context.bound:.3g} times the lower bound" if self._context.bound > 1e-3 else ""
             self.found_by = f"{words}{ratio}"

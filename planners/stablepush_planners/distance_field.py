@@ -18,10 +18,10 @@ _MOST_CELLS, _CELL = 20_000, 0.15
 
 
 class DistanceField:
-    """Length of the shortest way of the body origin to the goal on a grid, made optimistic.
+    """Length of the shortest path of the body origin to the goal on a grid, made optimistic.
 
     A cell counts as blocked only when the origin cannot be anywhere in it: the disc about the origin that lies inside
-    the slider would then overlap an obstacle. Octile grid distances are scaled down to what a straight way takes at least, and
+    the slider would then overlap an obstacle. Octile grid distances are scaled down to what a straight path takes at least, and
     two cells' diagonals are taken off for where in their cells start and goal are.
 
     Attributes
@@ -43,8 +43,8 @@ class DistanceField:
         distance = np.full(shape, np.inf)
         distance[max(0, i - reach) : i + reach + 1, max(0, j - reach) : j + reach + 1] = 0.0
         _flood(blocked, distance)
-        way = np.maximum(0.0, (distance / _OCTILE - 2 * math.sqrt(2)) * self.cell)
-        self.times = np.ascontiguousarray(np.maximum(0.0, way - problem.tolerance[0]) / problem.speed)
+        length = np.maximum(0.0, (distance / _OCTILE - 2 * math.sqrt(2)) * self.cell)
+        self.times = np.ascontiguousarray(np.maximum(0.0, length - problem.tolerance[0]) / problem.speed)
 
     def _blocked(self, problem: PlanningProblem, shape: tuple[int, ...]) -> BoolArray:
         origin = shapely.Point(0.0, 0.0)

@@ -144,7 +144,7 @@ def _spanning(steps, headings_of, costs, headings, reach, most, spare):  # type:
         least = best[k, i + reach, j + reach, m + most]
         for a in range(count[k]):
             e = listed[k, a]
-            # the rest of the way, seen from the quarter in which the first part ends
+            # the rest of the path, seen from the quarter in which the first part ends
             ri, rj, rm = i - steps[e, 0], j - steps[e, 1], m - steps[e, 2]
             at = (k + steps[e, 2]) % headings
             for _ in range(at // classes):

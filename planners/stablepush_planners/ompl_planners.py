@@ -55,7 +55,7 @@ def plan_ompl(
         from ompl import util
     except ImportError:
         raise UnavailableError(f"planner {name}: the package ompl is not installed (it has no wheels for Windows)") from None
-    said = progress or (lambda _: None)
+    progress = progress or (lambda _: None)
     try:
         context = PlanningContext(problem, options, deadline)
     except OutOfTimeError:
@@ -64,8 +64,8 @@ def plan_ompl(
     def without(status: str, message: str) -> PlanResult:
         return PlanResult(status, name, lower_bound=context.bound, seed=seed, message=message)
 
-    if context.hopeless:
-        return without("no-path", context.hopeless)
+    if context.infeasible_reason:
+        return without("no-path", context.infeasible_reason)
     nudge = context.nudge()
     if nudge is not None:
         return context.result(nudge, name, seed, "the start is within tolerance")
@@ -76,7 +76,7 @@ def plan_ompl(
     util.RNG.setSeed(seed + 1)
     solve = _geometric if name in GEOMETRIC else _control
     try:
-        pushes, approximate = solve(context, name, options.improve, said)
+        pushes, approximate = solve(context, name, options.refinement_budget, progress)
     finally:
         # states outlive their space otherwise
         gc.collect()
@@ -88,14 +88,14 @@ def plan_ompl(
 class _Clock:
     """Tells a planner when to stop: near the deadline, or when it has looked at so many motions."""
 
-    def __init__(self, deadline: Deadline, said: Callable[[str], None]) -> None:
+    def __init__(self, deadline: Deadline, progress: Callable[[str], None]) -> None:
         # some time is left to shorten the path in
         self._deadline, self._last = deadline, min(_LAST, _SHARE * deadline.left())
-        self._said = said
+        self._progress = progress
         self.motions, self.last = 0, math.inf
 
     def __call__(self) -> bool:
-        self._said(f"{self.motions} motions looked at")
+        self._progress(f"{self.motions} motions looked at")
         return self._deadline.left() < self._last or self.motions >= self.last
 
 
@@ -113,7 +113,7 @@ def _bounds(problem: PlanningProblem, context: PlanningContext) -> Any:
 
 
 def _geometric(
-    context: PlanningContext, name: str, improve: float, said: Callable[[str], None]
+    context: PlanningContext, name: str, refinement_budget: float, progress: Callable[[str], None]
 ) -> tuple[list[TimedTwist] | None, bool]:
     """Pushes along a Dubins path that OMPL finds, and whether it found at least an approximate one."""
     from ompl import base, geometric
@@ -152,17 +152,17 @@ def _geometric(
     setup.setStartAndGoalStates(*ends)
     planner = getattr(geometric, GEOMETRIC[name])(information)
     setup.setPlanner(planner)
-    clock = _Clock(context.deadline, said)
-    # optimising planners tell of a path when they stop: first at any path at all, then after so many motions more
+    clock = _Clock(context.deadline, progress)
+    # optimising planners report a path when they stop: first at any path at all, then after so many motions more
     length = base.PathLengthOptimizationObjective(information)
     length.setCostThreshold(base.Cost(math.inf))
     setup.setOptimizationObjective(length)
     setup.solve(base.PlannerTerminationCondition(clock))
     if setup.haveExactSolutionPath():
         context.deadline.path_found()
-    if setup.haveExactSolutionPath() and improve > 0:
+    if setup.haveExactSolutionPath() and refinement_budget > 0:
         length.setCostThreshold(base.Cost(0.0))
-        clock.last = clock.motions + improve
+        clock.last = clock.motions + refinement_budget
         setup.solve(base.PlannerTerminationCondition(clock))
     found: list[TimedTwist] | None = None
     if setup.haveExactSolutionPath():
@@ -179,12 +179,12 @@ def _geometric(
 
 
 def _control(
-    context: PlanningContext, name: str, improve: float, said: Callable[[str], None]
+    context: PlanningContext, name: str, refinement_budget: float, progress: Callable[[str], None]
 ) -> tuple[list[TimedTwist] | None, bool]:
     """Stable pushes that OMPL strings together until a connection leads to the goal."""
     from ompl import base, control
 
-    del improve  # these planners end with their first path
+    del refinement_budget  # these planners end with their first path
     problem, body, world = context.problem, context.bodies[0].body, context.world
     twists = _controls(context)
     space = base.SE2StateSpace()
@@ -237,7 +237,7 @@ def _control(
     goal.setThreshold(0.5)
     setup.setGoal(goal)
     setup.setPlanner(getattr(control, CONTROL[name])(information))
-    clock = _Clock(context.deadline, said)
+    clock = _Clock(context.deadline, progress)
     setup.solve(base.PlannerTerminationCondition(clock))
     found: list[TimedTwist] | None = None
     if setup.haveExactSolutionPath():

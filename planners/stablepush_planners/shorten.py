@@ -1,4 +1,4 @@
-"""Shorten a path of one contact: quickest way over connections between poses of the path."""
+"""Shorten a path of one contact: quickest chain of connections between poses of the path."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def shorten(
 
     Dynamic programming over about ``pieces`` poses spread along the path and the ends of its pushes. Two of them are joined by
     one push of constant twist where that is stable, or by a Dubins word of the contact's reference point. The path itself
-    always stays one of the ways, also when the deadline cuts the work short.
+    always stays one of the candidates, also when the deadline cuts the work short.
     """
     poses, legs = _divided(start, pushes, pieces)
     count = len(poses)
@@ -59,9 +59,9 @@ def shorten(
     lengths, room = np.empty((6, 3)), np.empty((3, 4))
     cosines = np.column_stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])))
     best = [0.0] + [math.inf] * (count - 1)
-    ways: list[tuple[int, list[TimedTwist]]] = [(0, [])] * count
+    chain: list[tuple[int, list[TimedTwist]]] = [(0, [])] * count
     for b in range(1, count):
-        best[b], ways[b] = best[b - 1] + float(spent[b - 1]), (b - 1, [legs[b - 1]])
+        best[b], chain[b] = best[b - 1] + float(spent[b - 1]), (b - 1, [legs[b - 1]])
         if deadline.left() < 0:
             continue
         for a in range(b - 1):
@@ -69,17 +69,17 @@ def shorten(
             if table[a, b] < most:
                 twist, duration = twists[a, b]
                 if push_is_free(world, swept.body, *poses[a, :2], *cosines[a], *twist, duration):
-                    best[b], ways[b] = best[a] + float(table[a, b]), (a, [(twist, duration)])
+                    best[b], chain[b] = best[a] + float(table[a, b]), (a, [(twist, duration)])
                     most = best[b] - best[a] - _WORTH
             if connects and most > 0:
                 found = connect(connections, world, swept.body, stable.contact, *poses[a], *poses[b], most, lengths, room)
                 if found < most:
                     parts = [(room[k, :3].copy(), float(room[k, 3])) for k in range(3) if room[k, 3] * problem.speed > LEAST_WAY]
-                    best[b], ways[b] = best[a] + found, (a, parts)
+                    best[b], chain[b] = best[a] + found, (a, parts)
     result: list[TimedTwist] = []
     b = count - 1
     while b > 0:
-        b, part = ways[b]
+        b, part = chain[b]
         result = part + result
     return result
 

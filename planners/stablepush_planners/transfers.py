@@ -25,7 +25,7 @@ _ALIKE = 1e-9
 _QUARTER = 4
 #: The pusher backs off in steps of this share of its radius, at most so many.
 _STEP, _MOST_STEPS = 0.05, 400
-#: How far from the slider the pusher looks for a way, in radii of the slider and diameters of the pusher, and among how many
+#: How far from the slider the pusher looks for a path, in radii of the slider and diameters of the pusher, and among how many
 #: corners.
 _NEARBY, _MOST_CORNERS = 2.0, 300
 
@@ -55,7 +55,7 @@ class Routes:
 
 
 def routes_of(problem: PlanningProblem) -> Routes:
-    """Return the ways round the slider between all contacts of a problem whose pusher takes room."""
+    """Return the paths round the slider between all contacts of a problem whose pusher takes room."""
     assert problem.pusher is not None
     docks = np.array([contact.frame for contact in problem.contacts])
     radius = float(np.linalg.norm(problem.pusher, axis=1).max())
@@ -67,12 +67,12 @@ def routes_of(problem: PlanningProblem) -> Routes:
     retreats = np.full(len(docks), -1.0)
     for i, dock in enumerate(docks):
         ahead = np.array((math.cos(dock[2]), math.sin(dock[2])))
-        ways = _STEP * radius * np.arange(1, _MOST_STEPS)
-        clear = ~shapely.contains_xy(around, *(dock[:2] - ways[:, None] * ahead).T)
+        sides = _STEP * radius * np.arange(1, _MOST_STEPS)
+        clear = ~shapely.contains_xy(around, *(dock[:2] - sides[:, None] * ahead).T)
         if clear.any():
-            way = float(ways[np.argmax(clear)])
-            if line_is_free(world, pusher, dock[0], dock[1], ahead[0], ahead[1], -way * ahead[0], -way * ahead[1]):
-                retreats[i] = way
+            route = float(sides[np.argmax(clear)])
+            if line_is_free(world, pusher, dock[0], dock[1], ahead[0], ahead[1], -route * ahead[0], -route * ahead[1]):
+                retreats[i] = route
     first, points = [0], [np.zeros((0, 2))]
     for i in range(len(docks)):
         for j in range(len(docks)):
@@ -90,7 +90,7 @@ def contact_graph(problem: PlanningProblem) -> nx.DiGraph:
     """Return the contacts of a problem and the changes between them, without obstacles, as a graph.
 
     Nodes are numbers of contacts, with ``frame`` (3,), the docked pose of the pusher in B. An edge has the ``length`` (m) of the
-    shorter way round the slider and ``path`` (n, 3), the poses of the pusher's frame in B; both are zero and empty where the
+    shorter path round the slider and ``path`` (n, 3), the poses of the pusher's frame in B; both are zero and empty where the
     pusher takes no room. Contacts that the pusher cannot leave straight backwards have no edges.
     """
     # not needed by plans, and slow to import
@@ -106,8 +106,8 @@ def contact_graph(problem: PlanningProblem) -> nx.DiGraph:
                 graph.add_edge(i, j, length=0.0, path=np.zeros((0, 3)))
             elif i != j and routes is not None:
                 first = routes.first[2 * (i * len(contacts) + j) :]
-                ways = [routes.points[first[side] : first[side + 1]] for side in (0, 1)]
-                paths = [docking_path((routes.docks[i], routes.docks[j]), way) for way in ways if len(way)]
+                sides = [routes.points[first[side] : first[side + 1]] for side in (0, 1)]
+                paths = [docking_path((routes.docks[i], routes.docks[j]), route) for route in sides if len(route)]
                 lengths = [float(np.hypot(*np.diff(path[:, :2], axis=0).T).sum()) for path in paths]
                 if paths:
                     k = first_least(lengths, _ALIKE)
@@ -115,27 +115,27 @@ def contact_graph(problem: PlanningProblem) -> nx.DiGraph:
     return graph
 
 
-def backed_off(dock: FloatArray, way: float) -> FloatArray:
+def backed_off(dock: FloatArray, route: float) -> FloatArray:
     """Return a pose of the pusher's frame, moved back along its x axis."""
-    return np.array((dock[0] - way * math.cos(dock[2]), dock[1] - way * math.sin(dock[2]), dock[2]))
+    return np.array((dock[0] - route * math.cos(dock[2]), dock[1] - route * math.sin(dock[2]), dock[2]))
 
 
-def docking_path(docks: tuple[FloatArray, FloatArray], way: FloatArray) -> FloatArray:
-    """Return poses (n, 3) of the pusher's frame: back off to the start of ``way`` (k, 2), along it turning evenly, and dock."""
+def docking_path(docks: tuple[FloatArray, FloatArray], route: FloatArray) -> FloatArray:
+    """Return poses (n, 3) of the pusher's frame: back off to the start of ``route`` (k, 2), along it turning evenly, and dock."""
     start, end = docks
     turn = float(wrap_angle(end[2] - start[2]))
-    steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(route, axis=0), axis=1)
     share = np.concatenate(((0.0,), np.cumsum(steps))) / max(float(steps.sum()), 1e-12)
     # a path that ends by rounding before its end would still turn while it docks
     share[-1] = 1.0
-    along = np.column_stack((way, start[2] + share * turn))
+    along = np.column_stack((route, start[2] + share * turn))
     return np.concatenate((start[None], along, (end[0], end[1], start[2] + turn) * np.ones((1, 3))))
 
 
-def way_among_obstacles(
+def path_among_obstacles(
     problem: PlanningProblem, pose: FloatArray, start: FloatArray, end: FloatArray, radius: float
 ) -> FloatArray | None:
-    """Return the shortest way (n, 2) in W of a disc between two places near the slider, round it and the obstacles, or None.
+    """Return the shortest path (n, 2) in W of a disc between two places near the slider, round it and the obstacles, or None.
 
     Shortest paths on the visibility graph of the outlines, widened by the disc, within :data:`_NEARBY` of the slider's radius and
     the disc's diameter; among too many corners there is said to be none.
@@ -175,11 +175,11 @@ def way_among_obstacles(
 
 
 def route_path(routes: Routes, route: int, pose: FloatArray) -> FloatArray:
-    """Return the pusher's poses (n, 3) in W along one of the known ways, for a slider at ``pose``."""
+    """Return the pusher's poses (n, 3) in W along one of the known paths, for a slider at ``pose``."""
     contacts = len(routes.docks)
     i, j = divmod(route // 2, contacts)
-    way = routes.points[routes.first[route] : routes.first[route + 1]]
-    return compose(pose, docking_path((routes.docks[i], routes.docks[j]), way))
+    points = routes.points[routes.first[route] : routes.first[route + 1]]
+    return compose(pose, docking_path((routes.docks[i], routes.docks[j]), points))
 
 
 def _widened(shape: shapely.Geometry, radius: float) -> shapely.Geometry:
@@ -195,8 +195,8 @@ def _widened(shape: shapely.Geometry, radius: float) -> shapely.Geometry:
         reach += missing
 
 
-def _length(way: FloatArray) -> float:
-    return float(np.hypot(*np.diff(way, axis=0).T).sum()) if len(way) else math.inf
+def _length(route: FloatArray) -> float:
+    return float(np.hypot(*np.diff(route, axis=0).T).sum()) if len(route) else math.inf
 
 
 def _both_ways(around: shapely.Polygon, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -209,9 +209,9 @@ def _both_ways(around: shapely.Polygon, start: FloatArray, end: FloatArray) -> t
     clockwise = np.roll(ring, -a, axis=0)
     cut = (b - a) % len(ring)
     other = np.roll(ring[::-1], a + 1, axis=0)
-    ways = (
+    sides = (
         np.concatenate((start[None], other[1 : len(ring) - cut], end[None])),
         np.concatenate((start[None], clockwise[1:cut], end[None])),
     )
     core = shapely.buffer(around, -CLEARANCE / 4)
-    return tuple(way if not shapely.intersects(core, shapely.LineString(way)) else way[:0] for way in ways)  # type: ignore[return-value]
+    return tuple(route if not shapely.intersects(core, shapely.LineString(route)) else route[:0] for route in sides)  # type: ignore[return-value]

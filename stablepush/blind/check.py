@@ -21,7 +21,7 @@ from stablepush.core import InputError, SolverError, run_parallel
 from stablepush.io import write_atomically, write_json
 
 Files = dict[str, bytes]
-Said = Callable[[str, int, int], None]
+Progress = Callable[[str, int, int], None]
 #: Where entries of the ledger that are of no set stand.
 _NO_SET = -1
 #: File that a check at work keeps locked.
@@ -96,7 +96,7 @@ class BlindCheck:
     def of(self, number: int) -> Path:
         return self.folder / "sets" / f"{number:04d}"
 
-    def seal(self, said: Said) -> str:
+    def seal(self, progress: Progress) -> str:
         """Make the logs that are missing, each in a process of its own, and write their seals into the ledger; return its hash
         after the last of them."""
         missing = [k for k in range(self.sets) if not self.ledger.find("sealed", k)]
@@ -108,10 +108,10 @@ class BlindCheck:
             _write(self.of(number), files)
             seal = {"label": digest(files["label.sealed"]), "log": digest_of_folder(self.of(number) / "log")}
             self.ledger.add("sealed", number, **seal)
-            said("sealed", done, len(missing))
+            progress("sealed", done, len(missing))
         return self._after("sealed")
 
-    def diagnose(self, said: Said) -> str:
+    def diagnose(self, progress: Progress) -> str:
         """Diagnose what is not diagnosed yet, each log in a process that gets it and nothing else; return the ledger's hash after
         the last of them."""
         missing = [k for k in range(self.sets) if not self.ledger.find("diagnosed", k)]
@@ -122,14 +122,14 @@ class BlindCheck:
         for done, (number, answer) in enumerate(self._run(diagnosed, jobs), 1):
             write_atomically(self.of(number) / "diagnosis.json", answer.decode())
             self.ledger.add("diagnosed", number, diagnosis=digest(answer), code=code_of())
-            said("diagnosed", done, len(missing))
+            progress("diagnosed", done, len(missing))
         return self._after("diagnosed")
 
     def _after(self, event: str) -> str:
         return str(next((e["hash"] for e in reversed(self.ledger.entries) if e["event"] == event), self.ledger.head))
 
-    def score(self, said: Said) -> Score:
-        """Open the labels of the sets whose seal is whole, and score what was said of them."""
+    def score(self, progress: Progress) -> Score:
+        """Open the labels of the sets whose seal is whole, and score the answers."""
         rows, refused = [], {}
         for number in range(self.sets):
             folder = self.of(number)
@@ -147,10 +147,10 @@ class BlindCheck:
         codes = {entry["code"] for entry in self.ledger.entries if entry["event"] == "diagnosed"}
         if self.data is not None:
             return score_of_supports(rows, refused, len(codes), self.ledger.head)
-        self._know([row for row in rows if row["label"]["kind"] == "effect"], said)
+        self._know([row for row in rows if row["label"]["kind"] == "effect"], progress)
         return score_of(rows, refused, len(codes), self.seed, self.ledger.head)
 
-    def _know(self, rows: list[dict[str, Any]], said: Said) -> None:
+    def _know(self, rows: list[dict[str, Any]], progress: Progress) -> None:
         """Add what a fit closes that knows which effect acts."""
         of_row = {row["set"]: row for row in rows}
         missing = []
@@ -167,7 +167,7 @@ class BlindCheck:
             write_json(file, closed)
             self.ledger.add("known", number, closed=digest(file.read_bytes()))
             of_row[number]["known"] = closed
-            said("fitted with the cause known", done, len(jobs))
+            progress("fitted with the cause known", done, len(jobs))
 
     def _run(self, function: Callable[..., Any], jobs: list[tuple[Any, ...]]) -> Iterator[Any]:
         return run_parallel(function, jobs, self.jobs, scheduler=self.scheduler, in_order=False)
@@ -236,13 +236,13 @@ def _environment() -> dict[str, str]:
 
 def known(number: int, files: Files, effects: list[str]) -> tuple[int, dict[str, float]]:
     """Return the closed shares by channel of a fit that knows which effects act, for the score."""
-    from stablepush.diagnosis import shrink_with
+    from stablepush.diagnosis import gap_reductions_with
     from stablepush.io import read_pushlog
 
     with tempfile.TemporaryDirectory() as place:
         _write(Path(place), files)
         log = read_pushlog(Path(place))
-    return number, {entry.channel: entry.closed for entry in shrink_with(log, effects)}
+    return number, {entry.channel: entry.closed for entry in gap_reductions_with(log, effects)}
 
 
 def _read(folder: Path) -> Files:

@@ -37,8 +37,8 @@ class DrakeEngine(Engine):
 
     def __init__(self, world: World) -> None:
         super().__init__(world)
-        grip = world.of("contact-friction")
-        self._grips_by_load = grip is not None and grip.form == "load"
+        contact_mu = world.of("contact-friction")
+        self._contact_mu_by_load = contact_mu is not None and contact_mu.form == "load"
         builder = DiagramBuilder()
         plant, scene = AddMultibodyPlantSceneGraph(builder, time_step=STEP)
         plant.set_discrete_contact_approximation(DiscreteContactApproximation.kSap)
@@ -50,7 +50,7 @@ class DrakeEngine(Engine):
         self._slider = plant.AddRigidBody("slider", _inertia((1 - IN_FEET) * world.mass))
         self._slider_joint = _planar(plant, "slider joint", self._slider)
         self._walls = [
-            plant.RegisterCollisionGeometry(self._slider, pose, box, f"wall{k}", _material(self.grip))
+            plant.RegisterCollisionGeometry(self._slider, pose, box, f"wall{k}", _material(self.contact_mu))
             for k, (pose, box) in enumerate(_walls(world.outline))
         ]
         self._feet = []
@@ -66,7 +66,7 @@ class DrakeEngine(Engine):
         self._pusher_joint = _planar(plant, "pusher joint", self._pusher)
         self._balls = [
             plant.RegisterCollisionGeometry(
-                self._pusher, RigidTransform((x, y, 0.0)), Sphere(r), f"finger{k}", _material(self.grip)
+                self._pusher, RigidTransform((x, y, 0.0)), Sphere(r), f"finger{k}", _material(self.contact_mu)
             )
             for k, ((x, y), r) in enumerate(zip(self.fingers, self.radii, strict=True))
         ]
@@ -122,8 +122,8 @@ class DrakeEngine(Engine):
                 one.F_Bq_W = SpatialForce(np.zeros(3), np.array((fx, fy, fz)))
                 acting.append(one)
             self._forces.FixValue(self._own, acting)
-        if self._grips_by_load:
-            material = _material(self.grip_at(force))
+        if self._contact_mu_by_load:
+            material = _material(self.contact_mu_at(force))
             for shape in (*self._balls, *self._walls):
                 self._scene.AssignRole(
                     self._scene.GetMyMutableContextFromRoot(self._context), self._plant.get_source_id(), shape, material,
@@ -186,10 +186,10 @@ def _walls(outline: np.ndarray) -> list[tuple[RigidTransform, Box]]:
     cosine, sine = (along * back).sum(axis=1), along[:, 0] * back[:, 1] - along[:, 1] * back[:, 0]
     short = _WALL * np.maximum(0.0, cosine) / sine
     found = []
-    for k, (start, way) in enumerate(zip(outline, along, strict=True)):
+    for k, (start, side) in enumerate(zip(outline, along, strict=True)):
         first, last = short[k], lengths[k] - short[(k + 1) % len(outline)]
-        middle = start + (first + last) / 2 * way + _WALL / 2 * np.array((-way[1], way[0]))
-        pose = RigidTransform(RollPitchYaw(0.0, 0.0, float(np.arctan2(way[1], way[0]))), (*middle, 0.0))
+        middle = start + (first + last) / 2 * side + _WALL / 2 * np.array((-side[1], side[0]))
+        pose = RigidTransform(RollPitchYaw(0.0, 0.0, float(np.arctan2(side[1], side[0]))), (*middle, 0.0))
         found.append((pose, Box(last - first, _WALL, 2 * HALF)))
     return found
 
@@ -200,6 +200,6 @@ def _sides(outline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _distance(sides: tuple[np.ndarray, np.ndarray], point: np.ndarray) -> float:
     """Distance (m) of a point outside from the outline."""
-    starts, ways = sides
-    share = np.clip(((point - starts) * ways).sum(axis=1) / (ways**2).sum(axis=1), 0, 1)
-    return float(np.linalg.norm(starts + share[:, None] * ways - point, axis=1).min())
+    starts, along = sides
+    share = np.clip(((point - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0, 1)
+    return float(np.linalg.norm(starts + share[:, None] * along - point, axis=1).min())

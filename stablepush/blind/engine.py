@@ -46,18 +46,18 @@ class State:
     touches: tuple[bool, bool]
 
 
-def grip_under(world: World, force: np.ndarray) -> np.ndarray:
+def contact_mu_under(world: World, force: np.ndarray) -> np.ndarray:
     """Friction (...) of the fingers under forces (..., 2) of the pusher, in N."""
-    grip = world.of("contact-friction")
-    if grip is None or grip.form == "constant":
-        return np.full(force.shape[:-1], world.grip + (grip.numbers["change"] if grip is not None else 0.0))
+    contact_mu = world.of("contact-friction")
+    if contact_mu is None or contact_mu.form == "constant":
+        return np.full(force.shape[:-1], world.contact_mu + (contact_mu.numbers["change"] if contact_mu is not None else 0.0))
     # a single finger has all of the load, two share it
     size = np.linalg.norm(force, axis=-1) / (2 if world.two else 1)
-    return np.maximum(0.02, world.grip + grip.numbers["change"] * 2 * size / (size + _NOMINAL_FORCE))
+    return np.maximum(0.02, world.contact_mu + contact_mu.numbers["change"] * 2 * size / (size + _NOMINAL_FORCE))
 
 
 class Engine(ABC):
-    """A world's slider and pusher; friction and motion are set anew in every tick of ``tick`` s."""
+    """A world's slider and pusher; friction and motion are reset in every tick of ``tick`` s."""
 
     name: str
     tick: float
@@ -71,7 +71,7 @@ class Engine(ABC):
         if geometry is not None:
             radii[: 1 if geometry.form == "one-finger" else 2] += geometry.numbers["change"]
         self.radii = np.maximum(radii, 5e-4)
-        self.grip = float(grip_under(world, np.zeros(2)))
+        self.contact_mu = float(contact_mu_under(world, np.zeros(2)))
         self._transfer = world.of("load-transfer")
 
     @abstractmethod
@@ -113,9 +113,9 @@ class Engine(ABC):
             touches[i] = state.touches
         return self._means(rows, touches, _MOVES[0] if push.acceleration else _MOVES[1])
 
-    def grip_at(self, force: np.ndarray) -> float:
+    def contact_mu_at(self, force: np.ndarray) -> float:
         """Friction of the fingers under a force (2,) in N."""
-        return float(grip_under(self.world, force))
+        return float(contact_mu_under(self.world, force))
 
     def lifted(self, arms: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Vertical forces (k,) on the feet, at arms (k, 2) in W, that pushing above the table brings."""
@@ -137,8 +137,8 @@ class Engine(ABC):
 
     def _means(self, rows: np.ndarray, touches: np.ndarray, least: float) -> Truth:
         """Means over equal parts of the time in which the slider moves."""
-        way = np.hypot(*(rows[:, 1:3] - rows[0, 1:3]).T) + 0.03 * np.abs(rows[:, 3] - rows[0, 3])
-        moves = np.flatnonzero(way > least)
+        travelled = np.hypot(*(rows[:, 1:3] - rows[0, 1:3]).T) + 0.03 * np.abs(rows[:, 3] - rows[0, 3])
+        moves = np.flatnonzero(travelled > least)
         first = int(moves[0]) if len(moves) else len(rows) // 2
         parts = [p for p in np.array_split(np.arange(first, len(rows)), self.world.rows) if len(p) > 4]
         mean = np.array([rows[p].mean(axis=0) for p in parts])

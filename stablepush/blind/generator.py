@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from cryptography.fernet import Fernet
 
-from stablepush.blind.engine import Engine, Truth, grip_under
+from stablepush.blind.engine import Engine, Truth, contact_mu_under
 from stablepush.blind.instruments import SCATTER, Row, record, write
 from stablepush.blind.laws import feet_of, loads, turned
 from stablepush.blind.worlds import Applied, World, draw
@@ -81,7 +81,7 @@ def parameters(world: World, a: Applied) -> dict[str, Any]:
     if a.effect == "pressure-spread":
         return {"scale": 1 + n["change"]}
     if a.effect == "contact-friction":
-        return {"mu": world.grip + n["change"]}
+        return {"mu": world.contact_mu + n["change"]}
     if a.effect == "contact-geometry":
         return {"radius": world.radius + n["change"]}
     return {k: v for k, v in n.items() if k != "share"}
@@ -90,7 +90,7 @@ def parameters(world: World, a: Applied) -> dict[str, Any]:
 def nominal(world: World, a: Applied) -> float:
     """What each parameter of an effect would be without it."""
     if a.effect in ("contact-friction", "contact-geometry"):
-        return world.grip if a.effect == "contact-friction" else world.radius
+        return world.contact_mu if a.effect == "contact-friction" else world.radius
     return 1.0 if a.effect == "pressure-spread" or a.effect.startswith("anisotropy") else 0.0
 
 
@@ -115,9 +115,11 @@ def size(world: World, a: Applied, truths: list[Truth]) -> float:
         inward = np.stack((np.cos(pusher[:, 2]), np.sin(pusher[:, 2])), axis=-1)
         along = np.abs(force[:, 1] * inward[:, 0] - force[:, 0] * inward[:, 1])
         normal = (force[:, :2] * inward).sum(axis=1)
-        grip = grip_under(world, force[:, :2])
-        slips = along > _AT_LIMIT * grip * np.maximum(normal, 1e-9)
-        return float(np.median(np.abs(grip - world.grip)) * np.median(normal) / world.force_noise * np.sqrt(slips.sum() / 4))
+        contact_mu = contact_mu_under(world, force[:, :2])
+        slips = along > _AT_LIMIT * contact_mu * np.maximum(normal, 1e-9)
+        return float(
+            np.median(np.abs(contact_mu - world.contact_mu)) * np.median(normal) / world.force_noise * np.sqrt(slips.sum() / 4)
+        )
     plain = replace(world, applied=[other for other in world.applied if other is not a])
     truly, units = loads(world, pose, twist, orders)
     without, _ = loads(plain, pose, twist, orders)

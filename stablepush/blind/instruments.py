@@ -54,7 +54,7 @@ def record(world: World, truths: list[Truth], rng: np.random.Generator) -> tuple
     rig = {
         "format": "pushlog/1",
         "slider": {"format": "slider/1", "vertices": world.outline.tolist(), "mass": world.mass, "support": support},
-        "friction": {"support": world.believed_mu, "contact": world.grip},
+        "friction": {"support": world.believed_mu, "contact": world.contact_mu},
         "gravity": GRAVITY,
         "contact_kind": "two-point" if world.two else "point",
         "finger_radius": world.radius,

@@ -81,13 +81,13 @@ def friction(world: World, place: np.ndarray, velocity: np.ndarray, theta: float
     along, left = np.ones(len(place)), np.zeros(len(place))
     for a in world.applied:
         if a.form in ("lobes", "directions"):
-            way = np.arctan2(velocity[:, 1], velocity[:, 0]) - a.numbers["direction"]
+            angle = np.arctan2(velocity[:, 1], velocity[:, 0]) - a.numbers["direction"]
             waves = _waves(a)
-            way = way - (theta if a.effect.endswith("object") else 0.0)
+            angle = angle - (theta if a.effect.endswith("object") else 0.0)
             # the greatest power over a convex set of forces whose support function is 1 + Σ s cos(k φ)
             moves = speed > _STILL
-            along = along + np.where(moves, sum(s * np.cos(k * way) for k, s in waves), 0.0)
-            left = left + np.where(moves, sum(-k * s * np.sin(k * way) for k, s in waves), 0.0)
+            along = along + np.where(moves, sum(s * np.cos(k * angle) for k, s in waves), 0.0)
+            left = left + np.where(moves, sum(-k * s * np.sin(k * angle) for k, s in waves), 0.0)
     return np.stack((mu * along, mu * left))
 
 

@@ -11,7 +11,7 @@ from stablepush.blind.engine import FOOT, HALF, HEAVY, HEIGHT, IN_FEET, Engine, 
 from stablepush.blind.laws import CHANGING, ellipse, friction, slope_at, turned
 from stablepush.blind.worlds import GRAVITY, World
 
-#: Step (s), after how many of them friction and motion are set anew, and time constants of table and finger contacts.
+#: Step (s), after how many of them friction and motion are reset, and time constants of table and finger contacts.
 STEP, _EVERY, _HARD, _SOFT = 5e-4, 4, 1e-3, 3e-3
 
 
@@ -46,7 +46,7 @@ class MujocoEngine(Engine):
             for k, ((x, y), share) in enumerate(zip(self.feet, self.weights, strict=True))
         )
         fingers = "".join(
-            f'<geom name="finger{k}" type="sphere" size="{r}" pos="{x} {y} 0" mass="{HEAVY}" friction="{self.grip}" '
+            f'<geom name="finger{k}" type="sphere" size="{r}" pos="{x} {y} 0" mass="{HEAVY}" friction="{self.contact_mu}" '
             f'priority="1" {box} {soft}/>'
             for k, ((x, y), r) in enumerate(zip(self.fingers, self.radii, strict=True))
         )
@@ -100,7 +100,7 @@ class MujocoEngine(Engine):
             data.xfrc_applied[self.foot_bodies, :2] = aside
         slope = slope_at(w, data.qpos[:2])
         model.opt.gravity[:] = (*(GRAVITY * slope), -GRAVITY)
-        model.geom_friction[self.finger_geoms, 0] = self.grip_at(force)
+        model.geom_friction[self.finger_geoms, 0] = self.contact_mu_at(force)
         data.xfrc_applied[self.foot_bodies, 2] = self.lifted(arms, force)
 
     def _curved_step(self) -> None:

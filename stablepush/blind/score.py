@@ -1,7 +1,7 @@
 """What a blind check shows: detection, names, probabilities, parameters and shares of the gap against the opened labels.
 
 Measures as fault diagnosis has them: false alarms with Clopper and Pearson's interval, whether the cause was named, alone or in
-the set that is said, Brier score and calibration, accuracy against coverage.
+the reported set, Brier score and calibration, accuracy against coverage.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy.stats import beta
 from stablepush.effects import CATALOGUE
 
 Row = dict[str, Any]
-#: Channel of the strongest finding of ``where``, the wrench unless it is said, and what it should follow.
+#: Channel of the strongest finding of ``where``, the wrench unless another is given, and what it should follow.
 CHANNEL = {"latency": "pose"}
 COVARIATE = {
     "anisotropy-world": ("world heading",), "drift": ("order",), "spatial-variation": ("place",), "speed-dependence": ("speed",),
@@ -26,7 +26,7 @@ COVARIATE = {
 }  # fmt: skip
 #: Effects that are no wrong names where the rig believes in even pressure.
 OF_SURFACE = {"pressure-shift", "pressure-spread", "anisotropy-object", "model-capacity"}
-#: Edges of the bins of said probabilities.
+#: Edges of the bins of reported probabilities.
 BINS = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
 
 
@@ -49,7 +49,8 @@ def share(count: int, total: int) -> str:
 @dataclass(frozen=True, slots=True, eq=False)
 class Score:
     """``lines``: measures in words; ``by_effect``, ``by_form``: rows of tables; ``rows``: one per set, as the CSV has them;
-    ``calibration``: bins as (said, acting, count); ``coverage``: (share of sets with an effect, accuracy) by falling probability;
+    ``calibration``: bins (reported, acting, count);
+    ``coverage``: (share of sets with an effect, accuracy), by falling probability;
     ``refused``: sets that do not count, with the reason."""
 
     lines: list[tuple[str, str]]
@@ -61,7 +62,7 @@ class Score:
     refused: dict[int, str]
 
 
-def told(refused: dict[int, str], codes: int) -> str:
+def refused_words(refused: dict[int, str], codes: int) -> str:
     """What a reader must know of how the check was made."""
     words = "".join(f"; set {number} refused: {why}" for number, why in refused.items())
     return words + (f"; diagnosed by {codes} versions of the code" if codes > 1 else "")
@@ -76,22 +77,22 @@ def named_in(row: Row) -> set[str]:
 
 
 def outcome(row: Row) -> str:
-    """One word for what was said of a set."""
-    truth, said, verdict = truth_of(row) & set(CATALOGUE), named_in(row), row["answer"]["verdict"]
+    """One word for the answer to a set."""
+    truth, reported, verdict = truth_of(row) & set(CATALOGUE), named_in(row), row["answer"]["verdict"]
     if verdict == "failed":
         return "failed"
     if row["label"]["trap"] == "patch":
         # the feet do press elsewhere than the rig has it
-        said = said - OF_SURFACE
+        reported = reported - OF_SURFACE
     if not truth:
-        return "wrong name" if said else "unknown" if verdict == "unknown" else "quiet"
-    if verdict == "ambiguous" and truth & said:
+        return "wrong name" if reported else "unknown" if verdict == "unknown" else "quiet"
+    if verdict == "ambiguous" and truth & reported:
         return "in the set"
-    if said == truth:
+    if reported == truth:
         return "right"
-    if said - truth:
-        return "wrong name" if not truth & said else "right and more"
-    if said:
+    if reported - truth:
+        return "wrong name" if not truth & reported else "right and more"
+    if reported:
         return "one of two"
     return "unknown" if verdict == "unknown" else "missed"
 
@@ -100,13 +101,13 @@ def score_of(rows: list[Row], refused: dict[int, str], codes: int, seed: int, he
     """Return the score of opened sets: ``set``, ``label``, ``answer`` (``diagnosis/1``) and ``known`` (closed shares) of each."""
     kinds = {kind: [r for r in rows if r["label"]["kind"] == kind] for kind in ("clean", "trap", "effect", "pair", "outside")}
     detectable = [r for r in kinds["effect"] if r["label"]["applied"][0]["detectable"]]
-    lines = [("sets", f"{len(rows)}, seed {seed}{told(refused, codes)}")]
+    lines = [("sets", f"{len(rows)}, seed {seed}{refused_words(refused, codes)}")]
     for kind in ("clean", "trap"):
         quiet = sum(outcome(r) != "quiet" for r in kinds[kind])
         lines.append((f"false alarms, {kind} sets", share(quiet, len(kinds[kind]))))
     exact = [r for r in kinds["clean"] if r["label"]["friction_off"] == 0.0]
-    absorbed = sum(r["answer"]["verdict"] == "absorbed" for r in exact)
-    lines.append(("clean sets that are called absorbed though the rig is exact", share(absorbed, len(exact))))
+    recalibrated = sum(r["answer"]["verdict"] == "absorbed" for r in exact)
+    lines.append(("clean sets that are called absorbed though the rig is exact", share(recalibrated, len(exact))))
     right = sum(outcome(r) == "right" for r in detectable)
     in_set = sum(outcome(r) in ("right", "in the set", "right and more") for r in detectable)
     top = sum(r["answer"]["ranking"][0]["effect"] in truth_of(r) for r in detectable if r["answer"]["ranking"])
@@ -118,7 +119,7 @@ def score_of(rows: list[Row], refused: dict[int, str], codes: int, seed: int, he
     taken = sum(bool(named_in(r)) for r in kinds["outside"])
     lines += [
         ("named, and nothing else, of detectable effects", share(right, len(detectable))),
-        ("named or in the set said", share(in_set, len(detectable))),
+        ("named or in the reported set", share(in_set, len(detectable))),
         ("most probable effect acts", share(top, len(detectable))),
         ("wrong names, all sets but those out of the catalogue", share(wrong, len(judged))),
         ("pairs: both named", f"{share(both, len(kinds['pair']))}; of those detectable {share(both_plain, len(plain))}"),
@@ -127,7 +128,7 @@ def score_of(rows: list[Row], refused: dict[int, str], codes: int, seed: int, he
     ]
     probabilities, acting, tops = [], [], []
     for r in rows:
-        # what the rig leaves out without being told is no label
+        # an effect that the rig leaves out silently is no label
         if r["label"]["kind"] == "outside" or r["label"]["trap"] == "patch" or not r["answer"]["ranking"]:
             continue
         for entry in r["answer"]["ranking"]:
@@ -136,17 +137,17 @@ def score_of(rows: list[Row], refused: dict[int, str], codes: int, seed: int, he
         if truth_of(r):
             first = r["answer"]["ranking"][0]
             tops.append((first["probability"], first["effect"] in truth_of(r)))
-    said, acts = np.array(probabilities), np.array(acting, dtype=float)
+    reported, acts = np.array(probabilities), np.array(acting, dtype=float)
     calibration = []
-    if len(said):
+    if len(reported):
         base = float(acts.mean())
         lines.append(
-            ("Brier score of all probabilities", f"{((said - acts) ** 2).mean():.4f} (base rate: {base * (1 - base):.4f})")
+            ("Brier score of all probabilities", f"{((reported - acts) ** 2).mean():.4f} (base rate: {base * (1 - base):.4f})")
         )
         for low, high in pairwise(BINS):
-            chosen = (said >= low) & ((said < high) | (high == 1.0))
+            chosen = (reported >= low) & ((reported < high) | (high == 1.0))
             if chosen.any():
-                calibration.append((float(said[chosen].mean()), float(acts[chosen].mean()), int(chosen.sum())))
+                calibration.append((float(reported[chosen].mean()), float(acts[chosen].mean()), int(chosen.sum())))
     coverage = _coverage(tops)
     lines += _closed(detectable) + _parameters(kinds["effect"]) + _where(detectable)
     seconds = [float(r["answer"].get("seconds", np.nan)) for r in rows]
@@ -172,12 +173,12 @@ def score_of(rows: list[Row], refused: dict[int, str], codes: int, seed: int, he
 
 
 def _both(row: Row) -> bool:
-    """Whether all effects that act are named; a set that is said to be ambiguous names none."""
+    """Whether all effects that act are named; an ambiguous set names none."""
     return bool(row["answer"]["verdict"] == "named" and truth_of(row) <= named_in(row))
 
 
 def _coverage(tops: list[tuple[float, bool]]) -> list[tuple[float, float]]:
-    """Share of sets and accuracy of the first guess, surest first; guesses that are as sure count together."""
+    """Share of sets and accuracy of the first guess, most certain first; equally certain guesses count together."""
     tops = sorted(tops, reverse=True)
     found, hits = [], 0
     for k, (probability, hit) in enumerate(tops):

@@ -1,8 +1,8 @@
 """Labels under seal: encrypted before any diagnosis runs, and a ledger that shows in which order everything happened.
 
 Each entry of the ledger names what was sealed, diagnosed or opened by its SHA-256, and holds the hash of the entry before: none
-can be changed, left out or put in between without every later hash being wrong. A label counts only if it was sealed before its
-log was diagnosed, and opened after. Who has the folder can write all of the ledger anew, or cut its end off: that is noticed by
+can be changed, left out or inserted without every later hash being wrong. A label counts only if it was sealed before its
+log was diagnosed, and opened after. Who has the folder can rewrite all of the ledger, or cut its end off: that is noticed by
 whoever noted the last hash when all was sealed, and when all was diagnosed (both are printed), and asks for it again.
 """
 
@@ -74,7 +74,7 @@ class Ledger:
         for head in heads:
             if all(entry["hash"] != head for entry in self.entries):
                 raise InputError(
-                    "", f"the hash {head} is not in it: the ledger was written anew, or its end was cut off", file=self.file
+                    "", f"the hash {head} is not in it: the ledger was rewritten, or its end was cut off", file=self.file
                 )
 
     def add(self, event: str, number: int, **what: Any) -> None:

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from stablepush.blind.score import Row, Score, share, told
+from stablepush.blind.score import Row, Score, refused_words, share
 from stablepush.core import InputError
 from stablepush.io import PushLog, write_pushlog
 from stablepush.io.importers import Source, find_sources, import_source, triangle_slider
 
-#: Effects by which a wrong support is rightly told: all reshape the limit surface in the body frame.
+#: Effects that rightly name a wrong support: all reshape the limit surface in the body frame.
 OF_PRESSURE = ("pressure-shift", "pressure-spread", "anisotropy-object", "model-capacity")
 
 
@@ -61,23 +61,26 @@ def imported(number: int, data: Path, key: bytes) -> tuple[int, dict[str, bytes]
 
 
 def score_of_supports(rows: list[Row], refused: dict[int, str], codes: int, head: str) -> Score:
-    """Return what was said of wrong supports, and of the right ones as a control."""
+    """Return the answers to wrong supports, and to the right ones as a control."""
     wrong, right = ([r for r in rows if bool(r["label"]["applied"]) is kind] for kind in (True, False))
     words = {number: Counter(_outcome(r) for r in rows) for number, rows in enumerate((wrong, right))}
     closer = [r for r in wrong if (e := _wrench(r)) and e["after"] < e["before"]]
     closed = [e["closed"] for r in wrong if (e := _wrench(r))]
     lines = [
-        ("cases", f"{len(rows)} of real pokes{told(refused, codes)}"),
+        ("cases", f"{len(rows)} of real pokes{refused_words(refused, codes)}"),
         ("wrong support: the pressure named, or absorbed", share(words[0]["pressure"] + words[0]["absorbed"], len(wrong))),
         ("wrong support: another cause named", share(words[0]["another cause"], len(wrong))),
-        ("wrong support: nothing said", share(words[0]["nothing"], len(wrong))),
-        ("wrong support: the mended wrench is closer", share(len(closer), len(wrong))),
+        ("wrong support: no cause, nothing to recalibrate", share(words[0]["nothing"], len(wrong))),
+        ("wrong support: the corrected wrench is closer", share(len(closer), len(wrong))),
         ("wrong support: share of the gap that closes", f"median {np.median(closed):.2f}" if closed else "none"),
         ("right support: no cause named", share(words[1]["nothing"] + words[1]["absorbed"], len(right))),
         ("last entry of the ledger", head),
     ]
     by_log = [
-        (f"{r['label']['surface']} {r['label']['arrangement']}, believed {r['label']['nominal']}", f"{_outcome(r)}: {_said(r)}")
+        (
+            f"{r['label']['surface']} {r['label']['arrangement']}, believed {r['label']['nominal']}",
+            f"{_outcome(r)}: {_reported(r)}",
+        )
         for r in rows
     ]
     table = [
@@ -95,16 +98,16 @@ def _wrench(row: Row) -> dict[str, float] | None:
     return next((entry for entry in row["answer"]["shrink"] if entry["channel"] == "wrench"), None)
 
 
-def _said(row: Row) -> str:
+def _reported(row: Row) -> str:
     entry = _wrench(row)
     closed = f", {100 * entry['closed']:.0f} % of the wrench's gap closes" if entry else ""
     return f"{row['answer']['verdict']} {' '.join(row['answer']['effects'])}".strip() + closed
 
 
 def _outcome(row: Row) -> str:
-    said, verdict = set(row["answer"]["effects"]), row["answer"]["verdict"]
-    if said & set(OF_PRESSURE):
+    reported, verdict = set(row["answer"]["effects"]), row["answer"]["verdict"]
+    if reported & set(OF_PRESSURE):
         return "pressure"
-    if said:
+    if reported:
         return "another cause"
     return "absorbed" if verdict == "absorbed" else "nothing"

@@ -84,7 +84,7 @@ class World:
     weights: np.ndarray
     mass: float
     mu: float
-    grip: float
+    contact_mu: float
     radius: float
     half: float
     force_noise: float
@@ -108,7 +108,7 @@ class World:
 
 
 def draw(seed: int, number: int, pushes: int = 60) -> World:
-    """The world of a set: the same for the same numbers; the number alone tells nothing."""
+    """The world of a set: the same for the same numbers; the number alone reveals nothing."""
     rng = np.random.default_rng([seed, number])
     block, place = divmod(number, len(TURNS))
     turns = [TURNS[i] for i in np.random.default_rng([seed, block, 1]).permutation(len(TURNS))]
@@ -131,7 +131,7 @@ def draw(seed: int, number: int, pushes: int = 60) -> World:
     elif kind == "trap":
         trap = TRAPS[(block + seed) % len(TRAPS)]
     outline, feet, weights = _slider(rng)
-    mass, mu, grip = float(rng.uniform(0.6, 1.4)), float(rng.uniform(0.2, 0.45)), float(rng.uniform(0.3, 0.7))
+    mass, mu, contact_mu = float(rng.uniform(0.6, 1.4)), float(rng.uniform(0.2, 0.45)), float(rng.uniform(0.3, 0.7))
     radius = float(rng.uniform(0.004, 0.007))
     lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
     half = 0.012 if rng.random() < 0.5 and np.sort(lengths)[-3] > 0.05 else 0.0
@@ -143,8 +143,9 @@ def draw(seed: int, number: int, pushes: int = 60) -> World:
     rough = any(a.effect == "inertia" for a in applied)
     off = 0.03 * float(rng.normal()) if rng.random() < 0.5 else 0.0
     return World(
-        outline, feet, weights, mass, mu, grip, radius, half, float(rng.uniform(0.03, 0.05)), float(rng.uniform(1e-4, 2e-4)),
-        float(rng.uniform(0.0018, 0.0035)), bool(rng.random() < 0.5), int(rng.integers(6, 9)), mu * (1 + off),
+        outline, feet, weights, mass, mu, contact_mu, radius, half, float(rng.uniform(0.03, 0.05)),
+        float(rng.uniform(1e-4, 2e-4)), float(rng.uniform(0.0018, 0.0035)), bool(rng.random() < 0.5), int(rng.integers(6, 9)),
+        mu * (1 + off),
         _campaign(outline, radius, half, pushes, rough, rng), applied, kind, seed, trap,
     )  # fmt: skip
 
@@ -210,11 +211,11 @@ def _push(outline: np.ndarray, radius: float, half: float, rough: bool, rng: np.
         twist = np.array((1.0, -back * omega, omega)) / np.hypot(1.0, back * omega)
         center = place + back * normal - reach * along
         cor = (float(center[0]), float(center[1]), float(np.sign(reach)))
-    way = rng.uniform(0.02, 0.03)
+    distance = rng.uniform(0.02, 0.03)
     acceleration = float(rng.uniform(*ROUGH)) if rough else 0.0
     spent = 0.5 * speed / acceleration if rough else 0.0
     return Push(
-        start, np.array((*place, heading)), speed * twist, way / speed + spent, acceleration, group, speed,
+        start, np.array((*place, heading)), speed * twist, distance / speed + spent, acceleration, group, speed,
         cor if half else None,
     )  # fmt: skip
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stablepush.cli.common import Progress, require_folder, whole_number
+from stablepush.cli.common import Progress, about, options_of, require_folder, whole_number
 from stablepush.core import InputError
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def blind(
         typer.Option(parser=whole_number, metavar="INTEGER", help="Checks on which the diagnosis was improved before."),
     ] = None,
 ) -> None:
-    """Make logs whose cause is sealed, diagnose them, then open the labels and score what was said.
+    """Make logs whose cause is sealed, diagnose them, then open the labels and score the answers.
 
     Exits with 1 if the seal of any set is broken.
     """
@@ -64,7 +64,8 @@ def blind(
     if seed is not None:
         from stablepush.core import check_seed
 
-        check_seed(seed)
+        with about(output, options=options_of("seed")):
+            check_seed(seed)
     require_folder(output)
     # one that was begun has its generator
     _require(generator or ("lab" if (output / "ledger.jsonl").is_file() else "mujoco"))
@@ -75,12 +76,12 @@ def blind(
         check = BlindCheck(output, generator, sets, seed, pushes, jobs, scheduler, data, expect or ())
         _require(check.generator)
 
-        def said(what: str, done: int, total: int) -> None:
+        def on_progress(what: str, done: int, total: int) -> None:
             progress.describe(f"{what} {done} of {total}")
 
-        progress.say(f"ledger when all was sealed: {check.seal(said)}", error=False)
-        progress.say(f"ledger when all was diagnosed: {check.diagnose(said)}", error=False)
-        score = check.score(said)
+        progress.say(f"ledger when all was sealed: {check.seal(on_progress)}", error=False)
+        progress.say(f"ledger when all was diagnosed: {check.diagnose(on_progress)}", error=False)
+        score = check.score(on_progress)
     write_atomically(output / "score.csv", _table(score))
     write_atomically(output / "score.html", _page(score, earlier, check.generator) if data is None else _lab_page(score))
     for name, words in score.lines:
@@ -118,8 +119,8 @@ def _lab_page(score: Score) -> str:
 
     how = (
         "Real pokes of a triangle on three feet. The rig that was diagnosed had the feet of any arrangement; which one the "
-        "slider stood on was sealed. A wrong support counts as told if an effect of the pressure, or of the slider's own "
-        "friction, is named, or a refitted surface said to be needed."
+        "slider stood on was sealed. A wrong support counts as found if an effect of the pressure, or of the slider's own "
+        "friction, is named, or the gap is explained by recalibration."
     )
     sections = [Section("Score", how, score.lines), Section("By log", "", score.by_effect)]
     return report_html("Blind check of the diagnosis on real pokes", f"{len(score.rows)} cases", sections)
@@ -146,10 +147,10 @@ def _page(score: Score, earlier: int | None, generator: str) -> str:
         Section("Score", how, score.lines),
         Section.with_picture(
             "Probabilities", figure_png(plot_calibration(score.calibration, score.coverage)),
-            "Left: how often an effect acts that was said to be so probable. Right: how often the most probable effect acts, "
-            "in the share of sets of which the diagnosis is surest.",
+            "Left: how often an effect acts, by its reported probability. Right: how often the most probable effect acts, "
+            "among the share of sets that the diagnosis is most certain of.",
         ),
-        Section("By effect", "What was said of sets with one effect; faint ones are not detectable.", score.by_effect),
+        Section("By effect", "Answers to sets with one effect; faint ones are not detectable.", score.by_effect),
         Section("By form and engine", "", score.by_form),
     ]  # fmt: skip
     return report_html("Blind check of the diagnosis", f"{len(score.rows)} sets", sections)

@@ -55,7 +55,7 @@ Contact = Annotated[Path, typer.Option("--contact", help="Contact of the pusher 
 
 @contextmanager
 def about(path: Path, contact: Path | None = None, options: Mapping[str, str] | None = None) -> Iterator[None]:
-    """Say of what the user gave a complaint of the library is: an option, or a file that is put before the complaint.
+    """Name the option or the file that an error of the library is about.
 
     ``options``: by the name of an argument of the library, the option that gives it. A complaint about contacts is about the
     file ``contact``, any other about ``path``; effects are given by no file.
@@ -73,22 +73,22 @@ def about(path: Path, contact: Path | None = None, options: Mapping[str, str] | 
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], bool]]:
-    """Let a block end by itself at the first Ctrl-C, of which the callable given tells; the second ends it at once."""
-    told = False
+    """Let a block end by itself at the first Ctrl-C, which the callable reports; the second ends it at once."""
+    interrupted = False
 
-    def tell(number: int, frame: object) -> None:
-        nonlocal told
-        if told:
+    def interrupt(number: int, frame: object) -> None:
+        nonlocal interrupted
+        if interrupted:
             raise KeyboardInterrupt
-        told = True
+        interrupted = True
 
     try:
-        before = signal.signal(signal.SIGINT, tell)
+        before = signal.signal(signal.SIGINT, interrupt)
     except ValueError:  # not in the main thread, where nobody can press it
         yield lambda: False
         return
     try:
-        yield lambda: told
+        yield lambda: interrupted
     finally:
         signal.signal(signal.SIGINT, before)
 

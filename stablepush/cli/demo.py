@@ -44,7 +44,7 @@ def run_demo(folder: Path, seed: int) -> int:
     print(f"{folder / 'map.png'}: stable rotation centres")
 
     # the first plan of an install builds compiled code: what is reported is how long planning takes after that
-    plan(scene, time_limit=60.0, seed=seed, improve=0)
+    plan(scene, time_limit=60.0, seed=seed, refinement_budget=0)
     result = plan(scene, time_limit=60.0, seed=seed)
     save_plan(result, folder / "plan.json")
     report = check_plan(scene, load_plan(folder / "plan.json"))

@@ -20,9 +20,9 @@ def diagnose(
     answer: Annotated[Path | None, typer.Option("--json", help="diagnosis/1 file to write.")] = None,
     html: Annotated[Path | None, typer.Option(help="Report as one HTML page.")] = None,
     pushes: Annotated[Path | None, typer.Option(help="CSV list of the pushes to try next, as simulate takes it.")] = None,
-    mended: Annotated[Path | None, typer.Option(help="Folder for rig.json and model.json of the mended simulation.")] = None,
+    mended: Annotated[Path | None, typer.Option(help="Folder for rig.json and model.json of the corrected simulation.")] = None,
 ) -> None:
-    """Tell where simulation and reality differ, which effect causes it, and how far the gap shrinks."""
+    """Tell where simulation and reality differ, which effect causes it, and gap reduction."""
     from stablepush.diagnosis import diagnose as run, percent
     from stablepush.io import read_pushlog, write_atomically, write_json
 
@@ -49,7 +49,7 @@ def diagnose(
         _write_mended(report, mended)
     print(f"{log}: {report.verdict}{': ' + ', '.join(report.named) if report.named else ''}")
     print(report.sentence)
-    for entry in report.shrink:
+    for entry in report.reductions:
         low, high = entry.ci95
         unit = "" if entry.unit == "1" else f" {entry.unit}"
         sizes = f"{entry.before:.4g}{unit} before, {entry.after:.4g} after, floor {entry.floor:.4g}"
@@ -57,23 +57,22 @@ def diagnose(
 
 
 def _write_pushes(report: GapReport, path: Path) -> None:
-    import numpy as np
-
-    from stablepush.io import table_text, write_atomically
+    from stablepush.rig import write_pushes
 
     proposed = report.next_experiment.pushes
-    if not proposed:
+    if proposed:
+        write_pushes(proposed, path)
+    else:
         print(f"{path}: not written: {report.next_experiment.why}")
-        return
-    names = [name for name in proposed[0] if not name.startswith("expected")]
-    write_atomically(path, table_text({name: np.array([push[name] for push in proposed]) for name in names}))
 
 
 def _write_mended(report: GapReport, folder: Path) -> None:
     from stablepush.io import model_to_json, rig_to_json, write_json
 
     if report.surface is None:
-        print(f"{folder}: not written: a mended simulation needs forces, or a rig that says the mass and the support's friction")
+        print(
+            f"{folder}: not written: a corrected simulation needs forces, or a rig that says the mass and the support's friction"
+        )
         return
     extra = {**(report.rig.extra or {}), "effects": report.effects}
     write_json(folder / "rig.json", rig_to_json(replace(report.rig, extra=extra)))

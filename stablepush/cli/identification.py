@@ -116,7 +116,7 @@ def fit(
         write_atomically(view, page)
     save_model(result.surface, output)
     print(f"{output}: {model} from {len(names)} pokes, {result.status}, {result.total_time:.2f} s")
-    for remark in result.remarks:
+    for remark in result.warnings:
         print(f"note: {remark}")
     if result.prior_weight:
         print("prior: pressures under the slider's outline, weighed by the pokes")

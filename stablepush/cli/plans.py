@@ -16,12 +16,21 @@ if TYPE_CHECKING:
 
 PlannerName = Annotated[str, typer.Option("--planner", help="Name of the planner.")]
 Seed = Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of planners that draw random numbers.")]
-Improve = Annotated[
-    float, typer.Option(parser=number, metavar="STEPS", help="Steps of search for better plans after the first; inf: no end.")
+RefinementBudget = Annotated[
+    float,
+    typer.Option(
+        "--refinement-budget",
+        "--improve",
+        parser=number,
+        metavar="STEPS",
+        help="Steps of search for better plans after the first; inf: no end. --improve: its former name.",
+    ),
 ]
 
 
-_OPTIONS = options_of("planner", "time_limit", "seed", "region", "probability", "margin_weight", "cor_rate", "improve")
+_OPTIONS = options_of(
+    "planner", "time_limit", "seed", "region", "probability", "margin_weight", "max_twist_rate", "refinement_budget"
+)
 
 
 def plan(
@@ -44,11 +53,17 @@ def plan(
     margin_weight: Annotated[
         float, typer.Option(parser=number, metavar="W", help="How much more a push with no margin costs than the safest.")
     ] = 0.0,
-    cor_rate: Annotated[
+    max_twist_rate: Annotated[
         float,
-        typer.Option(parser=number, metavar="RAD/S", help="Blend from one push to the next no faster than this; inf: at once."),
+        typer.Option(
+            "--max-twist-rate",
+            "--cor-rate",
+            parser=number,
+            metavar="RAD/S",
+            help="Largest rate of the unit twist from one push to the next; inf: at once. --cor-rate: its former name.",
+        ),
     ] = math.inf,
-    improve: Improve = 20_000,
+    refinement_budget: RefinementBudget = 20_000,
     view: Annotated[Path | None, typer.Option(help="Animation of the plan as an HTML page.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture of the plan as PNG, if one is found.")] = None,
 ) -> None:
@@ -70,8 +85,8 @@ def plan(
             region=region,
             probability=probability,
             margin_weight=margin_weight,
-            cor_rate=cor_rate,
-            improve=improve,
+            max_twist_rate=max_twist_rate,
+            refinement_budget=refinement_budget,
             stop=interrupted,
             progress=step.describe,
         )
@@ -114,7 +129,7 @@ def compare(
     planner: PlannerName = "cor-lattice",
     time_limit: Annotated[float, typer.Option(parser=number, metavar="SECONDS", help="Wall time in s for each plan.")] = 30.0,
     seed: Seed = 0,
-    improve: Improve = 20_000,
+    refinement_budget: RefinementBudget = 20_000,
     table: Annotated[Path | None, typer.Option("--csv", help="Table to write.")] = None,
 ) -> None:
     """Plan with the model's region, the all-pressure region and STABLE: what each can, and what it costs."""
@@ -131,7 +146,9 @@ def compare(
     with Progress("compare", len(problems)) as step:
         for scene, problem in zip(scenes, problems, strict=True):
             with about(scene, options=_OPTIONS):
-                plans = compare_regions(problem, planner, time_limit, seed, improve=improve, progress=step.describe)
+                plans = compare_regions(
+                    problem, planner, time_limit, seed, refinement_budget=refinement_budget, progress=step.describe
+                )
             for one in plans:
                 found = one.result
                 numbers: list[float | None] = [None] * 5

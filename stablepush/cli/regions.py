@@ -1,4 +1,4 @@
-"""Commands that tell which rotation centres are stable, and from which contacts."""
+"""Commands that show which rotation centres are stable, and from which contacts."""
 
 from __future__ import annotations
 
@@ -62,7 +62,9 @@ def draw_map(
     ] = None,
     margins: Annotated[Path | None, typer.Option(help="Chart of margins over turns each way, as PNG.")] = None,
     sphere: Annotated[Path | None, typer.Option(help="Regions on the sphere of unit twists, as PNG.")] = None,
-    view: Annotated[Path | None, typer.Option(help="The map as an HTML page that tells of any rotation centre.")] = None,
+    view: Annotated[
+        Path | None, typer.Option(help="The map as an HTML page; it shows the margin of any rotation centre.")
+    ] = None,
 ) -> None:
     """Draw the stable regions: of the model, all-pressure and conservative."""
     from stablepush.core import check_number
@@ -143,7 +145,16 @@ def draw_map(
 def contacts(
     model: Annotated[Path, typer.Argument(help="model/1 file.")],
     slider: Annotated[Path, typer.Option(help="slider/1 file.")],
-    mu: Annotated[float, typer.Option(parser=number, metavar="MU", help="Friction between finger and slider.")],
+    mu: Annotated[
+        float,
+        typer.Option(
+            "--contact-mu",
+            "--mu",
+            parser=number,
+            metavar="MU",
+            help="Friction between finger and slider. --mu: its former name.",
+        ),
+    ],
     output: Output,
     measure: Annotated[str, typer.Option(help="Rank by area, tightest-turn or margin.")] = "area",
     width: Annotated[
@@ -164,7 +175,7 @@ def contacts(
 
     require_files(output, picture, read=(model, slider))
     surface, body = load_model(model), load_slider(slider)
-    given = options_of("measure", "mu", "places", "edge", widths="width", edges="edge")
+    given = options_of("measure", "places", "edge", mu="contact-mu", widths="width", edges="edge")
     with Progress("contacts") as step, about(model, options=given):
         ranked = rank_contacts(
             body, surface, mu, measure=measure, widths=width or None, places=places, edges=edge or None, progress=step.to

@@ -33,7 +33,7 @@ def simulate(
         Path,
         typer.Argument(
             metavar="PLAN",
-            help="plan/1 file, solved; or a CSV list of pokes (edge, along) or of rotations (cor_x, cor_y, sense, angle).",
+            help="plan/1 file, solved; or a CSV list: pushes of edges (edge, along) or rotations (cor_x, cor_y, sense, angle).",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="pushlog/1 folder to write.")],
@@ -49,7 +49,13 @@ def simulate(
     finger_radius: Annotated[float, typer.Option(parser=number, metavar="METRES", help="Nominal radius of the fingers.")] = 0.005,
     mu: Annotated[
         float | None,
-        typer.Option(parser=number, metavar="MU", help="Friction of the support, for models with forces in units of mu*N."),
+        typer.Option(
+            "--support-mu",
+            "--mu",
+            parser=number,
+            metavar="MU",
+            help="Friction of the support, for models with forces in units of mu*N. --mu: its former name.",
+        ),
     ] = None,
     noise: Annotated[
         tuple[str, str, str], typer.Option(metavar="N M RAD", help="Standard deviations of a row: force, position, angle.")
@@ -77,7 +83,7 @@ def simulate(
         raise InputError("--noise", "expected numbers >= 0", f"{' '.join(noise)}")
     check_number(finger_radius, "--finger-radius", at_least=0.0)
     note_finger(finger_radius, "--finger-radius")
-    note_friction(mu or 0.0, "--mu")
+    note_friction(mu or 0.0, "--support-mu")
     note_noise(deviations[1], deviations[2], "--noise")
     effects = [parse_effect(text) for text in effect or []]
     require_folder(output)
@@ -91,7 +97,7 @@ def simulate(
     problem = load_scene(scene)
     contact = problem.contacts[0]
     spread = Noise(*deviations) if any(deviations) else None
-    given = options_of("outliers", "scatter", "rows", "seed", support_friction=f"mu, for {scene}", tolerance="replan")
+    given = options_of("outliers", "scatter", "rows", "seed", support_friction="support-mu", tolerance="replan")
     with about(scene, options=given):
         require_contacts(problem)
         pusher = Pusher.of_contact(contact, finger_radius)
@@ -127,7 +133,7 @@ def _outcome(execution: Execution, problem: PlanningProblem | None) -> str:
     words = [f"{len(log)} pushes"]
     stable = np.asarray(log.trials["stable"])
     if np.isfinite(stable).any():
-        words[0] += f", {int(np.nansum(stable))} of {int(np.isfinite(stable).sum())} stuck all the way"
+        words[0] += f", {int(np.nansum(stable))} of {int(np.isfinite(stable).sum())} sticking throughout"
     x, y, theta = execution.final_pose
     if problem is not None:
         miss = float(np.hypot(*(execution.final_pose[:2] - problem.goal[:2])))
@@ -137,9 +143,9 @@ def _outcome(execution: Execution, problem: PlanningProblem | None) -> str:
             f"{1000 * miss:.1f} mm and {turn:.2f} deg from the goal"
         )
     if execution.plans > 1:
-        words.append(f"planned anew {execution.plans - 1} times")
-    if execution.ended:
-        words.append(execution.ended)
+        words.append(f"replanned {execution.plans - 1} times")
+    if execution.stop_reason:
+        words.append(execution.stop_reason)
     missed = sum(not (trace.modes > 0).any() for trace in execution.traces)
     jams = sum(bool(trace.jammed.any()) for trace in execution.traces)
     for count, what in ((missed, "never touched the slider"), (jams, "jammed")):
@@ -166,7 +172,13 @@ def slide(
     output: Output,
     mu: Annotated[
         float | None,
-        typer.Option(parser=number, metavar="MU", help="Friction of the support, for models with forces in units of mu*N."),
+        typer.Option(
+            "--support-mu",
+            "--mu",
+            parser=number,
+            metavar="MU",
+            help="Friction of the support, for models with forces in units of mu*N. --mu: its former name.",
+        ),
     ] = None,
     gravity: Annotated[float, typer.Option(parser=number, metavar="M/S2", help="Gravity.")] = 9.81,
     duration: Annotated[
@@ -184,10 +196,10 @@ def slide(
     first = numbers("--twist", ("VX", "VY", "OMEGA"), twist)
     note_slide(first, "--twist")
     note_gravity(gravity, "--gravity")
-    note_friction(mu or 0.0, "--mu")
+    note_friction(mu or 0.0, "--support-mu")
     require_files(output, picture, view, read=(model, slider_file))
     surface, slider = load_model(model), load_slider(slider_file)
-    given = options_of("gravity", "duration", "samples", mu=f"mu, for {model}") | {"slider.mass": f"{slider_file}: mass"}
+    given = options_of("gravity", "duration", "samples", mu="support-mu") | {"slider.mass": f"{slider_file}: mass"}
     with about(model, options=given):
         result = simulate_free_sliding(surface, slider, first, mu=mu, gravity=gravity, duration=duration, samples=samples)
     columns = ("t", "x", "y", "theta", "vx", "vy", "omega")

@@ -53,4 +53,6 @@ from .plausibility import (
     note_time as note_time,
     note_tolerance as note_tolerance,
 )
+from .plugins import load_plugin as load_plugin, plugin_names as plugin_names
+from .renamed import renamed as renamed, renamed_fields as renamed_fields
 from .words import Word as Word

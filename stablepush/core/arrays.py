@@ -89,10 +89,10 @@ def check_choice(value: Any, name: str, choices: Iterable[str]) -> str:
     return str(value)
 
 
-def check_count(value: object, name: str, most: int) -> int:
-    """Return a whole number from 1 to ``most``, or say what is wrong."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
-        raise InputError(name, f"expected a whole number from 1 to {most}", repr(value))
+def check_count(value: object, name: str, most: int, least: int = 1) -> int:
+    """Return a whole number from ``least`` to ``most``, or say what is wrong."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
+        raise InputError(name, f"expected a whole number from {least} to {most}", repr(value))
     return int(value)
 
 

@@ -75,8 +75,8 @@ def _stamps(function: Any) -> tuple[tuple[str, int, int], ...]:
 class _Builds(event.Listener):  # type: ignore[misc]
     """Times the outermost of nested builds."""
 
-    def __init__(self, tell: Callable[[float], None]) -> None:
-        self._tell, self._depth, self._began = tell, 0, 0.0
+    def __init__(self, notify: Callable[[float], None]) -> None:
+        self._notify, self._depth, self._began = notify, 0, 0.0
 
     def on_start(self, _: Any) -> None:
         if self._depth == 0:
@@ -86,11 +86,11 @@ class _Builds(event.Listener):  # type: ignore[misc]
     def on_end(self, _: Any) -> None:
         self._depth -= 1
         if self._depth == 0:
-            self._tell(time.perf_counter() - self._began)
+            self._notify(time.perf_counter() - self._began)
 
 
 @contextmanager
-def when_built(tell: Callable[[float], None]) -> Iterator[None]:
-    """Call ``tell`` with the time in s whenever code was built in the block: after an install, not when it is read from disk."""
-    with event.install_listener("numba:compile", _Builds(tell)):
+def when_built(notify: Callable[[float], None]) -> Iterator[None]:
+    """Call ``notify`` with the time in s whenever code was built in the block, not when it is read from disk."""
+    with event.install_listener("numba:compile", _Builds(notify)):
         yield

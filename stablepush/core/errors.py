@@ -53,7 +53,9 @@ class InputError(StablepushError, ValueError):
         The file that was read, or was to be written.
     """
 
-    def __init__(self, place: str, expected: str, got: object = None, *, file: object = "") -> None:
+    def __init__(self, place: str, expected: str | None = None, got: object = None, *, file: object = "") -> None:
+        # a single text is all that there is to say
+        place, expected = ("", place) if expected is None else (place, expected)
         super().__init__(place, expected, got)
         self.place, self.expected, self.got, self.file = place, expected, got, str(file)
 

@@ -121,14 +121,14 @@ class Node:
             self._child(i, entry)._check_entries(entry, shape[1:])
 
     def checked(self, build: Callable[[], _T]) -> _T:
-        """Run a check or constructor of the library and put file and key before its complaint."""
+        """Run a check or constructor of the library and add file and key to its error."""
         try:
             return build()
         except InputError as error:
             raise error.within(self.place or "top level", file=self.file) from None
 
     def built(self, build: Callable[[], _T], name: str = "") -> _T:
-        """Run a constructor, and put file and key before what it refuses or doubts; ``name`` is what it calls this value."""
+        """Run a constructor, and add file and key to its errors and warnings; ``name`` is what it calls this value."""
         try:
             with warnings.catch_warnings(record=True) as doubts:
                 warnings.simplefilter("always")

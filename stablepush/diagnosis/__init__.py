@@ -1,4 +1,4 @@
-"""Where simulation and reality differ, which effect explains it, and how far the gap shrinks.
+"""Where simulation and reality differ, which effect explains it, and gap reduction.
 
 Reads a log and returns a :class:`GapReport`; no pictures here. Imports ``rig`` and below, never a label.
 """

@@ -1,5 +1,11 @@
 from .evidence import Evidence as Evidence, readable as readable
-from .gap_report import VERDICTS as VERDICTS, GapReport as GapReport, diagnose as diagnose, shrink_with as shrink_with
+from .gap_reduction import percent as percent
+from .gap_report import (
+    VERDICTS as VERDICTS,
+    GapReport as GapReport,
+    diagnose as diagnose,
+    gap_reductions_with as gap_reductions_with,
+)
 from .results import (
     ChannelGap as ChannelGap,
     GapReduction as GapReduction,
@@ -8,4 +14,3 @@ from .results import (
     RankedEffect as RankedEffect,
     Verdict as Verdict,
 )
-from .shrink import percent as percent

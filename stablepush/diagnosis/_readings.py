@@ -46,7 +46,7 @@ def read(points, center, inertia, weight, reference, order, pose, twist, acceler
         vx, vy = vx + w * oy, vy - w * ox
         cos2, sin2 = c * c - s * s, 2 * c * s
         scale = 1.0 + theta[7] * order[i]
-        # from a load at the origin of B to the reading: turned into W, moved to the sensor, turned by it, moved to the tracked
+        # from a load at the origin of B to the reading: turned into W, moved to the sensor, heading it, moved to the tracked
         # origin, turned into the tracked frame
         arm_x, arm_y = x - place[i, 0], y - place[i, 1]
         back_x, back_y = place[i, 0] - pose[i, 0], place[i, 1] - pose[i, 1]

@@ -12,7 +12,7 @@ from scipy.stats import t as student
 from stablepush.core import FloatArray, first_least, order_with_ties
 from stablepush.diagnosis.equations import OF_BODY, OF_PRESSURE, RANGES, SIZES, Fitted, ScoreTest, Values
 from stablepush.diagnosis.forward import PARAMETERS
-from stablepush.diagnosis.system import IN_GAPS, System
+from stablepush.diagnosis.system import IN_CLEARANCES, System
 from stablepush.effects import CATALOGUE
 
 #: Draws of the bootstrap of the greatest statistic.
@@ -60,33 +60,33 @@ class ContactFriction:
 class Screening:
     """How an effect fared when the steps last tested it, beside the effects ``given``.
 
-    ``gain`` and ``statistic`` as in :class:`ScoreTest`; ``chance``: how often some effect does as well where there is none;
-    ``possible``: whether sign and size make sense; ``better``: whether the log density rises by enough over the scatter of
-    pushes, None if it was not fitted.
+    ``gain`` and ``statistic`` as in :class:`ScoreTest`; ``family_wise_p``: how often some effect does as well where there is
+    none; ``possible``: whether sign and size make sense; ``significantly_better``: whether the log density rises by enough over
+    the scatter of pushes, None if it was not fitted.
     """
 
     given: tuple[str, ...]
     gain: float
     statistic: float
-    chance: float
+    family_wise_p: float
     possible: bool
-    better: bool | None = None
+    significantly_better: bool | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attribution:
     """What acts on a log.
 
-    ``chosen``: effects that act; ``rivals``: those that the log cannot tell from one of them, ``rivalled``;
+    ``chosen``: effects that act; ``confounded``: those that are confounded with one of them in this log, ``confounded_with``;
     ``free``: whether the refitted pressure is needed; ``final``: the fit with all of it; ``tests`` of all effects, each given
     the others that are chosen; ``scores`` by name: held-out log densities (trials,) of the nominal simulation and its
     refits; ``screened``: how effects fared that pressure cannot take in.
     """
 
     chosen: list[str]
-    rivals: list[str]
-    rivalled: str
-    absorbed: bool
+    confounded: list[str]
+    confounded_with: str
+    recalibrated: bool
     free: bool
     final: Fitted
     tests: dict[str, ScoreTest]
@@ -127,57 +127,59 @@ def held_out(system: System, effects: Sequence[str], free: bool, folds: np.ndarr
     return result
 
 
-def attribute(system: System, said: Callable[[str], None]) -> Attribution:
+def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
     """Find which effects act on a log."""
-    chosen, current, screened = _steps(system, said)
-    rivalled, rivals = _rivals(system, chosen, current)
+    chosen, current, screened = _steps(system, progress)
+    confounded_with, confounded = _confounded(system, chosen, current)
     scores: dict[str, FloatArray] = {}
-    absorbed, free = False, True
+    recalibrated, free = False, True
     if system.has_surface:
-        said("held-out trials")
+        progress("held-out trials")
         folds = folds_of(system)
         scores = {
             "nominal": _nominal_density(system, chosen),
             "scaled": held_out(system, chosen, False, folds),
             "free": held_out(system, chosen, True, folds),
         }
-        sure = system.better(scores["free"], scores["scaled"])
+        certain = system.significantly_better(scores["free"], scores["scaled"])
         # which base the rest is judged on matters less than what is said: one standard error is enough
-        free = system.better(scores["free"], scores["scaled"], 1.0)
-        absorbed = sure or system.better(scores["scaled"], scores["nominal"])
-        if sure and not chosen:
+        free = system.significantly_better(scores["free"], scores["scaled"], 1.0)
+        recalibrated = certain or system.significantly_better(scores["scaled"], scores["nominal"])
+        if certain and not chosen:
             body = {id: held_out(system, [id], False, folds) for id in OF_BODY}
             named = _as_good_as_free(system, scores, body)
             scores |= body
             if named:
-                chosen, rivals, free = named[:1], named[1:], False
-                rivalled = named[0]
+                chosen, confounded, free = named[:1], named[1:], False
+                confounded_with = named[0]
     final = system.fit(chosen, free)
     tests: dict[str, ScoreTest] = {}
     for id in chosen:
         others = system.fit([e for e in chosen if e != id], free)
         tests |= system.tests(others, free, [id])
-    tests |= system.tests(final, free, [id for id in SIZES if id not in (*chosen, *rivals)])
-    if rivals:
-        # each in the place of the cause that it cannot be told from
-        tests |= system.tests(system.fit([e for e in chosen if e != rivalled], free), free, rivals)
-    return Attribution(chosen, rivals, rivalled, absorbed, free, final, tests, scores, slip_friction(system, final), screened)
+    tests |= system.tests(final, free, [id for id in SIZES if id not in (*chosen, *confounded)])
+    if confounded:
+        # each in the place of the cause that it is confounded with
+        tests |= system.tests(system.fit([e for e in chosen if e != confounded_with], free), free, confounded)
+    return Attribution(
+        chosen, confounded, confounded_with, recalibrated, free, final, tests, scores, slip_friction(system, final), screened
+    )
 
 
-def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitted, dict[str, Screening]]:
+def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], Fitted, dict[str, Screening]]:
     """Effects of table, contact and sensors that act: steps forward, then back, the surface refitted in each."""
     chosen: list[str] = []
     screened: dict[str, Screening] = {}
     demands, current = system.demands, system.fit([], True)
     while len(chosen) < _MOST:
-        said(f"effects: {', '.join(chosen) or 'none yet'}")
+        progress(f"effects: {', '.join(chosen) or 'none yet'}")
         tests = system.tests(current, True, [id for id in BEYOND_PRESSURE if id not in chosen])
-        chance = by_chance(tests)
+        family_wise_p = by_chance(tests)
         entering = []
         for id, test in tests.items():
             # times what an effect must do at least that it has to do, if it could be by chance
-            times = 1.0 if chance[id] <= demands.chance else demands.sure
-            screening = Screening(tuple(chosen), test.gain, test.statistic, chance[id], _possible(id, test.estimate))
+            times = 1.0 if family_wise_p[id] <= demands.family_wise_p else demands.certain
+            screening = Screening(tuple(chosen), test.gain, test.statistic, family_wise_p[id], _possible(id, test.estimate))
             screened[id] = screening
             if min(screening.gain, screening.statistic) > demands.gain and times < np.inf and screening.possible:
                 entering.append((test.gain, id, times))
@@ -186,8 +188,10 @@ def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitt
         order = order_with_ties([-gain for gain, *_ in entering], _ALIKE)
         for _, id, times in [entering[k] for k in order[:_TRIED]]:
             fit = system.fit([*chosen, id], True)
-            screened[id] = replace(screened[id], better=system.better(fit.density, current.density, times=times))
-            fits += [(fit, [id])] if screened[id].better else []
+            screened[id] = replace(
+                screened[id], significantly_better=system.significantly_better(fit.density, current.density, times=times)
+            )
+            fits += [(fit, [id])] if screened[id].significantly_better else []
         entered = fits or _masked(system, chosen, current)
         if not entered:
             break
@@ -198,11 +202,13 @@ def _steps(system: System, said: Callable[[str], None]) -> tuple[list[str], Fitt
     for id in list(chosen):
         if len(chosen) > 1:
             without = system.fit([e for e in chosen if e != id], True)
-            if not system.better(current.density, without.density):
+            if not system.significantly_better(current.density, without.density):
                 chosen.remove(id)
                 current = without
                 test = system.tests(without, True, [id])[id]
-                screened[id] = replace(screened[id], given=tuple(chosen), gain=test.gain, statistic=test.statistic, better=False)
+                screened[id] = replace(
+                    screened[id], given=tuple(chosen), gain=test.gain, statistic=test.statistic, significantly_better=False
+                )
     return chosen, current, screened
 
 
@@ -215,10 +221,10 @@ def _masked(system: System, chosen: list[str], current: Fitted) -> list[tuple[Fi
     if len(chosen) + 2 > _MOST or system.rig.noise is None or system.lack_of_touch(current) < _LACK:
         return []
     found = []
-    for pair in combinations([id for id in IN_GAPS if id not in chosen and id not in system.nuisance], 2):
+    for pair in combinations([id for id in IN_CLEARANCES if id not in chosen and id not in system.nuisance], 2):
         both = system.fit([*chosen, *pair], True)
         possible = all(_possible(id, both.values[id]) for id in pair)
-        if possible and system.better(both.density, current.density, times=_TWO):
+        if possible and system.significantly_better(both.density, current.density, times=_TWO):
             found.append((both, list(pair)))
     return found
 
@@ -230,12 +236,15 @@ def _as_good_as_free(system: System, scores: dict[str, FloatArray], body: dict[s
     enough = [
         id
         for id, density in body.items()
-        if system.better(density, scores["scaled"])
-        and (not system.better(scores["free"], density) or float((density - scores["scaled"]).sum()) > _ALL_BUT * gain)
+        if system.significantly_better(density, scores["scaled"])
+        and (
+            not system.significantly_better(scores["free"], density)
+            or float((density - scores["scaled"]).sum()) > _ALL_BUT * gain
+        )
     ]
     enough.sort(key=lambda id: -float(body[id].sum()))
     best = max(body, key=lambda id: float(body[id].sum()))
-    return [id for id in enough if id == best or not system.better(body[best], body[id])] if best in enough else []
+    return [id for id in enough if id == best or not system.significantly_better(body[best], body[id])] if best in enough else []
 
 
 def by_chance(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[str, float]:
@@ -259,7 +268,7 @@ def _possible(id: str, estimate: FloatArray) -> bool:
     )
 
 
-def _rivals(system: System, chosen: list[str], current: Fitted) -> tuple[str, list[str]]:
+def _confounded(system: System, chosen: list[str], current: Fitted) -> tuple[str, list[str]]:
     """A chosen effect, and those that would explain the log about as well in its place."""
     for id in chosen:
         found: list[str] = []
@@ -271,7 +280,7 @@ def _rivals(system: System, chosen: list[str], current: Fitted) -> tuple[str, li
                 continue
             instead = system.fit([*others, rival], True)
             plausible = float(np.linalg.norm(instead.values[rival])) <= _MOST_PLAUSIBLE * RANGES[rival]
-            if plausible and not system.better(current.density, instead.density):
+            if plausible and not system.significantly_better(current.density, instead.density):
                 found.append(rival)
         if found:
             return id, found
@@ -307,8 +316,8 @@ def slip_friction(system: System, fitted: Fitted) -> ContactFriction | None:
     across = force[:, 1] * normal[:, 0] - force[:, 0] * normal[:, 1]
     lever = np.linalg.norm(np.where(np.isfinite(o.place[:, 0]), o.place[:, 0], o.place[:, 1]), axis=1)
     jitter = np.hypot(1.05 * system.noise.position, system.noise.angle * lever) / o.span
-    sure = np.abs(o.slip) > np.maximum(_SLIPS * jitter, _SLIP_SHARE * o.speed)
-    rows = np.flatnonzero(known & sure & (along > 3 * system.noise.force))
+    certain = np.abs(o.slip) > np.maximum(_SLIPS * jitter, _SLIP_SHARE * o.speed)
+    rows = np.flatnonzero(known & certain & (along > 3 * system.noise.force))
     if not len(rows):
         return None
     ratio = -np.sign(o.slip[rows]) * across[rows] / along[rows]

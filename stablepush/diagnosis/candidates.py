@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -14,11 +13,12 @@ from stablepush.diagnosis.equations import Fitted
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.motions import Motions
 from stablepush.diagnosis.observations import Observations
-from stablepush.diagnosis.replay import MOVING, Replay, carry_out, friction_of, misses, step_of
+from stablepush.diagnosis.replay import MOVING, Replay, carry_out, friction_of, pose_errors, step_of
 from stablepush.diagnosis.system import System
 from stablepush.geometry import compose
-from stablepush.mechanics import course_of
-from stablepush.rig import poke
+from stablepush.mechanics import motion_profile
+from stablepush.objects import EdgePush
+from stablepush.rig import edge_command
 
 #: Headings of the slider, speeds (m/s) and places (m from the origin of W, both ways) that are looked at.
 _HEADINGS, _SPEEDS, _PLACES = 12, (0.005, 0.02, 0.06), (-0.1, 0.1)
@@ -40,29 +40,29 @@ class Candidates:
     ``small(id)``: a step that counts as small; ``expected``: in words and units, a difference of the readings of one push.
     """
 
-    entries: list[dict[str, Any]]
+    entries: list[EdgePush]
     readings: Callable[[str, Fitted, FloatArray], FloatArray]
     small: Callable[[str], float]
     expected: Callable[[FloatArray], dict[str, float]]
 
 
 def loads_of(system: System) -> Candidates:
-    """Loads while the slider is pushed straight at the middle of an edge, and gaps between finger and outline where the log has
+    """Loads while the slider is pushed straight at the middle of an edge; clearances between fingers and outline if the log has
     them."""
     entries, inward, o = _straight(system)
     model = ForwardModel(o, system.points, system.weight, system.rig.slider.radius_of_gyration**2, system.center)
     noise = np.array((system.noise.force, system.noise.force, system.noise.moment))
-    seen = any(len(rows) for _, rows in system.gap_rows)
+    seen = any(len(rows) for _, rows in system.clearance_rows)
 
     def readings(id: str, fitted: Fitted, step: FloatArray) -> FloatArray:
         value = fitted.values[id] + step
         effects = {**fitted.values, id: value}
         load = model.predict(fitted.loads, {k: v for k, v in effects.items() if k in PARAMETERS})
-        return np.column_stack((load / noise, seen * _gap_change(id, value, inward, o.twist) / system.gap_noise))
+        return np.column_stack((load / noise, seen * _clearance_change(id, value, inward, o.twist) / system.clearance_noise))
 
     def expected(difference: FloatArray) -> dict[str, float]:
         force = float(np.linalg.norm(difference[:3] * noise / (1, 1, system.rho)))
-        return {"expected_difference_N": force, "expected_difference_m": float(np.abs(difference[3]) * system.gap_noise)}
+        return {"expected_difference_N": force, "expected_difference_m": float(np.abs(difference[3]) * system.clearance_noise)}
 
     return Candidates(entries, readings, lambda id: SMALL.get(id, 1e-4), expected)
 
@@ -81,7 +81,7 @@ def ends_of(system: Motions) -> Candidates:
 
     def readings(id: str, fitted: Fitted, step: FloatArray) -> FloatArray:
         effects = {**fitted.values, id: fitted.values[id] + step}
-        return misses(kept, system.surface(fitted.loads), rig.slider, system.mu, weight, effects) / noise
+        return pose_errors(kept, system.surface(fitted.loads), rig.slider, system.mu, weight, effects) / noise
 
     def expected(difference: FloatArray) -> dict[str, float]:
         return {"expected_difference_of_ends_m": float(np.linalg.norm(difference * noise))}
@@ -89,7 +89,7 @@ def ends_of(system: Motions) -> Candidates:
     return Candidates([drawn[push.trial][0] for push in kept], readings, lambda id: MOVING.get(id, 1e-4), expected)
 
 
-def _drawn(system: Motions) -> list[tuple[dict[str, Any], Replay]]:
+def _drawn(system: Motions) -> list[tuple[EdgePush, Replay]]:
     """Pushes by the log's pusher, as entries of a list and as they are simulated."""
     like, slider = system.pushes[0], system.rig.slider
     pusher = like.pusher
@@ -100,28 +100,32 @@ def _drawn(system: Motions) -> list[tuple[dict[str, Any], Replay]]:
     sizes = [len(choice) for choice in choices]
     rng = np.random.default_rng(0)
     count = int(np.prod(sizes))
-    found: list[tuple[dict[str, Any], Replay]] = []
+    found: list[tuple[EdgePush, Replay]] = []
     for number in rng.choice(count, min(_DRAWN, count), replace=False):
         (edge, length), share, direction, heading, speed, x, y = (
             choice[i] for choice, i in zip(choices, np.unravel_index(int(number), sizes), strict=True)
         )
         along = half + share * (length - 2 * half)
-        put = {"x": x, "y": y, "theta": heading}
-        entry = {"edge": edge, "along": along, "direction": direction, "way": _WAY, "speed": speed, **put}
         start = np.array((x, y, heading))
-        command = poke(slider, pusher, edge, along, start=start, direction=direction, way=_WAY, speed=speed)
+        entry = EdgePush.on_edge(
+            slider, edge, along, direction=direction, distance=_WAY, speed=speed, width=pusher.width, start=start
+        )
+        command = edge_command(entry, pusher, start)
         # from farther away: an effect may bring finger and outline nearer
         motion = [(np.array((speed, 0.0, 0.0)), _BACK / speed), *command.motion]
-        place = compose(command.place, (-_BACK, 0.0, 0.0))
-        push = Replay(len(found), start, start, pusher, place, course_of(pusher, motion, step_of(slider)), like.logged, like.off)
+        place = compose(command.pusher_pose, (-_BACK, 0.0, 0.0))
+        push = Replay(
+            len(found), start, start, pusher, place, motion_profile(pusher, motion, step_of(slider)), like.logged, like.off
+        )
         found.append((entry, push))
     return found
 
 
-def _straight(system: System) -> tuple[list[dict[str, Any]], FloatArray, Observations]:
+def _straight(system: System) -> tuple[list[EdgePush], FloatArray, Observations]:
     """Pushes, normals (n, 2) of the edges that they push, and rows as a log of them would have."""
     two = system.rig.contact_kind == "two-point"
-    room = _room(system) if two else 0.0
+    width = _apart(system) if two else 0.0
+    room = width + 2 * (system.observations.finger_radius or 0.0) if two else 0.0
     entries, twists, poses, places, normals = [], [], [], [], []
     for face in range(len(system.rig.slider.vertices)):
         a, b = system.rig.slider.edge(face)
@@ -134,15 +138,17 @@ def _straight(system: System) -> tuple[list[dict[str, Any]], FloatArray, Observa
         turn = 0.0 if two else float(middle[0] * normal[1] - middle[1] * normal[0]) / system.rho**2
         headings = 2 * np.pi * np.arange(_HEADINGS) / _HEADINGS
         for heading, speed, x, y in product(headings, _SPEEDS, _PLACES, _PLACES):
-            put = {"x": x, "y": y, "theta": float(heading)}
-            entries.append({"edge": face, "along": length / 2, "direction": 0.0, "way": _WAY, "speed": speed, **put})
+            start = (x, y, float(heading))
+            entries.append(
+                EdgePush.on_edge(system.rig.slider, face, length / 2, distance=_WAY, speed=speed, width=width, start=start)
+            )
             twists.append(speed * np.array((*normal, turn)) / np.hypot(1.0, turn * system.rho))
             poses.append((x, y, heading))
             places.append(middle)
             normals.append(normal)
     n = len(entries)
     # a small slider may have no edge with room for the fingers
-    pose, twist, place = (np.reshape(part, (n, width)) for part, width in ((poses, 3), (twists, 3), (places, 2)))
+    pose, twist, place = (np.reshape(part, (n, size)) for part, size in ((poses, 3), (twists, 3), (places, 2)))
     rows = replace(
         system.observations,
         trial=np.arange(n),
@@ -157,22 +163,22 @@ def _straight(system: System) -> tuple[list[dict[str, Any]], FloatArray, Observa
         pusher=compose(pose, np.column_stack((place, np.zeros(n)))) if n else np.zeros((0, 3)),
         normal=np.full((n, 2, 2), np.nan),
         place=np.full((n, 2, 2), np.nan),
-        gap=np.full((n, 2), np.nan),
+        clearance=np.full((n, 2), np.nan),
         slip=np.full(n, np.nan),
         span=np.ones(n),
     )
     return entries, np.reshape(normals, (n, 2)), rows
 
 
-def _room(system: System) -> float:
-    """Length (m) of an edge on which two fingers fit."""
-    o = system.observations
-    apart = np.linalg.norm(o.place[:, 0] - o.place[:, 1], axis=1)
+def _apart(system: System) -> float:
+    """Distance (m) between the two fingers, as the log has it."""
+    places = system.observations.place
+    apart = np.linalg.norm(places[:, 0] - places[:, 1], axis=1)
     known = np.isfinite(apart)
-    return (float(np.median(apart[known])) if known.any() else 0.0) + 2 * (o.finger_radius or 0.0)
+    return float(np.median(apart[known])) if known.any() else 0.0
 
 
-def _gap_change(id: str, value: FloatArray, normals: FloatArray, twists: FloatArray) -> FloatArray:
+def _clearance_change(id: str, value: FloatArray, normals: FloatArray, twists: FloatArray) -> FloatArray:
     """What an effect does to the gaps (n,) between finger and outline, in m, of straight pushes along normals (n, 2)."""
     if id == "contact-geometry":
         return np.full(len(normals), float(value[0]))

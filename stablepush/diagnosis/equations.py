@@ -41,16 +41,16 @@ class Demands(NamedTuple):
     """What an effect must do to be named.
 
     ``gain``: what the sum of squares over its scale falls by, in one step, and what the statistic is, at least. ``density``: what
-    the log density of the trials rises by, and ``errors``: how many of its standard errors over pushes that must be. ``chance``:
-    so improbable a statistic, of any effect, comes about by chance at most this often, unless density and errors are ``sure``
-    times as large.
+    the log density of the trials rises by, and ``errors``: how many of its standard errors over pushes that must be.
+    ``family_wise_p``: so improbable a statistic, of any effect, comes about by chance at most this often, unless density and
+    errors are ``certain`` times as large.
     """
 
     gain: float
     density: float
     errors: float
-    chance: float
-    sure: float
+    family_wise_p: float
+    certain: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +93,7 @@ class ScoreTest:
 
     def under_none(self, signs: FloatArray) -> FloatArray:
         """Statistics (draws,) had the errors of the trials had other signs (draws, trials) and the effect been absent: a wild
-        bootstrap of the scores, studentised anew in every draw."""
+        bootstrap of the scores, studentised in every draw."""
         total = self.shares.sum(axis=0)
         if not total.any():
             return np.zeros(len(signs))
@@ -241,11 +241,13 @@ class Equations(ABC):
                 count += 1
         return np.asarray(total * (count - 1) / max(1, count))
 
-    def better(self, ahead: FloatArray, behind: FloatArray, errors: float | None = None, times: float = 1.0) -> bool:
+    def significantly_better(
+        self, ahead: FloatArray, behind: FloatArray, errors: float | None = None, times: float = 1.0
+    ) -> bool:
         """Tell whether one log density (trials,) beats another by what is demanded, over the scatter of pushes.
 
         Repeats of one push share what no fit has: they are judged together. No one push carries it: the greatest gain counts as
-        much as the next. The scatter is that of the pushes that lose: a few that tell causes apart gain far more than others,
+        much as the next. The scatter is that of the pushes that lose: a few that separate causes gain far more than others,
         which is no scatter.
         """
         n = min(len(ahead), len(behind))
@@ -298,10 +300,10 @@ class Equations(ABC):
 
 def _scale(residual: FloatArray) -> float:
     """Robust mean square of residuals, in units of the noise: at least a hundredth of it, below which residuals are rounding."""
-    return max(1e-4, float(usual(residual**2))) if len(residual) else 1.0
+    return max(1e-4, float(robust_variance(residual**2))) if len(residual) else 1.0
 
 
-def usual(squares: FloatArray, axis: int | None = None) -> Any:
+def robust_variance(squares: FloatArray, axis: int | None = None) -> Any:
     """Return the mean square of Gaussian noise whose squares have this median: a few that are far off do not count."""
     return np.median(squares, axis=axis) / _MEDIAN
 

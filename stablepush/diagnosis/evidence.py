@@ -1,4 +1,4 @@
-"""What speaks for each effect of the catalogue, and what against it, in words."""
+"""The evidence for and against each effect of the catalogue, in words."""
 
 from __future__ import annotations
 
@@ -14,44 +14,44 @@ _UNSURE = 0.02
 
 
 class Evidence(NamedTuple):
-    """Clauses that speak for an effect, and against it; or why a log cannot judge it."""
+    """Clauses for and against an effect; or why it is not identifiable from the log."""
 
     supporting: list[str]
     opposing: list[str]
     unseen: str = ""
 
 
-def cannot_show(reason: str) -> Evidence:
-    """Evidence of an effect that a log cannot show."""
-    return Evidence([], [], f"this log cannot show it: {reason}")
+def not_identifiable(reason: str) -> Evidence:
+    """Evidence of an effect that is not identifiable from a log."""
+    return Evidence([], [], f"not identifiable from this log: {reason}")
 
 
 def evidence(
     system: System, found: Attribution, ranking: Sequence[RankedEffect], effects: list[str], why: str
 ) -> dict[str, Evidence]:
-    """Return what speaks for and against each effect of a ranking.
+    """Return the evidence for and against each effect of a ranking.
 
     ``effects``: those that the verdict names; ``why`` it does not name others that act.
     """
     # whether the measured shape of the surface is another, not its size alone
-    reshaped = "free" in found.scores and system.better(found.scores["free"], found.scores["scaled"])
+    reshaped = "free" in found.scores and system.significantly_better(found.scores["free"], found.scores["scaled"])
     result = {}
     for entry in ranking:
         id = entry.effect
-        acts = id in (*found.named, *found.rivals)
+        acts = id in (*found.named, *found.confounded)
         if not entry.identifiable and not acts:
-            said = cannot_show(entry.reason or "")
+            clauses = not_identifiable(entry.reason or "")
         elif id == "contact-friction" and system.has_wrench:
-            said = _of_slip(system, found)
+            clauses = _of_slip(system, found)
         elif id == "model-capacity":
-            said = _of_surface(found, reshaped)
+            clauses = _of_surface(found, reshaped)
         elif acts:
-            said = _of_acting(id, system, found)
+            clauses = _of_acting(id, system, found)
         else:
-            said = _of_others(id, system, found, reshaped)
+            clauses = _of_others(id, system, found, reshaped)
         if acts and id not in effects:
-            said.opposing.append(why)
-        result[id] = said
+            clauses.opposing.append(why)
+        result[id] = clauses
     return result
 
 
@@ -60,65 +60,66 @@ def _of_slip(system: System, found: Attribution) -> Evidence:
     assert contact is not None
     assert nominal is not None
     words = (
-        f"forces of {contact.trials} pushes whose fingers slip say {readable(contact.estimate)} "
-        f"where the rig has {readable(nominal)}"
+        f"the forces of {contact.trials} pushes whose fingers slip give {readable(contact.estimate)}; "
+        f"the rig has {readable(nominal)}"
     )
     if "contact-friction" in found.named:
         return Evidence([f"{words}, p {contact.p_value:.1g}"], [])
-    unsure = f"p {contact.p_value:.1g}: not sure enough, {P_SLIP:g} is the most"
-    return Evidence([], [f"{words}, {unsure if contact.p_value < _UNSURE else 'which is no clear difference'}"])
+    unsure = f"p {contact.p_value:.1g}, above the limit of {P_SLIP:g}"
+    return Evidence([], [f"{words}, {unsure if contact.p_value < _UNSURE else 'no significant difference'}"])
 
 
 def _of_surface(found: Attribution, reshaped: bool) -> Evidence:
     shape = f"a refitted pressure changes the log density of held-out pushes by {_held_out(found, 'free')}"
     if reshaped:
-        return Evidence([shape], ["a change of the pressure would do the same"])
-    return Evidence([], [f"{shape}, no clear gain; another friction with the nominal pressure, by {_held_out(found, 'scaled')}"])
+        return Evidence([shape], ["a change of the pressure would explain it as well"])
+    return Evidence(
+        [], [f"{shape}, no significant gain; another friction with the nominal pressure, by {_held_out(found, 'scaled')}"]
+    )
 
 
 def _of_acting(id: str, system: System, found: Attribution) -> Evidence:
     """Of an effect that acts, or may act in the place of one that does."""
-    said = Evidence([], [])
+    clauses = Evidence([], [])
     if id in found.scores:
-        said.supporting.append(_of_held_out(id, found))
+        clauses.supporting.append(_of_held_out(id, found))
     else:
         gain = readable(found.tests[id].gain)
-        if id in found.rivals:
-            said.supporting.append(f"in the place of {found.rivalled}, {_FALLS} {gain}")
+        if id in found.confounded:
+            clauses.supporting.append(f"in the place of {found.confounded_with}, {_FALLS} {gain}")
         else:
-            said.supporting.append(f"{_beside([e for e in found.chosen if e != id])}{_FALLS} {gain}")
+            clauses.supporting.append(f"{_beside([e for e in found.chosen if e != id])}{_FALLS} {gain}")
             screening = found.screened.get(id)
-            if screening is not None and screening.better:
-                sure = screening.chance <= system.demands.chance
-                times = "" if sure else f"{system.demands.sure:g} times "
-                said.supporting.append(
-                    f"when it was found, the log density rose by more than {times}what its scatter between pushes asks for"
+            if screening is not None and screening.significantly_better:
+                certain = screening.family_wise_p <= system.demands.family_wise_p
+                times = "" if certain else f"{system.demands.certain:g} times "
+                clauses.supporting.append(
+                    f"when it was found, the log density rose by more than {times}the threshold from its scatter between pushes"
                 )
-                share = _share(screening.chance)
-                words = f"when it was found, some effect did as well by chance in {share} of logs that have no effect"
-                (said.supporting if sure else said.opposing).append(words)
-    apart = (found.rivalled, *found.rivals)
+                words = f"when it was found, its family-wise p-value was {_p(screening.family_wise_p)}"
+                (clauses.supporting if certain else clauses.opposing).append(words)
+    apart = (found.confounded_with, *found.confounded)
     alike = [other for other in apart if other != id]
-    if found.rivals and id in apart:
-        said.opposing.append(f"{' and '.join(alike)} would explain the log about as well")
-    return said
+    if found.confounded and id in apart:
+        clauses.opposing.append(f"{' and '.join(alike)} would explain the log about equally well")
+    return clauses
 
 
 def _of_others(id: str, system: System, found: Attribution, reshaped: bool) -> Evidence:
     """Of an effect that is not found to act."""
     screening = found.screened.get(id)
     if id in system.nuisance:
-        return Evidence([], [], "it is fitted along, since the rig does not say what it is, and cannot be judged")
+        return Evidence([], [], "the rig does not state it: it is fitted with the rest and cannot be judged")
     if id in found.scores:
         return Evidence([], [_of_held_out(id, found)])
     if screening is not None:
         words = f"{_beside(screening.given)}{_FALLS} {readable(screening.gain)}"
         if not found.free:
-            words += " once the pressure takes what it can"
+            words += " after the pressure is refitted"
         return Evidence([], [f"{words}: {_failed(screening, system)}"])
     if reshaped:
-        return Evidence([], ["a refitted pressure takes in what it would do"])
-    return Evidence([], ["a refitted pressure predicts held-out pushes not clearly better than the nominal one"])
+        return Evidence([], ["a refitted pressure explains what it would change"])
+    return Evidence([], ["a refitted pressure does not predict held-out pushes significantly better than the nominal one"])
 
 
 _FALLS = "the sum of squares, over the scatter that is left, falls by"
@@ -132,21 +133,21 @@ def _failed(screening: Screening, system: System) -> str:
     """Why an effect did not enter, or did not stay."""
     least = system.demands.gain
     if screening.gain <= least:
-        return f"too little, {readable(least)} is the least"
+        return f"too little, the threshold is {readable(least)}"
     if screening.statistic <= least:
-        return f"but its statistic over pushes is {readable(screening.statistic)}, {readable(least)} is the least"
+        return f"but its statistic over pushes is {readable(screening.statistic)}, the threshold is {readable(least)}"
     if not screening.possible:
         return "but it is too small to matter, or of a sign that it cannot have"
-    if screening.better is False:
-        return "but the log density rises by too little over its scatter between pushes"
-    if screening.chance > system.demands.chance:
-        return f"but some effect does as well by chance in {_share(screening.chance)} of logs that have no effect"
+    if screening.significantly_better is False:
+        return "but the log density does not rise significantly over its scatter between pushes"
+    if screening.family_wise_p > system.demands.family_wise_p:
+        return f"but its family-wise p-value is {_p(screening.family_wise_p)}"
     return "but others explain more"
 
 
-def _share(chance: float) -> str:
-    """A share that a bootstrap gave."""
-    return "less than 0.2 %" if chance < 0.002 else f"{100 * chance:.{1 if chance < 0.1 else 0}f} %"
+def _p(value: float) -> str:
+    """A p-value that a bootstrap gave."""
+    return "below 0.002" if value < 0.002 else f"{value:.{3 if value < 0.1 else 2}f}"
 
 
 def readable(value: float) -> str:

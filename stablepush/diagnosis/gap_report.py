@@ -1,4 +1,4 @@
-"""The diagnosis of a log: where the gap lies, which effect causes it, how far it shrinks, and what to try next."""
+"""The diagnosis of a log: where the gap lies, what causes it, how far a corrected simulation reduces it, what to try next."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import FloatArray, InputError
+from stablepush.core import FloatArray, InputError, renamed_fields
 from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out, slip_friction
-from stablepush.diagnosis.equations import SIZES, usual
-from stablepush.diagnosis.evidence import Evidence, cannot_show, evidence
+from stablepush.diagnosis.equations import SIZES, robust_variance
+from stablepush.diagnosis.evidence import Evidence, evidence, not_identifiable
+from stablepush.diagnosis.gap_reduction import closes_touch, ends_are_off, explains_most, gap, hold_out, reductions
 from stablepush.diagnosis.motions import Motions, motions_of
 from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import Replay, replays
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
-from stablepush.diagnosis.shrink import closes_touch, ends_are_off, explains_most, gap, hold_out, shrink
 from stablepush.diagnosis.system import System, system_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share, residuals
 from stablepush.effects import CATALOGUE
@@ -38,13 +38,14 @@ _COMMON, _P_COMMON = 8.0, 1e-3
 _SAID = 0.05
 
 
+@renamed_fields(shrink="reductions")
 @dataclass(frozen=True, slots=True, eq=False)
 class GapReport:
     """The answer to a log; :meth:`to_json` gives ``diagnosis/1``.
 
     ``rig``: the log's, with the friction and the radius of the fingers as the log has them where they were not known;
-    ``surface``: the mended limit surface (None if the log does not tell its size); ``effects``: what acts with its values, as the
-    catalogue has them; ``evidence``: what speaks for and against each effect of the catalogue, in words.
+    ``surface``: the corrected limit surface (None if its size is not identifiable from the log); ``effects``: what acts, with its
+    values, as the catalogue has them; ``evidence``: for and against each effect of the catalogue, in words.
     """
 
     log: str
@@ -55,7 +56,7 @@ class GapReport:
     gap: list[ChannelGap]
     where: list[Finding]
     ranking: list[RankedEffect]
-    shrink: list[GapReduction]
+    reductions: list[GapReduction]
     worse: list[str]
     next_experiment: NextExperiment
     sentence: str
@@ -75,10 +76,10 @@ class GapReport:
     row_names: list[str] = field(repr=False)
     end_names: list[str] = field(repr=False)
 
-    def misses(self, key: str) -> FloatArray:
-        """Return, over the table (n, 2) in m, from where pushes end in simulation to where they were measured to end.
+    def pose_errors(self, key: str) -> FloatArray:
+        """Return the errors (n, 2) of final positions in W, measured less simulated, in m.
 
-        ``key``: "before" or "after" mending. :attr:`ends` has these as seen from the simulated ends, ``(x, y, rho θ)``.
+        ``key``: "before" or "after" the correction. :attr:`ends` has them in the frame of the simulated poses, ``(x, y, rho θ)``.
         """
         turned = self.places[:, 2] - self.ends[key][:, 2] / self.rig.slider.characteristic_length
         return rotate_vectors(turned, self.ends[key][:, :2])
@@ -101,7 +102,7 @@ class GapReport:
             "verdict": str(self.verdict),
             "effects": self.named,
             "ranking": as_json(self.ranking),
-            "shrink": as_json(self.shrink),
+            "shrink": as_json(self.reductions),
             "worse": self.worse,
             "next_experiment": as_json(self.next_experiment),
             "sentence": self.sentence,
@@ -127,51 +128,56 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     """
     if not isinstance(log, PushLog):
         raise InputError("log", "expected a PushLog, as of read_pushlog", type(log).__name__)
-    said = progress or (lambda _: None)
-    said("reading")
+    progress = progress or (lambda _: None)
+    progress("reading")
     observations = observe(log)
     if len(np.unique(observations.trial)) < 2:
         return _too_little(log, name)
     forces = bool(observations.has_wrench.any())
     system, pushes, left_out = _equations(log, observations)
-    found = attribute(system, said)
-    said("how far the gap shrinks")
+    found = attribute(system, progress)
+    progress("gap reduction")
     named = found.named
     held = hold_out(system, found, log, pushes)
     share, p_share, size, common, p_common = 0.0, 1.0, 0.0, 0.0, 1.0
     if system.has_wrench:
         left = system.observations.wrench - held.wrenches["after"]
         white = system.white(left).reshape(-1, 3)
-        size = float(np.sqrt(usual(white**2)))
+        size = float(np.sqrt(robust_variance(white**2)))
         share, p_share = flexible_share(system, white)
         common, p_common = repeats_share(system, found.final.residual[: white.size].reshape(-1, 3))
-    closed = shrink(held)
+    closed = reductions(held)
     unknown = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
     # a cause that brings no channel nearer on trials that it was not fitted to explains nothing
     touch = closes_touch(held)
     worse = bool(named and closed) and max(touch, *(entry.closed for entry in closed)) <= 0
     if worse and found.chosen and found.scores:
-        # a few rows that hardly tell anything may hide it from the mean square
+        # a few uninformative rows may hide it from the mean square
         folds = folds_of(system)
-        worse = not system.better(held_out(system, found.chosen, found.free, folds), held_out(system, [], found.free, folds))
+        worse = not system.significantly_better(
+            held_out(system, found.chosen, found.free, folds), held_out(system, [], found.free, folds)
+        )
     if worse or (unknown and not explains_most(held, named)):
         verdict, effects = "unknown", []
-    elif found.rivals:
-        verdict, effects = "ambiguous", [found.rivalled, *found.rivals, *(id for id in named if id != found.rivalled)]
+    elif found.confounded:
+        verdict, effects = (
+            "ambiguous",
+            [found.confounded_with, *found.confounded, *(id for id in named if id != found.confounded_with)],
+        )
     elif named:
         verdict, effects = "named", named
     else:
-        verdict, effects = ("absorbed" if found.absorbed else "none"), []
+        verdict, effects = ("absorbed" if found.recalibrated else "none"), []
         # rows that hardly any model fits, and not because of a few of them; something that repeats of a push have in common; ends
         # that are far off in many pushes
         if size > _MISFIT or (common > _COMMON and p_common < _P_COMMON) or (not forces and ends_are_off(held)):
             verdict = "unknown"
     why = "it brings held-out pushes no nearer" if worse else "what is left with it still follows place, heading, order or speed"
-    said("where the gap lies")
+    progress("where the gap lies")
     ends, ended = held.ends.get("before", np.zeros((0, 3))), np.array([push.trial for push in pushes], dtype=int)
     where = localise(system, residuals(system, held.wrenches.get("before"), ends, ended, held.floors))
     ranking = rank(system, found, effects)
-    # poses alone tell the shape of the surface, not its size
+    # poses alone determine the shape of the surface, not its size
     sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
     surface = system.surface(found.final.loads) if sized else None
     # a rig has fingers of one radius
@@ -187,7 +193,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         gap=gap(system, held),
         where=where,
         ranking=ranking,
-        shrink=closed,
+        reductions=closed,
         worse=[entry.channel for entry in closed if entry.after > 1.02 * entry.before],
         next_experiment=_next(system, found, effects, ranking),
         sentence=_sentence(verdict, effects, closed, touch, system.has_wrench, log.rig.noise is not None),
@@ -209,8 +215,8 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     )
 
 
-def shrink_with(log: PushLog, effects: list[str]) -> list[GapReduction]:
-    """Return how far the gap shrinks, as ``shrink`` of a report, when it is known which effects act."""
+def gap_reductions_with(log: PushLog, effects: list[str]) -> list[GapReduction]:
+    """Return the gap reduction, as ``reductions`` of a report, when it is known which effects act."""
     observations = observe(log)
     if len(np.unique(observations.trial)) < 2:
         return []
@@ -219,7 +225,7 @@ def shrink_with(log: PushLog, effects: list[str]) -> list[GapReduction]:
     final = system.fit(chosen, True)
     contact = slip_friction(system, final) if "contact-friction" in effects else None
     found = Attribution(chosen, [], "", False, True, final, {}, {}, contact, {})
-    return shrink(hold_out(system, found, log, pushes))
+    return reductions(hold_out(system, found, log, pushes))
 
 
 def _equations(log: PushLog, observations: Observations) -> tuple[System, list[Replay], int]:
@@ -229,26 +235,26 @@ def _equations(log: PushLog, observations: Observations) -> tuple[System, list[R
         motions = motions_of(observations, log.rig, replayed)
         return motions, motions.pushes, len(replayed) - len(motions.pushes)
     system = system_of(observations, log.rig)
-    pushes, system.end_noise = system.predictable(replayed)
+    pushes, system.final_pose_noise = system.predictable(replayed)
     return system, pushes, len(replayed) - len(pushes)
 
 
 def _too_little(log: PushLog, name: str) -> GapReport:
     """The answer to a log that can show nothing."""
-    words = "the log has fewer than two pushes in which the slider is seen to move: nothing can be said"
+    words = "the log has fewer than two pushes in which the slider is seen to move: it cannot be diagnosed"
     ranking = [RankedEffect(id, 0.02, {}, False, UNSEEN[id]) for id in CATALOGUE]
     nothing = np.zeros((0, 3))
     after = NextExperiment([], [], "more pushes in headings, places, speeds and faces that vary, in random order")
     sentence = f"{words[0].upper()}{words[1:]}."
     return GapReport(
         name, len(log), [], Verdict.NONE, [], [], [], ranking, [], [], after, sentence, [words], log.rig, None,
-        {}, {id: cannot_show(UNSEEN[id]) for id in CATALOGUE}, {}, {}, nothing, nothing, nothing, np.zeros(0), np.zeros(0),
+        {}, {id: not_identifiable(UNSEEN[id]) for id in CATALOGUE}, {}, {}, nothing, nothing, nothing, np.zeros(0), np.zeros(0),
         np.zeros(0), [], [],
     )  # fmt: skip
 
 
 def _completed(rig: Rig, system: System, found: Attribution) -> Rig:
-    """The rig with what the log tells of its fingers where the rig does not."""
+    """The rig, with the friction and radius of its fingers from the log where it has none."""
     mu, radius = rig.contact_friction, rig.finger_radius
     values = found.final.values
     if mu is None and found.contact is not None:
@@ -265,13 +271,13 @@ def _plain(entry: RankedEffect) -> dict[str, Any]:
 
 
 def _next(system: System, found: Attribution, effects: list[str], ranking: list[RankedEffect]) -> NextExperiment:
-    """The pushes that best separate the two causes most in play."""
+    """The pushes that best separate the two most probable causes."""
     likely = [*effects, *(entry.effect for entry in ranking if entry.identifiable)]
-    # loads of straight pushes do not tell of the fingers' friction, ends of slanting ones do
+    # loads of straight pushes carry no information on contact friction, final poses of slanting ones do
     unseen = {"contact-friction"} if system.has_wrench else set()
     pair = list(dict.fromkeys(id for id in likely if id in SIZES and id not in unseen))[:2]
-    if found.rivals:
-        pair = [found.rivalled, found.rivals[0]]
+    if found.confounded:
+        pair = [found.confounded_with, found.confounded[0]]
     # a log of neither loads nor ends shows nothing that pushes could be chosen by
     if len(pair) < 2 or unseen & set(pair) or not (system.has_wrench or isinstance(system, Motions)):
         why = "more pushes in headings, places, speeds and faces that vary, in random order"
@@ -289,27 +295,27 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
     return NextExperiment(pair, pushes, why)
 
 
-def _sentence(verdict: str, effects: list[str], shrink: list[GapReduction], touch: float, forces: bool, noise: bool) -> str:
+def _sentence(verdict: str, effects: list[str], reductions: list[GapReduction], touch: float, forces: bool, noise: bool) -> str:
     # of the first channel that comes nearer: a cause need not show in all
-    shares = {f"the {entry.channel}": entry.closed for entry in shrink} | {"how fingers touch": touch}
+    shares = {f"the {entry.channel}": entry.closed for entry in reductions} | {"how fingers touch": touch}
     nearer = [(channel, share) for channel, share in shares.items() if share > _SAID]
     how = f"; {100 * nearer[0][1]:.0f} % of the gap in {nearer[0][0]} closes on held-out trials" if nearer else ""
     words = [CATALOGUE[id].what for id in effects]
     if verdict == "none":
         if not forces:
-            carried = any(entry.channel in ("stability", "pose") for entry in shrink)
-            seen = "No cause stands out of the scatter of the poses" if carried else "Nothing stands out"
-            return f"{seen}; without forces little more can be said."
+            carried = any(entry.channel in ("stability", "pose") for entry in reductions)
+            seen = "No cause stands out from the scatter of the poses" if carried else "Nothing stands out"
+            return f"{seen}; without forces little more is identifiable."
         if not noise:
-            return "The nominal simulation fits as well as any pressure would, and no cause stands out of the scatter."
+            return "The nominal simulation fits as well as any pressure would, and no cause stands out from the scatter."
         return "The nominal simulation fits within the noise."
     if verdict == "absorbed":
         return f"The surface and friction differ from the nominal ones, and no other cause stands out{how}."
     if verdict == "named":
         return f"{'; '.join(f'{id} ({what})' for id, what in zip(effects, words, strict=True))}{how}."
     if verdict == "ambiguous":
-        return f"This log cannot tell {' from '.join(effects)}{how}."
-    return "A gap stays that no effect of the catalogue explains."
+        return f"In this log {' and '.join(effects)} are confounded{how}."
+    return "No effect of the catalogue explains the gap."
 
 
 def _notes(
@@ -318,33 +324,31 @@ def _notes(
     notes = []
     rig = log.rig
     if rig.noise is None:
-        notes.append("the rig does not say how noisy it is: what a free pressure leaves was taken for noise")
+        notes.append("rig.json has no noise: the residuals of a free pressure were taken for noise")
     if not system.has_wrench:
-        notes.append("no forces: only what shows in the poses can be said")
-    if not any(len(rows) for _, rows in system.gap_rows):
+        notes.append("no forces: only what shows in the poses is identifiable")
+    if not any(len(rows) for _, rows in system.clearance_rows):
         notes.append("no poses of fingers to compare with the outline: latency and contact geometry cannot be seen there")
     elif rig.finger_radius is None:
         radius = system.observations.finger_radius or 0.0
-        notes.append(f"the rig does not say how thick fingers are: {1000 * radius:.2g} mm, as they usually are from the outline")
+        notes.append(f"rig.json has no finger radius: {1000 * radius:.2g} mm was taken, their median distance from the outline")
     if left_out:
-        notes.append(
-            f"{left_out} pushes end where noise takes them, such as past a corner, or cannot be simulated: left out of the poses"
-        )
+        notes.append(f"{left_out} pushes were left out of the poses: they cannot be simulated, or noise decides where they end")
     if not any(system.observations.group):
         notes.append("no repeated pushes: the scatter of repeats is not known")
     if system.has_wrench and not system.known_scale:
         notes.append("friction of the support or mass unknown: the nominal load was scaled to the log")
     if share > 0.05:
         notes.append(
-            f"a Gaussian process of place, heading, order and speed could explain up to {100 * share:.0f} % of what is left "
+            f"a Gaussian process of place, heading, order and speed could explain up to {100 * share:.0f} % of the residuals "
             f"(p {p_share:.2f})"
         )
     off = system.observations.off
     if "contact-geometry" in effects and not all(off):
         side = ("left", "right")[off.index(1.0)]
         notes.append(
-            f"the radius is that of the {side} finger alone, seen along the push: the other is as the rig has it; "
-            "the mended rig, whose fingers are alike, goes without"
+            f"the radius is that of the {side} finger alone, seen along the push: the other is as in rig.json; "
+            "the corrected rig, whose fingers are alike, leaves it out"
         )
     if found.contact is not None:
         notes.append(f"friction at the fingers from {found.contact.trials} trials that slip: {found.contact.estimate:.4g}")

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import BoolArray, FloatArray, first_least
-from stablepush.diagnosis.equations import SIZES, Demands, Fitted, Values, usual
+from stablepush.diagnosis.equations import SIZES, Demands, Fitted, Values, robust_variance
 from stablepush.diagnosis.observations import Observations
-from stablepush.diagnosis.replay import MOVING, Replay, misses
+from stablepush.diagnosis.replay import MOVING, Replay, pose_errors
 from stablepush.diagnosis.system import System
 from stablepush.io import Rig
 from stablepush.objects import SupportDistribution
@@ -46,7 +46,7 @@ class Motions(System):
 
     # every residual is a simulation of all pushes
     steps, few, tolerance = 5, 4, 1e-3
-    # ends follow effects far from linearly: one step tells little, and the fit itself may say enough
+    # ends follow effects far from linearly: one step shows little, and the fit itself may say enough
     demands = Demands(4.0, 12.0, 3.0, 0.01, 1.5)
 
     def __init__(self, observations: Observations, rig: Rig, pushes: list[Replay]) -> None:
@@ -66,17 +66,17 @@ class Motions(System):
         #: What fits begin at, slopes about it, and fits that were made: before one was settled on.
         self._first = self.about, self._slopes, self._fits
         self._found: dict[Any, FloatArray] = {}
-        self.pushes, self.end_noise = self.predictable(pushes)
+        self.pushes, self.final_pose_noise = self.predictable(pushes)
         #: How far (m, for a component of an end each) the surface moves it within its prior: pushes that friction decides
         #: scatter with it, those that stay stuck end where the pusher goes.
         self.reach = np.linalg.norm(self._slope("", _SMALL) * _PRIOR, axis=1)
-        self.spread = np.hypot(self.end_noise.ravel(), _SHARE * self.reach)
+        self.spread = np.hypot(self.final_pose_noise.ravel(), _SHARE * self.reach)
         self.trial = np.concatenate((np.repeat([p.trial for p in self.pushes], 3), self.trial)).astype(int)
 
     def _likely_grip(self, pushes: list[Replay]) -> float:
         """Friction of the fingers with which the nominal simulation is nearest to the ends: where fits of it begin."""
         surface, slider = self.surface(self.nominal), self.rig.slider
-        missed = [np.linalg.norm(misses(pushes, surface, slider, mu, self.moving_weight, {}), axis=1) for mu in _GRIPS]
+        missed = [np.linalg.norm(pose_errors(pushes, surface, slider, mu, self.moving_weight, {}), axis=1) for mu in _GRIPS]
         return _GRIPS[first_least([np.nan_to_num(m, nan=10 * self.rho).sum() for m in missed], 1e-6 * len(pushes))]
 
     def surface(self, loads: FloatArray) -> IdealLimitSurface:
@@ -87,30 +87,30 @@ class Motions(System):
         points = center + self.rho * np.array((x, y)) + (ideal.support.points - center) @ stretch
         return IdealLimitSurface(SupportDistribution(points, ideal.support.weights), ideal.friction_load, self.rho)
 
-    def misses(self, loads: FloatArray, values: Values) -> FloatArray:
+    def pose_errors(self, loads: FloatArray, values: Values) -> FloatArray:
         """Return how far (n, 3) the slider was measured from where pushes end, in ``(x, y, rho θ)`` of its frame, in m."""
         key = loads.tobytes(), tuple((id, values[id].tobytes()) for id in sorted(values) if values[id].any())
         if key not in self._found:
-            found = misses(self.pushes, self.surface(loads), self.rig.slider, self.mu, self.moving_weight, values)
+            found = pose_errors(self.pushes, self.surface(loads), self.rig.slider, self.mu, self.moving_weight, values)
             # what cannot be simulated is as far off as nothing else
             self._found[key] = np.nan_to_num(found, nan=10 * self.rho)
         return self._found[key]
 
     def residual(self, loads: FloatArray, values: Values) -> FloatArray:
-        return np.concatenate((self.misses(loads, values).ravel() / self.spread, super().residual(loads, values)))
+        return np.concatenate((self.pose_errors(loads, values).ravel() / self.spread, super().residual(loads, values)))
 
     def columns(self, id: str, loads: FloatArray, values: Values) -> FloatArray:
         ends = np.zeros((3 * len(self.pushes), SIZES[id]))
         if id in MOVING:
             ends = self._slope(id, (MOVING[id],) * SIZES[id]) / self.spread[:, None]
-        return np.concatenate((ends, self.gap_columns(id, values.get(id))))
+        return np.concatenate((ends, self.clearance_columns(id, values.get(id))))
 
     def base(self, values: Values, free: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
         count = len(self.nominal) if free else 0
         slopes = self._slope("", _SMALL)[:, :count] / self.spread[:, None]
-        gaps = np.zeros((len(self.trial) - len(slopes), count))
+        clearances = np.zeros((len(self.trial) - len(slopes), count))
         precision = np.diag(1 / np.array(_PRIOR)[:count] ** 2)
-        return np.eye(len(self.nominal))[:, :count], np.concatenate((slopes, gaps)), precision
+        return np.eye(len(self.nominal))[:, :count], np.concatenate((slopes, clearances)), precision
 
     def fit(self, effects: Sequence[str], free: bool, chosen: BoolArray | None = None, start: Fitted | None = None) -> Fitted:
         """As :meth:`Equations.fit`, from several starts, of which the one counts that fits best.
@@ -163,8 +163,8 @@ class Motions(System):
         """Misses at a step in the surface, or in the parameters of an effect, from where fits begin."""
         loads, values = (self.nominal, {}) if self.about is None else (self.about.loads, self.about.values)
         if not id:
-            return self.misses(loads + step, values)
-        return self.misses(loads, {**values, id: values.get(id, np.zeros(len(step))) + step})
+            return self.pose_errors(loads + step, values)
+        return self.pose_errors(loads, {**values, id: values.get(id, np.zeros(len(step))) + step})
 
     def settle(self, fitted: Fitted) -> None:
         super().settle(fitted)
@@ -206,16 +206,16 @@ def motions_of(observations: Observations, rig: Rig, pushes: list[Replay]) -> Mo
         return system
     plain = system.fit([], True)
     left = plain.residual[: 3 * len(system.pushes)] * system.spread
-    reach, noise = system.reach, system.end_noise.ravel()
+    reach, noise = system.reach, system.final_pose_noise.ravel()
     # ends that the surface moves by a thousandth of their noise it does not move
     stuck = reach <= np.maximum(np.median(reach), 1e-3 * noise)
-    still = noise * max(1.0, float(np.sqrt(usual((left[stuck] / noise[stuck]) ** 2))))
+    still = noise * max(1.0, float(np.sqrt(robust_variance((left[stuck] / noise[stuck]) ** 2))))
     moved = np.maximum(left[~stuck] ** 2 - still[~stuck] ** 2, 0.0) / np.maximum(reach[~stuck], 1e-12) ** 2
-    share = np.sqrt(usual(moved)) if len(moved) else 0.0
+    share = np.sqrt(robust_variance(moved)) if len(moved) else 0.0
     system.trust(np.hypot(still, float(share) * reach))
     if "contact-friction" in system.nuisance:
         system.begin(plain)
         system.begin(system.fit([], True))
     if rig.noise is None:
-        system.end_noise = system.spread.reshape(-1, 3)
+        system.final_pose_noise = system.spread.reshape(-1, 3)
     return system

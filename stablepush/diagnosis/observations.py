@@ -9,17 +9,17 @@ import shapely
 
 from stablepush.core import LEAST_POSITIVE, BoolArray, FloatArray
 from stablepush.geometry import compose, exp, inverse, log as log_of, rotate_vectors, transform_points, wrap_angle
-from stablepush.io import PushLog, told_apart
+from stablepush.io import PushLog, distinct
 
 #: Fingers farther (m) than this from where fingers usually are, beside the outline, do not touch it; nor do those that are
-#: farther from it than the other length. Where contact points are logged, they tell, and the other length alone counts.
+#: farther from it than the other length. Where contact points are logged, they decide, and the other length alone counts.
 _TOUCH, _NEAR = 3e-3, 8e-3
 #: One finger alone is off if its gaps are, and differ from the other's, by so many standard errors, and the other's are off by
 #: less than this share of its.
 _ONE, _OTHER = 6.0, 0.2
 #: And by at least this (m).
 _LEAST_OFF = 2e-4
-#: Fingers farther (m) from the outline than this do not touch it for sure.
+#: Fingers farther (m) from the outline than this certainly do not touch it.
 _AWAY = 1e-3
 #: Radius (m) that fingers have at most, where it is not said.
 _WIDEST = 0.03
@@ -55,7 +55,7 @@ class Observations:
         Inward normals of the outline at the fingers, in B; NaN where a finger does not touch.
     place : array, shape (n, 2, 2)
         Contact points of the fingers in B.
-    gap : array, shape (n, 2)
+    clearance : array, shape (n, 2)
         Distance of the fingers' centres from the outline less the nominal radius, in m.
     slip : array, shape (n,)
         Speed (m/s) at which the touching fingers move along the outline to the left of the normal; NaN if unknown.
@@ -83,7 +83,7 @@ class Observations:
     pusher: FloatArray
     normal: FloatArray
     place: FloatArray
-    gap: FloatArray
+    clearance: FloatArray
     slip: FloatArray
     span: FloatArray
     group: list[str]
@@ -139,7 +139,7 @@ def observe(log: PushLog) -> Observations:
             offset = compose(inverse(poses[first]), poses[last])
             offset[2] = wrap_angle(offset[2])
             spent = float(seconds[last] - seconds[first])
-            if told_apart(seconds[[first, last]]).all() and np.abs(offset).max() > LEAST_POSITIVE:
+            if distinct(seconds[[first, last]]).all() and np.abs(offset).max() > LEAST_POSITIVE:
                 whole[len(blocks)] = spent
                 ends[len(blocks)] = compose(poses[first], exp(log_of(offset) / 2)), log_of(offset) / spent
                 blocks.append((k, np.flatnonzero(s["trial"] == names[k])))
@@ -157,13 +157,13 @@ def observe(log: PushLog) -> Observations:
     for i, (middle, motion) in ends.items():
         pose[i], twist[i] = middle, motion
     pusher, wrench = means(log.columns("px", "py", "ptheta")), means(log.columns("fx", "fy", "tau"))
-    # nor does the mean of a whole push tell where the pusher was
+    # nor does the mean of a whole push show where the pusher was
     pusher[list(ends)] = np.nan
-    # a sensor that reads nothing at all tells nothing of the load
+    # a sensor that reads nothing at all carries no information on the load
     wrench[~np.abs(wrench).any(axis=1)] = np.nan
     # each contact point for itself: a finger may touch alone
     points = np.stack((means(log.columns("c1x", "c1y")), means(log.columns("c2x", "c2y"))), axis=1)
-    radius, normal, place, gap, slip = _fingers(log, trial, time, pose, twist, pusher, points)
+    radius, normal, place, clearance, slip = _fingers(log, trial, time, pose, twist, pusher, points)
     begun = np.asarray(log.trials["start_time"], dtype=np.float64)
     rank = np.argsort(np.argsort(begun, kind="stable"), kind="stable") / max(1, len(names) - 1)
     group = [str(g) for g in log.trials["group"]] if "group" in log.trials else [""] * len(names)
@@ -173,8 +173,8 @@ def observe(log: PushLog) -> Observations:
     acceleration, unsteady = _rates(trial, time, twist, span, from_rest)
     return Observations(
         names, trial, rank[trial], time, pose, twist, acceleration, unsteady, wrench, pusher,
-        normal, place, gap, slip, span, group, _at_rest(log, names, rows_of, poses), radius,
-        _fingers_off(log, trial, gap),
+        normal, place, clearance, slip, span, group, _at_rest(log, names, rows_of, poses), radius,
+        _fingers_off(log, trial, clearance),
     )  # fmt: skip
 
 
@@ -221,7 +221,7 @@ def _rates(
     result, off = np.zeros_like(values), np.zeros_like(values)
     for k in np.unique(trial):
         rows = np.flatnonzero(trial == k)
-        if len(rows) < 2 or not told_apart(time[rows]).all():
+        if len(rows) < 2 or not distinct(time[rows]).all():
             continue
         result[rows] = np.gradient(values[rows], time[rows], axis=0)
         slopes = np.diff(values[rows], axis=0) / np.diff(time[rows])[:, None]
@@ -245,10 +245,10 @@ def _fingers(
     logged."""
     n = len(pose)
     normal, place = np.full((n, 2, 2), np.nan), np.full((n, 2, 2), np.nan)
-    gap, slip = np.full((n, 2), np.nan), np.full(n, np.nan)
+    clearance, slip = np.full((n, 2), np.nan), np.full(n, np.nan)
     radius = log.rig.finger_radius
     if log.rig.contact_kind == "held":
-        return radius, normal, place, gap, slip
+        return radius, normal, place, clearance, slip
     outline = log.rig.slider.vertices
     places = finger_places(log)
     if not places.any() or np.isnan(places).any():
@@ -261,15 +261,15 @@ def _fingers(
         centers = transform_points(relative, places)
         for k in range(len(places)):
             near, inward, away = nearest(outline, centers[:, k])
-            gap[known, k], normal[known, k], place[known, k] = away, inward, near
+            clearance[known, k], normal[known, k], place[known, k] = away, inward, near
         if radius is None:
-            near_by = np.abs(gap) < _WIDEST
-            radius = max(0.0, float(np.median(gap[near_by]))) if near_by.any() else None
-        gap -= radius or 0.0
+            near_by = np.abs(clearance) < _WIDEST
+            radius = max(0.0, float(np.median(clearance[near_by]))) if near_by.any() else None
+        clearance -= radius or 0.0
         # fingers of a radius that is not quite the nominal one touch at the gap that most rows have
-        near_by = np.abs(gap) < _NEAR
-        usual = float(np.median(gap[near_by])) if near_by.any() else 0.0
-        touching = np.abs(gap - usual) < _TOUCH
+        near_by = np.abs(clearance) < _NEAR
+        robust_variance = float(np.median(clearance[near_by])) if near_by.any() else 0.0
+        touching = np.abs(clearance - robust_variance) < _TOUCH
         seen = np.asarray(np.isfinite(points).all(axis=2))
         if seen.any():
             # a logged contact point belongs to the finger whose place is nearest; fingers without one are open
@@ -281,7 +281,7 @@ def _fingers(
                 owned[rows_seen, away[rows_seen].argmin(axis=1)] = True
             touching = owned & near_by
         for k in range(2):
-            gap[~touching[:, k], k] = np.nan
+            clearance[~touching[:, k], k] = np.nan
             normal[~touching[:, k], k], place[~touching[:, k], k] = np.nan, np.nan
     elif np.isfinite(points).any():
         for k in range(2):
@@ -289,12 +289,12 @@ def _fingers(
             if there.any():
                 near, inward, _ = nearest(outline, points[there, k])
                 normal[there, k], place[there, k] = inward, near
-    # along the outline, from the places of neighbouring rows; rolling moves the contact too, which the turn of the pusher tells
+    # along the outline, from the places of neighbouring rows; rolling moves the contact too, which the turn of the pusher shows
     for t in np.unique(trial):
         rows = np.flatnonzero(trial == t)
         for k in (0, 1):
             good = rows[np.isfinite(place[rows, k]).all(axis=1)]
-            if len(good) < 3 or not told_apart(time[good]).all():
+            if len(good) < 3 or not distinct(time[good]).all():
                 continue
             rate = np.gradient(place[good, k], time[good], axis=0)
             tangent = np.stack((-normal[good, k, 1], normal[good, k, 0]), axis=-1)
@@ -304,10 +304,10 @@ def _fingers(
                 along = along + radius * turn if np.isfinite(turn).all() else along
             # the slider slips against the finger the other way round
             slip[good] = np.where(np.isfinite(slip[good]), 0.5 * (slip[good] - along), -along)
-    return radius, normal, place, gap, slip
+    return radius, normal, place, clearance, slip
 
 
-def _fingers_off(log: PushLog, trial: np.ndarray, gap: FloatArray) -> tuple[float, float]:
+def _fingers_off(log: PushLog, trial: np.ndarray, clearance: FloatArray) -> tuple[float, float]:
     """Which fingers, left and right of where the pusher faces, are off, 1 or 0: both, unless by the medians of the trials one is
     and the other is not."""
     middle, error = np.zeros(2), np.full(2, np.inf)
@@ -315,9 +315,9 @@ def _fingers_off(log: PushLog, trial: np.ndarray, gap: FloatArray) -> tuple[floa
         # the radius is then what most rows have: neither finger is known to be as it should be
         return 1.0, 1.0
     for k in range(2):
-        trials = np.unique(trial[np.isfinite(gap[:, k])])
+        trials = np.unique(trial[np.isfinite(clearance[:, k])])
         if len(trials) > 2:
-            by_trial = np.array([np.nanmedian(gap[trial == t, k]) for t in trials])
+            by_trial = np.array([np.nanmedian(clearance[trial == t, k]) for t in trials])
             middle[k] = np.median(by_trial)
             noise = log.rig.noise.position if log.rig.noise is not None else 0.0
             spread = max(noise, 1.4826 * float(np.median(np.abs(by_trial - middle[k]))), 1e-9)
@@ -333,14 +333,14 @@ def _fingers_off(log: PushLog, trial: np.ndarray, gap: FloatArray) -> tuple[floa
 
 def finger_places(log: PushLog) -> FloatArray:
     """Return where the fingers are in the pusher's frame, left and right of its axis, in m: (2, 2), or (1, 2) for one; NaN if the
-    log does not tell."""
+    log does not show it."""
     if log.rig.contact_kind != "two-point":
         return np.zeros((1, 2))
     return np.outer((1.0, -1.0), (0.0, _half_spacing(log)))
 
 
 def _half_spacing(log: PushLog) -> float:
-    """Half the distance (m) between two fingers, from the contact points that are logged; NaN if they do not tell."""
+    """Half the distance (m) between two fingers, from the contact points that are logged; NaN if they do not show it."""
     poses, pushers = log.columns("x", "y", "theta"), log.columns("px", "py", "ptheta")
     points = log.columns("c1x", "c1y", "c2x", "c2y").reshape(-1, 2, 2)
     both = np.isfinite(points).all(axis=(1, 2))

@@ -81,8 +81,8 @@ def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, Par
 def rank(system: System, found: Attribution, effects: list[str]) -> list[RankedEffect]:
     """Return the effects of the catalogue, the most probable first; ``effects``: those that the verdict names."""
     # causes that the log cannot tell apart share the probability of the one that was fitted
-    apart = (found.rivalled, *found.rivals) if found.rivals else ()
-    shared = _of_fit(found.rivalled, system, found, effects)[0] / len(apart) if apart else 0.0
+    apart = (found.confounded_with, *found.confounded) if found.confounded else ()
+    shared = _of_fit(found.confounded_with, system, found, effects)[0] / len(apart) if apart else 0.0
     entries = []
     for id in CATALOGUE:
         if id == "contact-friction" and system.has_wrench:
@@ -90,8 +90,8 @@ def rank(system: System, found: Attribution, effects: list[str]) -> list[RankedE
         elif id == "model-capacity":
             # a refitted surface takes it: nothing speaks for it but that another surface fits better
             seen = system.has_surface and "free" in found.scores
-            absorbed = found.absorbed and not found.chosen
-            entry = ((_FACETS[0] if absorbed else _FACETS[1]) if seen else 0.02, {}, seen)
+            recalibrated = found.recalibrated and not found.chosen
+            entry = ((_FACETS[0] if recalibrated else _FACETS[1]) if seen else 0.02, {}, seen)
         else:
             entry = _of_fit(id, system, found, effects)
         probability, parameters, seen = entry

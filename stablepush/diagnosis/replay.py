@@ -1,4 +1,4 @@
-"""The pushes of a log carried out again in simulation: from where the slider lay, by the pusher's way as logged or commanded."""
+"""The pushes of a log carried out again in simulation: from where the slider lay, by the pusher's path as logged or commanded."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from stablepush.geometry import (
     twist_from_cor,
     wrap_angle,
 )
-from stablepush.io import Noise, PushLog, told_apart
-from stablepush.mechanics import Course, Pusher, TableFriction, course_of, follow
+from stablepush.io import Noise, PushLog, distinct
+from stablepush.mechanics import MotionProfile, Pusher, TableFriction, motion_profile, rollout
 from stablepush.objects import PushContact, Slider
 from stablepush.surfaces import IdealLimitSurface
 
-#: Radius (m) of fingers that is not known: where they go is told at the contact.
+#: Radius (m) of fingers that is not known: where they go is found at the contact.
 _RADIUS = 5e-3
 #: Contact points nearer than this (m) are one finger's.
 _SAME_POINT = 1e-3
@@ -45,9 +45,9 @@ MOVING: Mapping[str, float] = {
     "latency": 0.02,
 }  # fmt: skip
 _THIN = 1e-4
-#: Pieces of constant twist that a logged way is followed in, at most.
+#: Pieces of constant twist that a logged path is followed in, at most.
 _MOST_PIECES = 16
-#: Lever (m) by which turns of the pusher count as way.
+#: Lever (m) by which turns of the pusher count as travel.
 _ARM = 0.05
 #: Draws of the noise of first poses.
 _DRAWS = 4
@@ -69,7 +69,7 @@ class Replay:
     place, course
         The pusher's first pose in W, and its motion from there.
     logged : bool
-        Whether the motion is the way as it was logged, up to the last pose; else as it was commanded, to rest.
+        Whether the motion is the path as it was logged, up to the last pose; else as it was commanded, to rest.
     off : tuple of floats
         Fingers, 1 or 0, whose radius may be another.
     """
@@ -79,7 +79,7 @@ class Replay:
     end: FloatArray
     pusher: Pusher
     place: FloatArray
-    course: Course
+    profile: MotionProfile
     logged: bool
     off: tuple[float, ...]
 
@@ -115,7 +115,7 @@ class _Sheet:
         self.radius = observations.finger_radius if observations.finger_radius is not None else _RADIUS
         self.mu = rig.contact_friction if rig.contact_friction is not None else 1.0
         self.seen: BoolArray = np.asarray(np.isfinite(self.poses).all(axis=1) & np.isfinite(self.times))
-        self.told: BoolArray = self.seen & np.isfinite(self.pushers).all(axis=1) & bool(np.isfinite(self.places).all())
+        self.known: BoolArray = self.seen & np.isfinite(self.pushers).all(axis=1) & bool(np.isfinite(self.places).all())
         self.touched: BoolArray = np.asarray(np.isfinite(self.points).all(axis=(1, 2)))
 
     def rows(self, trial: str) -> np.ndarray:
@@ -123,10 +123,10 @@ class _Sheet:
         return np.asarray(rows[np.argsort(self.times[rows], kind="stable")])
 
     def contact(self, rows: np.ndarray) -> PushContact | None:
-        """Where two fingers are nearest to the outline in the first of rows that tells, else the contact points that it logs."""
-        told, touched = rows[self.told[rows]], rows[self.touched[rows]]
-        if self.two and len(told):
-            places = transform_points(compose(inverse(self.poses[told[0]]), self.pushers[told[0]]), self.places)
+        """Where two fingers are nearest to the outline in the first row that shows it, else the contact points that it logs."""
+        known, touched = rows[self.known[rows]], rows[self.touched[rows]]
+        if self.two and len(known):
+            places = transform_points(compose(inverse(self.poses[known[0]]), self.pushers[known[0]]), self.places)
         elif len(touched):
             places = self.points[touched[0]]
         else:
@@ -137,19 +137,19 @@ class _Sheet:
 
 
 def step_of(slider: Slider) -> float:
-    """Return the way (m) of a finger in a step of the simulation."""
+    """Return the travel (m) of a finger in a step of the simulation."""
     return max(_STEP, _STEP_SHARE * slider.characteristic_length)
 
 
 def first_contacts(log: PushLog, observations: Observations) -> dict[int, PushContact]:
-    """Return where two fingers touch at first, in B, of trials by number where the log tells."""
+    """Return where two fingers touch at first, in B, of trials by number where the log shows it."""
     sheet = _Sheet(log, observations)
     found = {k: sheet.contact(sheet.rows(name)) for k, name in enumerate(observations.names)}
     return {k: contact for k, contact in found.items() if contact is not None}
 
 
 def replays(log: PushLog, observations: Observations) -> list[Replay]:
-    """Return the pushes of a log whose way is known, and where the slider was before and after."""
+    """Return the pushes of a log whose path is known, and where the slider was before and after."""
     if log.rig.contact_kind == "held":
         return []
     sheet = _Sheet(log, observations)
@@ -162,10 +162,10 @@ def replays(log: PushLog, observations: Observations) -> list[Replay]:
 
 
 def _logged(sheet: _Sheet, trial: int, name: str) -> Replay | None:
-    """A push by the pusher's logged way."""
+    """A push by the pusher's logged path."""
     rows = sheet.rows(name)
-    rows = rows[sheet.told[rows]]
-    rows = rows[told_apart(sheet.times[rows])]
+    rows = rows[sheet.known[rows]]
+    rows = rows[distinct(sheet.times[rows])]
     if len(rows) < 2:
         return None
     rows = _knots(rows, sheet.pushers, sheet.phases)
@@ -177,8 +177,8 @@ def _logged(sheet: _Sheet, trial: int, name: str) -> Replay | None:
         motion.append((log_of(step) / span, span))
     first, last = rows[0], rows[-1]
     pusher = Pusher(sheet.places, sheet.radius)
-    course = course_of(pusher, motion, sheet.step)
-    return Replay(trial, sheet.poses[first], sheet.poses[last], pusher, sheet.pushers[first], course, True, sheet.off)
+    profile = motion_profile(pusher, motion, sheet.step)
+    return Replay(trial, sheet.poses[first], sheet.poses[last], pusher, sheet.pushers[first], profile, True, sheet.off)
 
 
 def _commanded(sheet: _Sheet, trial: int, name: str) -> Replay | None:
@@ -198,20 +198,20 @@ def _commanded(sheet: _Sheet, trial: int, name: str) -> Replay | None:
     docked = pusher.docked(contact)
     twist = transport_twist(twist_from_cor((cor_x, cor_y), sense), inverse(docked))
     start, end = sheet.poses[seen[0]], sheet.poses[seen[-1]]
-    course = course_of(pusher, [(twist, abs(angle))], sheet.step)
-    return Replay(trial, start, end, pusher, compose(start, docked), course, False, sheet.off)
+    profile = motion_profile(pusher, [(twist, abs(angle))], sheet.step)
+    return Replay(trial, start, end, pusher, compose(start, docked), profile, False, sheet.off)
 
 
 def _knots(rows: np.ndarray, pushers: FloatArray, phases: np.ndarray | None) -> np.ndarray:
-    """Rows (k,) at places that are even on the pusher's way, from the last one before the push."""
+    """Rows (k,) at places that are evenly spaced on the pusher's path, from the last one before the push."""
     if phases is not None and (phases[rows] == "push").any():
         rows = rows[max(0, int(np.argmax(phases[rows] == "push")) - 1) :]
     steps = np.diff(pushers[rows], axis=0)
-    way = np.concatenate(([0.0], np.cumsum(np.hypot(*steps[:, :2].T) + _ARM * np.abs(wrap_angle(steps[:, 2])))))
-    if len(rows) <= _MOST_PIECES + 1 or way[-1] == 0:
+    travelled = np.concatenate(([0.0], np.cumsum(np.hypot(*steps[:, :2].T) + _ARM * np.abs(wrap_angle(steps[:, 2])))))
+    if len(rows) <= _MOST_PIECES + 1 or travelled[-1] == 0:
         return rows
     # a row that is at one of the places but for rounding is the one
-    at = np.searchsorted(way - 1e-9, np.linspace(0, way[-1], _MOST_PIECES + 1), side="right") - 1
+    at = np.searchsorted(travelled - 1e-9, np.linspace(0, travelled[-1], _MOST_PIECES + 1), side="right") - 1
     return rows[np.unique(np.append(at, len(rows) - 1))]
 
 
@@ -229,10 +229,12 @@ def friction_of(surface: IdealLimitSurface, values: Mapping[str, FloatArray], we
         points = support.center + (1 + values["pressure-spread"][0]) * (points - support.center)
     points = points + values.get("pressure-shift", np.zeros(2))
     moved = IdealLimitSurface(type(support)(points, support.weights), surface.friction_load, surface.characteristic_length)
-    return TableFriction(moved, of_slider=tables[0], of_table=tables[1], gradient=gradient, pull=weight * slope)
+    return TableFriction(
+        moved, body_anisotropy=tables[0], world_anisotropy=tables[1], gradient=gradient, external_force=weight * slope
+    )
 
 
-def misses(
+def pose_errors(
     pushes: Sequence[Replay],
     surface: IdealLimitSurface,
     slider: Slider,
@@ -262,15 +264,15 @@ def misses(
 def carried(
     pushes: Sequence[Replay], surface: IdealLimitSurface, slider: Slider, mu: float, weight: float, noise: Noise
 ) -> FloatArray:
-    """Return how far (n, 3) the ends of pushes move, in ``(x, y, rho θ)`` in m, when the first pose errs by its noise (root mean
+    """Return how far (n, 3) the final poses move, in ``(x, y, rho θ)`` in m, when the first pose errs by its noise (root mean
     squares); NaN where a push cannot be simulated."""
     rng = np.random.default_rng(0)
     sizes = np.array((noise.position, noise.position, noise.angle))
-    nominal = misses(pushes, surface, slider, mu, weight, {})
+    nominal = pose_errors(pushes, surface, slider, mu, weight, {})
     squares = np.zeros_like(nominal)
     for _ in range(_DRAWS):
         other = [replace(push, start=push.start + sizes * rng.normal(size=3)) for push in pushes]
-        squares += (misses(other, surface, slider, mu, weight, {}) - nominal) ** 2 / _DRAWS
+        squares += (pose_errors(other, surface, slider, mu, weight, {}) - nominal) ** 2 / _DRAWS
     return np.asarray(np.sqrt(squares))
 
 
@@ -285,7 +287,7 @@ def carry_out(replay: Replay, table: Any, slider: Slider, mu: float, values: Map
     # the tracked origin lies off the centre of mass by the offset
     start = compose(replay.start, -offset)
     try:
-        trace = follow(table, slider, pusher, mu, start, replay.place, replay.course)
+        trace = rollout(table, slider, pusher, mu, start, replay.place, replay.profile)
     except (InputError, ConvergenceError):
         return np.full(3, np.nan)
     end = trace.poses[-1]

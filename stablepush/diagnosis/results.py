@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 from stablepush.core import Word
+from stablepush.objects import EdgePush
 
 
 class Verdict(Word):
@@ -20,14 +21,23 @@ class Verdict(Word):
     UNKNOWN = "unknown", "no effect of the catalogue explains the gap: see where it lies"
 
 
-class Record:
+class Record(Mapping[str, Any]):
     """A result whose fields were keys of a dictionary: ``record["name"]`` works for one more version."""
 
     __slots__ = ()
+    __eq__, __hash__ = object.__eq__, object.__hash__
 
     def __getitem__(self, name: str) -> Any:
+        if name not in tuple(self):
+            raise KeyError(name)
         warnings.warn(f'use .{name} instead of ["{name}"]', DeprecationWarning, stacklevel=2)
         return getattr(self, name)
+
+    def __iter__(self) -> Iterator[str]:
+        return (f.name for f in fields(self))  # type: ignore[arg-type]
+
+    def __len__(self) -> int:
+        return len(fields(self))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +51,7 @@ class ParameterEstimate(Record):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RankedEffect(Record):
-    """An effect of the catalogue with the probability that it acts; ``reason``: why this log cannot show it, if so."""
+    """An effect of the catalogue with the probability that it acts; ``reason``: why it is not identifiable, if so."""
 
     effect: str
     probability: float
@@ -84,12 +94,14 @@ class NextExperiment(Record):
     """Pushes that separate two effects, and why these; without pushes ``why`` says what to do instead."""
 
     separates: Sequence[str]
-    pushes: Sequence[Mapping[str, Any]]
+    pushes: Sequence[EdgePush]
     why: str
 
 
 def as_json(value: Any) -> Any:
     """Return the JSON of a result: objects have the fields of its dataclass as keys."""
+    if isinstance(value, EdgePush):
+        return value.to_json()
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: as_json(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, Mapping):

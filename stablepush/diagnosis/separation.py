@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,26 +12,26 @@ from stablepush.diagnosis.candidates import Candidates, ends_of, loads_of
 from stablepush.diagnosis.equations import SIZES, Fitted
 from stablepush.diagnosis.motions import Motions
 from stablepush.diagnosis.system import System
+from stablepush.objects import EdgePush
 
 #: Pushes proposed, how often each is to be made, and what the sum of squares must differ by, between the causes, for them to be
 #: worth while.
 _PROPOSED, _TIMES, _TOLD = 8, 2, 10.0
 #: Directions of parameters whose information is this share of the greatest are not determined.
 _RANK = 1e-9
-#: Pushes that tell the same to this share are alike.
+#: Pushes whose information differs by less than this share are alike.
 _ALIKE = 1e-6
 
 
-def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict[str, Any]]:
-    """Return pushes that tell two effects apart, each as it was fitted, the most telling first, each twice: the diagnosis
+def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[EdgePush]:
+    """Return pushes that separate two effects, each as it was fitted, the most informative first, each twice: the diagnosis
     believes no single push. None if not even all of them would.
 
     Chosen one by one so that what is left of the difference of the two predictions, over the noise, is largest when either effect
     takes what values suit it better, as far as the log lets it (the T-criterion of Atkinson and Fedorov 1975, linearised).
 
-    Straight pushes of an edge, in the terms of a list that ``simulate`` takes: ``edge``, ``along`` (m), ``direction`` (rad),
-    ``way`` (m), ``speed`` (m/s), and where the slider is put, ``x, y, theta`` in W; with the differences that are expected of
-    loads (N) and of gaps between finger and outline (m), or without forces of ends (m; turns times the radius of gyration).
+    They are straight, and ``expected`` has the differences of the readings: of loads (N) and of clearances between fingers and
+    outline (m), or without forces of final poses (m; turns times the radius of gyration).
     """
     candidates: Candidates = ends_of(system) if isinstance(system, Motions) else loads_of(system)
     if not candidates.entries:
@@ -45,7 +45,7 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict
         at = sum(SIZES[k] for k in list(fitted.values)[: list(fitted.values).index(id)])
         spread = fitted.covariance[at : at + size, at : at + size]
         known.append(np.linalg.pinv(spread, rcond=_RANK, hermitian=True))
-    # what cannot be simulated with either effect, or with a little more of it, tells nothing
+    # what cannot be simulated with either effect, or with a little more of it, is of no use
     numbers = [part.reshape(len(part), -1) for part in (*predicted, *slopes)]
     usable = np.flatnonzero(np.isfinite(np.column_stack(numbers)).all(axis=1))
     predicted, slopes = [part[usable] for part in predicted], [part[usable] for part in slopes]
@@ -62,7 +62,7 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict
             taken = np.einsum("nd,nde,ne->n", slope, np.linalg.pinv(information, rcond=_RANK, hermitian=True), slope)
             left = np.minimum(left, total + _TIMES * squares - taken)
         left[chosen] = -np.inf
-        # pushes that tell as much, as those at mirrored places do: the first
+        # of equally informative pushes, as at mirrored places: the first
         best = first_least(-left, _ALIKE * max(float(left.max()), _TOLD))
         told = float(left[best])
         chosen.append(best)
@@ -71,5 +71,5 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[dict
         informed = [a + _TIMES * gram[best] for a, gram in zip(informed, grams, strict=True)]
     if told < _TOLD:
         return []
-    entries = [{**candidates.entries[usable[i]], **candidates.expected(difference[i])} for i in chosen]
-    return [entry for entry in entries for _ in range(_TIMES)]
+    pushes = [replace(candidates.entries[usable[i]], expected=candidates.expected(difference[i])) for i in chosen]
+    return [push for push in pushes for _ in range(_TIMES)]

@@ -1,9 +1,9 @@
 """The equations of a log, whitened: loads of support points and parameters of effects against measured wrenches and gaps.
 
-``y = G(θ) m + c(θ) + noise`` for the wrenches, ``gap = Z θ + noise`` for the fingers: ``m`` are friction loads of support points
-with a Gaussian prior about the nominal ones (wide along their scale), ``θ`` the parameters of effects. The noise of a row is that
-of the force sensor and what the noise of the motion makes of the prediction. Rows of a trial share errors that no formula has:
-every judgement treats trials, not rows, as independent.
+``y = G(θ) m + c(θ) + noise`` for the wrenches, ``clearance = Z θ + noise`` for the fingers: ``m`` are friction loads of support
+points with a Gaussian prior about the nominal ones (wide along their scale), ``θ`` the parameters of effects. The noise of a row
+is that of the force sensor and what the noise of the motion makes of the prediction. Rows of a trial share errors that no formula
+has: every judgement treats trials, not rows, as independent.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from stablepush.core import FloatArray
-from stablepush.diagnosis.equations import SIZES, Equations, Fitted, Values, usual
+from stablepush.diagnosis.equations import SIZES, Equations, Fitted, Values, robust_variance
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.observations import Observations, contact_velocity
 from stablepush.diagnosis.replay import Replay, carried
@@ -38,8 +38,8 @@ _PIVOT = 4.0
 _AMPLIFIED = 10.0
 #: Motions over which pressures are compared.
 _MOTIONS = 150
-#: Effects that show in the gaps between fingers and outline, and numbers of their parameters.
-IN_GAPS: Mapping[str, int] = {"contact-geometry": 1, "frame-offset": 2, "latency": 1}
+#: Effects that show in the clearances between fingers and outline, and numbers of their parameters.
+IN_CLEARANCES: Mapping[str, int] = {"contact-geometry": 1, "frame-offset": 2, "latency": 1}
 
 
 class System(Equations):
@@ -53,7 +53,7 @@ class System(Equations):
     nominal : array, shape (k,)
         Nominal friction loads (N) of the points.
     has_wrench, has_surface : bool
-        Whether the log has forces, and whether it tells of the limit surface.
+        Whether the log has forces, and whether it carries information on the limit surface.
     """
 
     def __init__(self, observations: Observations, rig: Rig, noisier: float = 1.0) -> None:
@@ -89,15 +89,15 @@ class System(Equations):
             self._whiten(shares * total)
         self.nominal = shares * total
         # rows of the gaps: finger by finger, where one touches
-        self.gap_rows = [(k, np.flatnonzero(np.isfinite(o.gap[:, k]))) for k in range(2)]
-        self.gap_noise = float(np.hypot(self.noise.position * 1.05, (o.finger_radius or 0.0) * self.noise.angle))
+        self.clearance_rows = [(k, np.flatnonzero(np.isfinite(o.clearance[:, k]))) for k in range(2)]
+        self.clearance_noise = float(np.hypot(self.noise.position * 1.05, (o.finger_radius or 0.0) * self.noise.angle))
         trial, self.rest = o.rest if self.has_wrench else (np.zeros(0, dtype=int), np.zeros((0, 2)))
         parts = [np.repeat(o.trial, 3)] if self.has_wrench else []
-        parts += [o.trial[rows] for _, rows in self.gap_rows] + [np.repeat(trial, 2)]
+        parts += [o.trial[rows] for _, rows in self.clearance_rows] + [np.repeat(trial, 2)]
         self.trial = np.concatenate(parts).astype(int)
-        #: Noise (m) of the ends of pushes that are carried out again, where there are any.
-        self.end_noise = np.zeros((0, 3))
-        if rig.finger_radius is None and any(len(rows) for _, rows in self.gap_rows):
+        #: Noise (m) of the final poses that are carried out again, where there are any.
+        self.final_pose_noise = np.zeros((0, 3))
+        if rig.finger_radius is None and any(len(rows) for _, rows in self.clearance_rows):
             self.nuisance = ("contact-geometry",)
 
     def _whiten(self, loads: FloatArray) -> None:
@@ -107,7 +107,7 @@ class System(Equations):
         slopes = self.model.motion_slopes(loads) * spread[:, None, :]
         covariance = slopes @ slopes.transpose(0, 2, 1)
         covariance += np.diag((noise.force**2, noise.force**2, noise.moment**2))
-        # a support point that all but rests may have friction in any direction: the motion does not tell
+        # a support point that all but rests may have friction in any direction: the motion does not show it
         for point, load in zip(self.points, loads, strict=True):
             if load == 0.0:
                 continue
@@ -119,7 +119,7 @@ class System(Equations):
             unknown = load**2 * (jitter / (jitter + (velocity**2).sum(axis=1))) ** 2
             for arm in (np.array((1.0, 0.0, -y)), np.array((0.0, 1.0, x))):
                 covariance += unknown[:, None, None] * np.outer(arm, arm)
-        # where the speed changes between rows, what the mass takes is not told by them; rows that are all but at one time tell
+        # where the speed changes between rows, they do not show what the mass takes; rows that are all but at one time show
         # nothing of it
         inertia = (self.rig.slider.mass or 0.0) * np.array((1.0, 1.0, self.rig.slider.radius_of_gyration**2))
         most = float(np.abs(loads).sum()) + noise.force
@@ -148,20 +148,20 @@ class System(Equations):
 
     def lack_of_touch(self, fitted: Fitted) -> float:
         """Robust mean square of what a fit leaves of the gaps, over their noise; 0 where none are measured."""
-        count = sum(len(rows) for _, rows in self.gap_rows)
+        count = sum(len(rows) for _, rows in self.clearance_rows)
         behind = len(fitted.residual) - self.rest.size
         left = fitted.residual[behind - count : behind]
-        return float(usual(left**2)) if count else 0.0
+        return float(robust_variance(left**2)) if count else 0.0
 
-    def gap_change(self, id: str, value: FloatArray) -> FloatArray:
+    def clearance_change(self, id: str, value: FloatArray) -> FloatArray:
         """What an effect does to the gaps (g,), in m."""
         half = 0.5 * value if id == "latency" else np.zeros_like(value)
-        return np.asarray(self.gap_columns(id, half) @ value) * self.gap_noise
+        return np.asarray(self.clearance_columns(id, half) @ value) * self.clearance_noise
 
-    def gap_columns(self, id: str, value: FloatArray | None = None) -> FloatArray:
+    def clearance_columns(self, id: str, value: FloatArray | None = None) -> FloatArray:
         """Whitened columns (g, d) of the derivatives of the gaps by an effect's parameters, at a value (none if not given)."""
         o, parts = self.observations, []
-        for k, rows in self.gap_rows:
+        for k, rows in self.clearance_rows:
             normal = o.normal[rows, k]
             if id == "contact-geometry":
                 parts.append(np.full((len(rows), 1), o.off[k]))
@@ -177,20 +177,22 @@ class System(Equations):
                 parts.append(-(normal * velocity).sum(axis=1, keepdims=True))
             else:
                 parts.append(np.zeros((len(rows), SIZES[id])))
-        return np.concatenate(parts) / self.gap_noise
+        return np.concatenate(parts) / self.clearance_noise
 
     def residual(self, loads: FloatArray, values: Values) -> FloatArray:
         parts = []
         if self.has_wrench:
             wrench_values = {id: v for id, v in values.items() if id in PARAMETERS}
             parts.append(self.white(self.observations.wrench - self.model.predict(loads, wrench_values)))
-        gaps = np.concatenate([self.observations.gap[rows, k] for k, rows in self.gap_rows]) / self.gap_noise
+        clearances = (
+            np.concatenate([self.observations.clearance[rows, k] for k, rows in self.clearance_rows]) / self.clearance_noise
+        )
         for id in values:
-            if id in IN_GAPS and len(gaps):
-                gaps = gaps - self.gap_change(id, values[id]) / self.gap_noise
+            if id in IN_CLEARANCES and len(clearances):
+                clearances = clearances - self.clearance_change(id, values[id]) / self.clearance_noise
         # what a sensor reads that touches nothing is its offset
         bias = values.get("force-bias", np.zeros(2))
-        return np.concatenate((*parts, gaps, (self.rest - bias).ravel() / self.noise.force))
+        return np.concatenate((*parts, clearances, (self.rest - bias).ravel() / self.noise.force))
 
     def columns(self, id: str, loads: FloatArray, values: Values) -> FloatArray:
         size = SIZES[id]
@@ -212,12 +214,12 @@ class System(Equations):
         at_rest = np.zeros((self.rest.size, size))
         if id == "force-bias":
             at_rest = np.tile(np.eye(2), (len(self.rest), 1)) / self.noise.force
-        return np.concatenate((*parts, self.gap_columns(id, values.get(id)), at_rest))
+        return np.concatenate((*parts, self.clearance_columns(id, values.get(id)), at_rest))
 
     def base(self, values: Values, free: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
-        gaps = sum(len(rows) for _, rows in self.gap_rows) + self.rest.size
+        clearances = sum(len(rows) for _, rows in self.clearance_rows) + self.rest.size
         if not self.has_wrench:
-            return np.zeros((len(self.points), 0)), np.zeros((gaps, 0)), np.zeros((0, 0))
+            return np.zeros((len(self.points), 0)), np.zeros((clearances, 0)), np.zeros((0, 0))
         total = float(self.nominal.sum())
         along = self.nominal / np.linalg.norm(self.nominal)
         directions = np.eye(len(self.points)) if free else along[:, None]
@@ -228,7 +230,7 @@ class System(Equations):
             precision = np.array(((1.0 / (_SCALE * np.linalg.norm(self.nominal)) ** 2,),))
         matrix, _ = self.model.matrix({id: v for id, v in values.items() if id in PARAMETERS})
         columns = self.white(matrix @ directions)
-        return directions, np.concatenate((columns, np.zeros((gaps, directions.shape[1])))), precision
+        return directions, np.concatenate((columns, np.zeros((clearances, directions.shape[1])))), precision
 
     def surface(self, loads: FloatArray) -> IdealLimitSurface:
         """Return the refitted pressure as a limit surface.
@@ -246,7 +248,7 @@ class System(Equations):
             rows = np.stack((vx / size, vy / size, (x * vy - y * vx) / size / self.rho), axis=1).reshape(-1, len(x))
             positive, _ = nnls(rows, rows @ loads)
         if (positive > 0).sum() < 2:
-            # a log that tells nothing of the pressure: a little of the nominal one keeps it a surface
+            # a log that carries no information on the pressure: a little of the nominal one keeps it a surface
             positive = positive + 1e-6 * np.abs(self.nominal)
         carrying = positive > 0
         return IdealLimitSurface(SupportDistribution(self.points[carrying], positive[carrying]), float(positive.sum()), self.rho)
@@ -270,7 +272,7 @@ def system_of(observations: Observations, rig: Rig) -> System:
     system = System(observations, rig)
     if rig.noise is None and system.has_wrench:
         left = system.fit([], True).residual[: 3 * len(system.observations.time)]
-        size = float(np.sqrt(usual(left**2)))
+        size = float(np.sqrt(robust_variance(left**2)))
         if size > 1:
             return System(observations, rig, size)
     return system

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from stablepush.core import FloatArray, order_with_ties
-from stablepush.diagnosis.equations import usual
+from stablepush.diagnosis.equations import robust_variance
 from stablepush.diagnosis.observations import heading
 from stablepush.diagnosis.system import System
 from stablepush.geometry import rotate_vectors
@@ -67,8 +67,8 @@ def residuals(
     """Return the residuals of the nominal simulation in the frames that separate causes, in units of the noise.
 
     ``wrenches`` (n, 3) that it predicts, in B, if the log has forces: their size as a whole, the level of friction, is fitted;
-    ``ends`` (m, 3) of pushes, ``(x, y, rho θ)`` in B, and their trials ``ended``; the gaps between fingers and outline are the
-    observations'. ``floors``: mean squares of the noise by channel.
+    ``ends`` (m, 3) of pushes, ``(x, y, rho θ)`` in B, and their trials ``ended``; the clearances between fingers and outline are
+    the observations'. ``floors``: mean squares of the noise by channel.
     """
     o = system.observations
     found: dict[tuple[str, str], tuple[np.ndarray, FloatArray]] = {}
@@ -83,10 +83,10 @@ def residuals(
             "fy world": world[:, 1], "size": (off[:, :2] * along).sum(axis=1),
         }  # fmt: skip
         found |= {("wrench", name): (o.trial, values) for name, values in parts.items()}
-    trial = np.concatenate([o.trial[rows] for _, rows in system.gap_rows]).astype(int)
+    trial = np.concatenate([o.trial[rows] for _, rows in system.clearance_rows]).astype(int)
     if len(trial):
-        gaps = np.concatenate([o.gap[rows, k] for k, rows in system.gap_rows])
-        found["pose", "gap of fingers"] = trial, gaps / system.gap_noise
+        gaps = np.concatenate([o.clearance[rows, k] for k, rows in system.clearance_rows])
+        found["pose", "clearance of fingers"] = trial, gaps / system.clearance_noise
     good = np.isfinite(ends).all(axis=1)
     for k, name in enumerate(ENDS):
         found["pose", name] = ended[good], ends[good, k] / np.sqrt(floors.get("pose", 1.0) / 3)
@@ -94,8 +94,10 @@ def residuals(
 
 
 def localise(system: System, residuals: Residuals, seed: int = 0) -> list[Finding]:
-    """Return what residuals follow, false discoveries controlled (Benjamini and Hochberg 1995): what stands out most of the noise
-    first, ends of pushes last: all that acts on the way shows in them."""
+    """Return the covariates that residuals depend on, false discoveries controlled (Benjamini and Hochberg 1995).
+
+    What stands out most from the noise comes first. Final poses come last: all that acts during a push shows in them.
+    """
     features = covariates(system)
     found: list[Finding] = []
     # components that the same trials have are tested side by side
@@ -132,7 +134,7 @@ def _findings(rows: np.ndarray, features: Mapping[str, FloatArray], residuals: R
 
     targets = np.concatenate([means(trial, values[:, None]) for trial, values in residuals.values()], axis=1)
     # the usual size: a few pushes that go their own way do not make a finding strong
-    sizes = usual((targets - np.median(targets, axis=0)) ** 2, axis=0)
+    sizes = robust_variance((targets - np.median(targets, axis=0)) ** 2, axis=0)
     targets = targets - targets.mean(axis=0)
     found: list[Finding] = []
     for covariate, columns in features.items():

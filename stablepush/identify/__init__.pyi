@@ -13,6 +13,6 @@ from .fit import (
     Fit as Fit,
     fit_limit_surface as fit_limit_surface,
 )
-from .next_poke import Poke as Poke, poke_candidates as poke_candidates, poke_outcome as poke_outcome, rank_pokes as rank_pokes
+from .next_poke import poke_candidates as poke_candidates, poke_outcome as poke_outcome, rank_pokes as rank_pokes
 from .online import OnlineEstimate as OnlineEstimate, OnlineIdentifier as OnlineIdentifier
 from .pairs import SlipPairs as SlipPairs

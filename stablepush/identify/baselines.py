@@ -1,4 +1,4 @@
-"""The older ways from pokes to friction that the paper names: pressures on a grid, and an ellipsoid from a pressure."""
+"""The older methods from pokes to friction that the paper names: pressures on a grid, and an ellipsoid from a pressure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from stablepush.objects import Slider, SupportDistribution
 from stablepush.surfaces import IdealLimitSurface, PolynomialLimitSurface
 
 METHODS = ("least-squares", "linear-program")
-#: Singular values below this share of the largest count as zero: measured loads cannot tell what lies below their scatter.
+#: Singular values below this share of the largest count as zero: measured loads do not determine what lies below their scatter.
 LEAST_SINGULAR = 0.01
 #: Cells along the longer side of the outline's bounding box, if no spacing is given.
 DEFAULT_CELLS = 12

@@ -89,7 +89,7 @@ class Part:
     """Some of the pairs, reduced: their moments, the shrinkage, and pseudo pairs from the pressures that they leave likely.
 
     ``stiffness`` (m, m), ``pull`` (m,): the penalty ``|a - a0|²`` is ``aᵀ stiffness a - 2 pull·a + pull_constant``.
-    ``pair_weights`` (n,): robust weights of the pairs. ``rows``: the pairs themselves, for a loss that moments do not tell.
+    ``pair_weights`` (n,): robust weights of the pairs. ``rows``: the pairs themselves, for a loss that moments do not determine.
     """
 
     pairs: Moments

@@ -11,7 +11,18 @@ import numpy as np
 import scipy.special
 from numpy.typing import ArrayLike
 
-from stablepush.core import FloatArray, InputError, SolverError, check_choice, check_seed, check_vectors, first_least, read_only
+from stablepush.core import (
+    FloatArray,
+    InputError,
+    SolverError,
+    check_choice,
+    check_seed,
+    check_vectors,
+    first_least,
+    read_only,
+    renamed,
+    renamed_fields,
+)
 from stablepush.geometry import angle_between, normalize_twist
 from stablepush.identify.certificate import Certificate, certify
 from stablepush.identify.estimator import Estimator, NormLoss, NormWeights, Part, SquaredLoss, SquaredWeights
@@ -34,7 +45,7 @@ LOSSES = ("squared", "published", "norm")
 #: Folds of the cross-validation; with fewer than this many pairs the middle weights are taken instead.
 FOLDS = 5
 
-#: Share of Metropolis steps below which the likely pressures are said to be poorly mixed.
+#: Share of Metropolis steps below which the likely pressures are reported as poorly mixed.
 LEAST_ACCEPTANCE = 0.02
 
 #: Median of H over the pairs below which a fit under the norm loss has collapsed towards zero.
@@ -46,6 +57,7 @@ _ALIKE = 1e-6
 OUTLIER_WEIGHT = 0.2
 
 
+@renamed_fields(remarks="warnings")
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
     """An identified surface with what is needed to trust it.
@@ -75,7 +87,7 @@ class Fit:
         Proof of SOS-convexity, in units of the scaled loads; None for ``poly4`` and ``gp``.
     pressures : PressureEnsemble or None
         Pressure distributions that the pokes leave likely, all alike; None where no prior is used.
-    remarks : tuple of str
+    warnings : tuple of str
         What a user should know: pokes that contradict the prior or leave the surface open, outliers, slips of units.
     """
 
@@ -91,7 +103,7 @@ class Fit:
     pair_weights: FloatArray
     certificate: Certificate | None = None
     pressures: PressureEnsemble | None = None
-    remarks: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def prior_weight(self) -> float:
@@ -99,6 +111,7 @@ class Fit:
         return self.weights.get("prior", 0.0)
 
 
+@renamed(hold_out="validation_indices")
 def fit_limit_surface(
     wrenches: ArrayLike | SlipPairs,
     twists: ArrayLike | None = None,
@@ -108,7 +121,7 @@ def fit_limit_surface(
     seed: int | None = None,
     *,
     loss: str = "squared",
-    hold_out: ArrayLike | None = None,
+    validation_indices: ArrayLike | None = None,
     robust: bool = True,
     com_tolerance: ArrayLike = 0.0,
     progress: Callable[[int, int], None] | None = None,
@@ -145,7 +158,7 @@ def fit_limit_surface(
         ``"squared"``: as above. ``"published"``: the paper's equation, ``a0 = 0`` and every ``w_i = 1``, without the slider.
         ``"norm"``: as in the authors' code (:class:`NormLoss`), without the slider: norms instead of squares, over all pairs
         at once for the ``-cvx`` models, of every pair for ``poly4`` and ``quadratic``.
-    hold_out : array-like of int, optional
+    validation_indices : array-like of int, optional
         Rows that choose the weights and are not used otherwise, as in the paper's experiments, instead of folds.
     robust : bool
         Whether pairs that do not fit get less weight.
@@ -170,11 +183,11 @@ def fit_limit_surface(
         raise InputError("slider", "expected a Slider", type(slider).__name__)
     box = _com_box(com_tolerance)
     pairs = Pairs.from_data(wrenches, twists, slider, characteristic_length)
-    train, tests = _split(len(pairs), hold_out, seed, pairs.usable)
-    remarks: list[str] = []
+    train, tests = _split(len(pairs), validation_indices, seed, pairs.usable)
+    warnings: list[str] = []
     if len(pairs.usable) < len(pairs):
         left_out = np.setdiff1d(np.arange(len(pairs)), pairs.usable)
-        remarks.append(
+        warnings.append(
             f"{len(left_out)} of {len(pairs)} pairs are left out, the first of them row {left_out[0]}: their loads are more than "
             f"{LARGEST_RATIO:g} times larger or smaller than the median"
         )
@@ -189,9 +202,9 @@ def fit_limit_surface(
             "wrenches, twists", f"expected at least one pair; without any, only {' and '.join(WITH_PRIOR)} have a prior"
         )
     if slider is not None and not takes_prior:
-        remarks.append("the slider gives the characteristic length and no more: this fit has no prior")
+        warnings.append("the slider gives the characteristic length and no more: this fit has no prior")
     if model == "gp":
-        return _fit_gp(pairs, train, started, remarks)
+        return _fit_gp(pairs, train, started, warnings)
     degree, convex = POLYNOMIALS[model]
 
     sampler = None
@@ -201,8 +214,8 @@ def fit_limit_surface(
             sampler.prior()
         except InputError as reason:
             sampler = None
-            remarks.append(f"the slider is not used as a prior: {reason}")
-    remarks += pairs.take(train).remarks(1 if sampler is not None else _needed(degree), slider)
+            warnings.append(f"the slider is not used as a prior: {reason}")
+    warnings += pairs.take(train).warnings(1 if sampler is not None else _needed(degree), slider)
     estimator: Estimator
     if loss == "norm":
         estimator = NormLoss(degree, convex, pairs.force_scale)
@@ -239,16 +252,18 @@ def fit_limit_surface(
         factor = _level(best.coefficients, pairs.take(train), whole.pair_weights, degree)
         ensemble = [factor * a for a in ensemble]
         best = replace(best, coefficients=factor * best.coefficients, gram=None if best.gram is None else factor * best.gram)
-    remarks += _remarks_on_prior(sampler, weights, whole)
+    warnings += _remarks_on_prior(sampler, weights, whole)
     if taken_over:
-        remarks.append(f"{taken_over} of {done} solves were taken over by the second solver")
+        warnings.append(f"{taken_over} of {done} solves were taken over by the second solver")
     if loss == "norm" and np.median(monomials(pairs.loads, degree) @ best.coefficients) < COLLAPSED:
-        remarks.append("the penalty outweighs the pairs: what is left of the surface has a shape and no size (weak loads, in N?)")
+        warnings.append(
+            "the penalty outweighs the pairs: what is left of the surface has a shape and no size (weak loads, in N?)"
+        )
     pair_weights = np.zeros(len(pairs))
     pair_weights[train] = whole.pair_weights
     outliers = int((whole.pair_weights < OUTLIER_WEIGHT).sum())
     if outliers and not weights.prior:
-        remarks.append(f"{outliers} of {len(train)} pairs are outliers and count for little")
+        warnings.append(f"{outliers} of {len(train)} pairs are outliers and count for little")
 
     certificate = None if best.gram is None else certify(best.coefficients, best.gram, degree)
     surface = surface_from_scaled(
@@ -275,7 +290,7 @@ def fit_limit_surface(
         pair_weights=read_only(pair_weights),
         certificate=certificate,
         pressures=None if whole.pressures is None or not weights.prior else whole.pressures.scaled(pairs.force_scale),
-        remarks=tuple(remarks),
+        warnings=tuple(warnings),
     )
 
 
@@ -303,17 +318,17 @@ def _held_out_errors(
 
 def _remarks_on_prior(sampler: PressureSampler | None, weights: Any, whole: Part) -> list[str]:
     """What became of the slider's prior."""
-    remarks = []
+    warnings = []
     if sampler is not None and weights.prior == 0:
-        remarks.append(
+        warnings.append(
             "the pokes contradict every pressure under the outline with the centre of mass at the origin: "
             "the fit follows the pokes (is the outline, the centre of mass or the sign of a moment wrong?)"
         )
     if weights.prior and whole.pressures is not None and whole.pressures.acceptance < LEAST_ACCEPTANCE:
-        remarks.append(
+        warnings.append(
             f"only {whole.pressures.acceptance:.1%} of the moves of the likely pressures were taken: their spread may be off"
         )
-    return remarks
+    return warnings
 
 
 def _level(coefficients: FloatArray, pairs: Pairs, weights: FloatArray, degree: int) -> float:
@@ -340,20 +355,22 @@ def _needed(degree: int) -> int:
     return -(-(degree + 1) * (degree + 2) // 6)
 
 
-def _split(count: int, hold_out: ArrayLike | None, seed: int, usable: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+def _split(
+    count: int, validation_indices: ArrayLike | None, seed: int, usable: np.ndarray
+) -> tuple[np.ndarray, list[np.ndarray]]:
     """Return the rows to fit, and the sets of rows that validate."""
-    if hold_out is not None:
+    if validation_indices is not None:
         try:
-            rows = np.asarray(hold_out)
+            rows = np.asarray(validation_indices)
         except ValueError:
-            raise InputError("hold_out", "expected a list of row numbers") from None
+            raise InputError("validation_indices", "expected a list of row numbers") from None
         if rows.ndim != 1 or not len(rows) or not np.issubdtype(rows.dtype, np.integer):
-            raise InputError("hold_out", "expected at least one row number")
+            raise InputError("validation_indices", "expected at least one row number")
         if rows.min() < 0 or rows.max() >= count or len(np.unique(rows)) != len(rows):
-            raise InputError("hold_out", f"expected different rows from 0 to {count - 1}")
+            raise InputError("validation_indices", f"expected different rows from 0 to {count - 1}")
         train, rows = np.setdiff1d(usable, rows), np.intersect1d(rows, usable)
         if not len(train) or not len(rows):
-            raise InputError("hold_out", "expected rows that leave some pairs to fit, and to validate")
+            raise InputError("validation_indices", "expected rows that leave some pairs to fit, and to validate")
         return train, [rows]
     if len(usable) < FOLDS:
         return usable, []
@@ -380,7 +397,7 @@ def _choose(errors: FloatArray, with_prior: int) -> int:
     return plain if gain.mean() > needed + _ALIKE else chosen
 
 
-def _fit_gp(pairs: Pairs, train: np.ndarray, started: float, remarks: list[str]) -> Fit:
+def _fit_gp(pairs: Pairs, train: np.ndarray, started: float, warnings: list[str]) -> Fit:
     surface, elapsed = fit_gaussian_process(pairs.take(train))
     f = pairs.loads * pairs.force_scale * (1.0, 1.0, pairs.rho)
     slip = normalize_twist(surface.twist(f), pairs.rho)
@@ -395,5 +412,5 @@ def _fit_gp(pairs: Pairs, train: np.ndarray, started: float, remarks: list[str])
         angle_errors=read_only(angle_between(slip, pairs.directions)),
         level_errors=read_only(surface.value(f) - 1),
         pair_weights=read_only(np.isin(np.arange(len(pairs)), train).astype(float)),
-        remarks=(*remarks, "a Gaussian process is no limit surface: nothing makes it convex, nor its slip and its loads agree"),
+        warnings=(*warnings, "a Gaussian process is no limit surface: nothing makes it convex, nor its slip and its loads agree"),
     )

@@ -1,16 +1,16 @@
-"""Which poke tells most, given the surfaces that the pokes so far leave likely."""
+"""The most informative next poke, given the posterior of the surface."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from stablepush.core import FloatArray, InputError, check_array, check_number, order_with_ties
 from stablepush.geometry import normalize_twist, normalize_wrench, point_velocity, unit, wrench_from_force
-from stablepush.objects import Slider
+from stablepush.objects import EdgePush, Slider
 from stablepush.surfaces import LimitSurface, PolynomialLimitSurface
 
 #: Directions of force across the friction cone that are asked for their motion.
@@ -23,26 +23,11 @@ DEFAULT_SCATTER = 0.1
 _ALIKE = 1e-9
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Poke:
-    """A poke with a point finger: where, which way the finger moves, and what it is expected to tell.
-
-    ``point`` (2,) in m and ``heading`` (2,), a unit vector, in B; ``normal`` (2,) points into the slider; ``gain``: expected
-    share of the variance of the predicted slip directions, over all loads, that the poke takes away.
-    """
-
-    edge: int
-    point: FloatArray
-    normal: FloatArray
-    heading: FloatArray
-    gain: float
-
-
 def poke_candidates(
     slider: Slider, edges: Sequence[int] | None = None, places: int = 6, headings: int = 5, widest: float = np.radians(60)
-) -> list[Poke]:
-    """Return pokes spread over the given edges (all if None): ``places`` on each, finger headings up to ``widest`` (rad) off
-    the normal.
+) -> list[EdgePush]:
+    """Return pushes by one finger, spread over the given edges (all if None): ``places`` on each, directions up to ``widest``
+    (rad) off the normal.
 
     Their ``gain`` is zero: :func:`rank_pokes` finds it.
     """
@@ -59,12 +44,9 @@ def poke_candidates(
     found = []
     for edge in range(len(slider.vertices)) if edges is None else np.atleast_1d(edges).tolist():
         start, end = slider.edge(edge)
-        along = unit(end - start)
-        normal = np.array((-along[1], along[0]))
+        length = float(np.linalg.norm(end - start))
         for share in (np.arange(places) + 0.5) / places:
-            for angle in angles:
-                heading = np.cos(angle) * normal + np.sin(angle) * along
-                found.append(Poke(edge, start + share * (end - start), normal, heading, 0.0))
+            found += [EdgePush.on_edge(slider, edge, share * length, direction=-angle) for angle in angles]
     return found
 
 
@@ -109,8 +91,8 @@ def poke_outcome(
 
 
 def rank_pokes(
-    surface: PolynomialLimitSurface, candidates: Sequence[Poke], mu: float, scatter: float = DEFAULT_SCATTER
-) -> list[Poke]:
+    surface: PolynomialLimitSurface, candidates: Sequence[EdgePush], mu: float, scatter: float = DEFAULT_SCATTER
+) -> list[EdgePush]:
     """Return candidates with their gain, the most telling first.
 
     With the surfaces of the ensemble as draws of a joint normal distribution, a poke with outcome ``y`` (directions of load and
@@ -122,7 +104,7 @@ def rank_pokes(
     ----------
     surface : PolynomialLimitSurface
         With an ensemble, as :func:`stablepush.fit_limit_surface` returns it.
-    candidates : sequence of Poke
+    candidates : sequence of EdgePush
         As from :func:`poke_candidates`.
     mu : float
         Coefficient of friction between finger and slider.
@@ -154,6 +136,6 @@ def rank_pokes(
         own = y.T @ y / len(members) + noise**2 * np.eye(y.shape[1])
         taken = float((shared * np.linalg.solve(own, shared)).sum()) * len(members)
         gain = taken / whole if whole > 0 else 0.0
-        ranked.append(Poke(candidate.edge, candidate.point, candidate.normal, candidate.heading, gain))
-    # pokes whose forces end on the same edge of the friction cone tell the same, and stay in the order given
+        ranked.append(replace(candidate, expected={"expected_gain": gain}))
+    # pokes whose forces end on the same edge of the friction cone are equally informative, and stay in the order given
     return [ranked[k] for k in order_with_ties([-poke.gain for poke in ranked], _ALIKE)]

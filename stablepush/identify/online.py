@@ -7,7 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import LARGEST_MAGNITUDE, FloatArray, InputError, SolverError, check_choice, check_number, check_vectors
+from stablepush.core import (
+    LARGEST_MAGNITUDE,
+    FloatArray,
+    InputError,
+    SolverError,
+    check_choice,
+    check_number,
+    check_vectors,
+    renamed,
+    renamed_fields,
+)
 from stablepush.geometry import angle_between, normalize_twist, normalize_wrench, unit
 from stablepush.identify.certificate import Certificate, certify
 from stablepush.identify.estimator import MIDDLE, sphere_penalty, sphere_power
@@ -24,19 +34,20 @@ FIRST_POKES = 5
 LARGEST_SIZE = 1.5
 
 
+@renamed_fields(surprise="innovation", memory="effective_sample_size")
 @dataclass(frozen=True, slots=True, eq=False)
 class OnlineEstimate:
     """The surface after a poke, with its proof of convexity.
 
-    ``certificate`` is for loads of mean size one; ``surprise`` (rad) is the angle between the twist of this poke and the one
-    that the surface before it predicted; ``memory`` the number of pokes that count, older ones in part (of no use to the
-    projected gradient).
+    ``certificate`` is for loads of mean size one; ``innovation`` (rad) is the angle between the twist of this poke and the one
+    that the surface before it predicted; ``effective_sample_size`` the number of pokes that count, older ones in part (of no use
+    to the projected gradient).
     """
 
     surface: PolynomialLimitSurface
     certificate: Certificate
-    surprise: float
-    memory: float
+    innovation: float
+    effective_sample_size: float
 
 
 class OnlineIdentifier:
@@ -45,14 +56,14 @@ class OnlineIdentifier:
     ``"moments"``: every update solves ``minimise |a - a0|² + Σ_i λ^(n-i) (eta1 α_i + eta2 β_i)`` exactly: the sums are two
     Gram matrices and a vector that fade by the forgetting factor ``λ``, so that an update costs the same after a million
     pokes. ``a0`` is the unit sphere, in Bombieri's norm. ``"projected-gradient"``: one step along the gradient of the newest
-    poke's loss, then the nearest SOS-convex polynomial (the way that Zhou et al. 2016, section III-C, point to); without
+    poke's loss, then the nearest SOS-convex polynomial (the direction that Zhou et al. 2016, section III-C, point to); without
     memory of its own, its step decides what it forgets.
 
     Parameters
     ----------
     characteristic_length : float
         ``rho`` in m.
-    forgetting : float
+    forgetting_factor : float
         ``λ`` in (0, 1]: a poke counts for ``λ`` of what it did before the next one; memory is ``1/(1 - λ)`` pokes. 1 forgets
         nothing.
     degree : int
@@ -64,11 +75,12 @@ class OnlineIdentifier:
         Of the projected gradient, as a share of the one that would minimise the newest poke's loss along its steepest axis.
     """
 
+    @renamed(forgetting="forgetting_factor")
     def __init__(
         self,
         characteristic_length: float,
         *,
-        forgetting: float = 0.95,
+        forgetting_factor: float = 0.95,
         degree: int = 4,
         eta1: float = MIDDLE,
         eta2: float = MIDDLE,
@@ -79,11 +91,11 @@ class OnlineIdentifier:
         if not isinstance(degree, int) or degree not in (2, 4, 6):
             raise InputError("degree", "expected 2, 4 or 6", repr(degree))
         self._rho = check_number(characteristic_length, "characteristic_length", positive=True)
-        self._forgetting = check_number(forgetting, "forgetting", positive=True, largest=1.0)
+        self._forgetting_factor = check_number(forgetting_factor, "forgetting_factor", positive=True, largest=1.0)
         self._eta1, self._eta2 = check_number(eta1, "eta1", positive=True), check_number(eta2, "eta2", positive=True)
         self._step = check_number(step, "step", positive=True, largest=1.0)
         self._degree, self._method = degree, method
-        self._log_scale, self._memory = 0.0, 0.0
+        self._log_scale, self._effective_sample_size = 0.0, 0.0
         self._first: list[tuple[FloatArray, FloatArray]] = []
         self._moments = Moments.none(degree)
         self._coefficients = sphere_power(degree)
@@ -99,8 +111,8 @@ class OnlineIdentifier:
             raise InputError("wrench", f"expected a load of {LEAST_FORCE:g} to {LARGEST_MAGNITUDE:g} N", f"{largest:g} N")
         size = float(np.linalg.norm(load))
         slip = gradient_rows(load / size, self._degree) @ self._coefficients
-        surprise = float(angle_between(slip, direction))
-        memory = 1 + self._forgetting * self._memory
+        innovation = float(angle_between(slip, direction))
+        effective_sample_size = 1 + self._forgetting_factor * self._effective_sample_size
         first = self._first
         if len(first) < FIRST_POKES:
             # the penalty and the weights are meant for loads of size one; a median of a few is not ruled by one bad poke
@@ -109,12 +121,12 @@ class OnlineIdentifier:
             newest = self._reduced(load, direction, log_scale)
             moments = Moments.none(self._degree)
             for f, v in first:
-                moments = moments * self._forgetting + self._reduced(f, v, log_scale)
+                moments = moments * self._forgetting_factor + self._reduced(f, v, log_scale)
         else:
             # from then on the scale follows as a geometric mean that fades like the rest
-            log_scale = self._log_scale + (np.log(size) - self._log_scale) / memory
+            log_scale = self._log_scale + (np.log(size) - self._log_scale) / effective_sample_size
             newest = self._reduced(load, direction, log_scale)
-            faded = self._moments * self._forgetting
+            faded = self._moments * self._forgetting_factor
             moments = faded.rescaled(float(np.exp(self._log_scale - log_scale)), self._degree) + newest
         scale = float(np.exp(log_scale))
         if self._method == "moments":
@@ -124,7 +136,9 @@ class OnlineIdentifier:
         else:
             # loss aᵀPa - 2q·a of the newest poke, whose gradient is 2(Pa - q): steps of 1/λ_max(P) along Pa - q reach its minimum
             before = (
-                self._coefficients * np.exp(self._degree * (log_scale - self._log_scale)) if self._memory else self._coefficients
+                self._coefficients * np.exp(self._degree * (log_scale - self._log_scale))
+                if self._effective_sample_size
+                else self._coefficients
             )
             quadratic = newest.slip + newest.level
             downhill = newest.target - quadratic @ before
@@ -135,16 +149,16 @@ class OnlineIdentifier:
         certificate = certify(solution.coefficients, solution.gram, self._degree)
         # nothing of this object has changed so far: a poke that could not be used leaves it as it was
         self._moments, self._coefficients = moments, solution.coefficients
-        self._log_scale, self._memory, self._first = log_scale, memory, first
+        self._log_scale, self._effective_sample_size, self._first = log_scale, effective_sample_size, first
         surface = surface_from_scaled(
             solution.coefficients,
             self._degree,
             self._rho,
             scale,
             certificate=certificate,
-            provenance={"model": f"poly{self._degree}-cvx", "method": self._method, "forgetting": self._forgetting},
+            provenance={"model": f"poly{self._degree}-cvx", "method": self._method, "forgetting": self._forgetting_factor},
         )
-        return OnlineEstimate(surface, certificate, surprise, memory)
+        return OnlineEstimate(surface, certificate, innovation, effective_sample_size)
 
     def _reduced(self, load: FloatArray, direction: FloatArray, log_scale: float) -> Moments:
         """Moments of one poke. Residuals grow like the d-th power of a load: one that is too large counts for less, so that

@@ -22,7 +22,7 @@ UNIT_SLIP = 50.0
 LARGEST_RATIO = 30.0
 #: Pairs whose direction differs by less than this (rad) count as one.
 SAME_DIRECTION = 1e-3
-#: Smallest over largest singular value of unit loads, below which they are said to leave a direction open.
+#: Smallest over largest singular value of unit loads, below which a warning says that a direction is undetermined.
 LEAST_SPREAD = 0.05
 STANDARD_GRAVITY = 9.80665
 _TRANSLATION = 1e300
@@ -94,35 +94,35 @@ class Pairs:
         sizes = np.linalg.norm(self.loads, axis=1)
         return np.flatnonzero((sizes > 1 / LARGEST_RATIO) & (sizes < LARGEST_RATIO))
 
-    def remarks(self, needed: int, slider: Slider | None) -> list[str]:
+    def warnings(self, needed: int, slider: Slider | None) -> list[str]:
         """Say what the pairs leave open, for a model that takes ``needed`` pairs of general position to settle."""
-        said: list[str] = []
+        warnings: list[str] = []
         if not len(self):
-            return said
+            return warnings
         if slider is not None and slider.mass:
             friction = self.force_scale / (slider.mass * STANDARD_GRAVITY)
             if not 1 / UNIT_SLIP < friction < UNIT_SLIP:
-                said.append(
+                warnings.append(
                     f"the median load, {self.force_scale:.3g} N, is {friction:.2g} times the slider's weight: "
                     "are forces in N and mass in kg?"
                 )
         directions = unit(self.loads)
         distinct = _distinct(directions)
         if distinct < len(self):
-            said.append(f"{len(self) - distinct} of {len(self)} pairs repeat the direction of another load")
+            warnings.append(f"{len(self) - distinct} of {len(self)} pairs repeat the direction of another load")
         if distinct < needed:
-            said.append(
+            warnings.append(
                 f"{distinct} different loads leave the surface open, which takes {needed}: "
                 "what they leave open the penalty settles"
             )
         elif (spread := np.linalg.svd(directions, compute_uv=False))[-1] < LEAST_SPREAD * spread[0]:
-            said.append(
+            warnings.append(
                 "the loads lie nearly in one plane: off it the penalty settles the surface (poke at other places and angles)"
             )
         opposed = int(((self.loads * self.directions).sum(axis=1) < 0).sum())
         if opposed:
-            said.append(f"{opposed} of {len(self)} pairs have F·V < 0, which no friction has: measurement errors, or a sign")
-        return said
+            warnings.append(f"{opposed} of {len(self)} pairs have F·V < 0, which no friction has: measurement errors, or a sign")
+        return warnings
 
 
 def _distinct(directions: FloatArray) -> int:

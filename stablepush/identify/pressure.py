@@ -40,7 +40,7 @@ class PressureEnsemble:
 
     ``points`` (m, 12, 2): support points (m, in B); ``shares`` (m, 12): their shares of the load, zero for unused points;
     ``loads`` (m,): total friction load ``mu*N`` in N, one without pokes. ``ancestors``: different draws of the prior that
-    they come from, and ``acceptance``: share of Metropolis steps taken after the last resampling; both tell how well the
+    they come from, and ``acceptance``: share of Metropolis steps taken after the last resampling; both measure how well the
     draws are mixed.
     """
 

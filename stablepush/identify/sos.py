@@ -68,7 +68,7 @@ def _null_space(matrix: FloatArray) -> FloatArray:
     """Orthonormal basis (n, f) of the null space of a matrix (m, n) with one entry a column, as a Gram entry is of one monomial.
 
     Each row has its own columns; a reflection that takes the row to the first of them takes the others to vectors at right angles
-    to it. Written down, the basis is the same on every machine, and so is the way of the solver.
+    to it. Written down, the basis is the same on every machine, and so are the steps of the solver.
     """
     found = []
     for row in matrix:

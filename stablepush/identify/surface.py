@@ -26,7 +26,7 @@ def surface_from_scaled(
 
     Without a scale, or where coefficients for newtons would be larger than a file may hold, the surface keeps the unit that
     it has and says so (``"mu*N"``). A covariance that is larger, as its entries grow with their square, is left out: the
-    ensemble tells as much.
+    ensemble carries the same information.
     """
     factor = 1.0 if force_scale is None else force_scale ** (-degree)
     force_unit = "N"

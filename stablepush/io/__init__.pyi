@@ -21,9 +21,9 @@ from .pushlog import (
     Noise as Noise,
     PushLog as PushLog,
     Rig as Rig,
+    distinct as distinct,
     read_pushlog as read_pushlog,
     rig_to_json as rig_to_json,
-    told_apart as told_apart,
     write_pushlog as write_pushlog,
 )
 from .tables import (

@@ -8,7 +8,7 @@ from typing import Any
 from stablepush.core import InputError, Node
 from stablepush.io.json_files import read_json, write_json
 from stablepush.objects import PushContact, Slider, SupportDistribution
-from stablepush.surfaces import LimitSurface, surface_kinds
+from stablepush.surfaces import LimitSurface, surface_kinds, surface_of_kind
 
 
 def slider_from_node(node: Node) -> Slider:
@@ -23,7 +23,7 @@ def slider_from_node(node: Node) -> Slider:
         support_node.expect_keys("points", "weights")
         points = support_node["points"].array(None, 2)
         weights = support_node["weights"].array(None)
-        support = support_node.checked(lambda: SupportDistribution(points, weights))
+        support = support_node.built(lambda: SupportDistribution(points, weights), "support")
     return node.built(lambda: Slider(vertices, mass, support), "slider")
 
 
@@ -65,8 +65,8 @@ def load_contact(path: str | Path) -> PushContact:
 def model_from_node(node: Node) -> LimitSurface:
     """Read the value of a ``model/1``."""
     node["format"].text(("model/1",))
-    kinds = surface_kinds()
-    return kinds[node["kind"].text(tuple(kinds))].from_json(node)
+    kind = node["kind"].text(tuple(surface_kinds()))
+    return surface_of_kind(kind).from_json(node)
 
 
 def model_to_json(surface: LimitSurface) -> dict[str, Any]:

@@ -154,7 +154,7 @@ class PushLog:
 
         The twist between two rows is ``log(pose_i⁻¹ pose_{i+1})/dt``, exact for a constant body twist; a row takes the mean of
         its two neighbouring intervals weighted by their length, the ends their only one. NaN where a pose is missing, and for
-        rows that are not :func:`told_apart`.
+        rows that are not :func:`distinct`.
         """
         poses = self.columns("x", "y", "theta")
         twists = self.columns("vx", "vy", "omega")
@@ -166,7 +166,7 @@ class PushLog:
         for rows in self._rows_by_trial().values():
             known = rows[np.isfinite(poses[rows]).all(axis=1)]
             known = known[np.argsort(times[known], kind="stable")]
-            known = known[told_apart(times[known])]
+            known = known[distinct(times[known])]
             if len(known) < 2:
                 continue
             dt = np.diff(times[known])
@@ -188,8 +188,8 @@ class PushLog:
         return {name: np.array(rows, dtype=np.intp) for name, rows in groups.items()}
 
 
-def told_apart(times: FloatArray) -> BoolArray:
-    """Say which of times (n,) are far enough after the one before them, 1e-9 s, to tell a motion; the first is unless NaN."""
+def distinct(times: FloatArray) -> BoolArray:
+    """Say which of times (n,) are far enough after the one before them, 1e-9 s, to measure a motion; the first is unless NaN."""
     return np.asarray(np.diff(times, prepend=-np.inf) >= LEAST_POSITIVE)
 
 

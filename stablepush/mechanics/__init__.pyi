@@ -1,12 +1,12 @@
 from .pushing import (
-    Course as Course,
+    MotionProfile as MotionProfile,
     PushAnswer as PushAnswer,
     Pusher as Pusher,
     PushTrace as PushTrace,
     TableFriction as TableFriction,
-    course_of as course_of,
-    follow as follow,
+    motion_profile as motion_profile,
     push_twist as push_twist,
+    rollout as rollout,
     simulate_push as simulate_push,
 )
 from .sliding import Slide as Slide, simulate_free_sliding as simulate_free_sliding

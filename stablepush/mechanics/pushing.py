@@ -25,7 +25,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush.core import BoolArray, FloatArray, InputError, check_array, check_number, read_only
+from stablepush.core import BoolArray, FloatArray, InputError, check_array, check_number, read_only, renamed_fields
 from stablepush.geometry import compose, inverse, point_velocity, transform_points
 from stablepush.objects import PushContact, Slider
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
@@ -97,6 +97,11 @@ class Pusher:
         places = np.stack((c * offset[:, 0] + s * offset[:, 1], -s * offset[:, 0] + c * offset[:, 1]), axis=-1)
         return cls(places - places.mean(axis=0), radius)
 
+    @property
+    def width(self) -> float:
+        """Distance (m) between the two fingers; 0 for one."""
+        return float(np.linalg.norm(self.fingers[-1] - self.fingers[0]))
+
     def docked(self, contact: PushContact) -> FloatArray:
         """Return the pose (3,) in B of the pusher's frame that touches at the points of a contact."""
         centers = contact.points - self.radius * contact.normals
@@ -138,21 +143,23 @@ class PushTrace:
     jammed: BoolArray
 
 
+@renamed_fields(answers="solutions")
 @dataclass(frozen=True, slots=True, eq=False)
 class PushAnswer:
     """The motion of an instant.
 
     ``twist`` (3,) in B, ``wrench`` (3,) that the pusher applies, ``forces`` (k, 2) and ``modes`` (names) of the contacts, and how
-    many combinations of modes are consistent (``answers``): the first is given, sticking before sliding; none is a jam.
+    many combinations of modes are consistent (``solutions``): the first is given, sticking before sliding; none is a jam.
     """
 
     twist: FloatArray
     wrench: FloatArray
     forces: FloatArray
     modes: list[str]
-    answers: int
+    solutions: int
 
 
+@renamed_fields(of_slider="body_anisotropy", of_table="world_anisotropy", pull="external_force")
 @dataclass(frozen=True, slots=True, eq=False)
 class TableFriction:
     """Friction between a slider and a table, ready for simulation.
@@ -168,13 +175,13 @@ class TableFriction:
         Those points with a pressure that differs.
     load : float
         ``mu*N`` in N, for surfaces with forces in units of ``mu*N``.
-    of_slider, of_table : array-like, shape (2, 2)
+    body_anisotropy, world_anisotropy : array-like, shape (2, 2)
         Friction over its mean along the axes of B and of W: ``A`` of ``f = m A² v/|A v|``, symmetric and positive.
     gradient : array-like, shape (2,)
         Relative change of friction per m over W, from its origin.
     slope, reference : float
         Relative change of friction per e-fold of a point's speed, and the speed (m/s) where it is nominal.
-    pull : array-like, shape (2,)
+    external_force : array-like, shape (2,)
         Force (N) in W on the centre of mass besides the pusher's, as on a table that is not level.
     inertia : tuple of float
         Mass (kg) and moment of inertia (kg m²) that count.
@@ -184,12 +191,12 @@ class TableFriction:
     load: float = 1.0
     points: IdealLimitSurface | None = None
     changed: IdealLimitSurface | None = None
-    of_slider: ArrayLike = ((1.0, 0.0), (0.0, 1.0))
-    of_table: ArrayLike = ((1.0, 0.0), (0.0, 1.0))
+    body_anisotropy: ArrayLike = ((1.0, 0.0), (0.0, 1.0))
+    world_anisotropy: ArrayLike = ((1.0, 0.0), (0.0, 1.0))
     gradient: ArrayLike = (0.0, 0.0)
     slope: float = 0.0
     reference: float = 0.02
-    pull: ArrayLike = (0.0, 0.0)
+    external_force: ArrayLike = (0.0, 0.0)
     inertia: tuple[float, float] = (0.0, 0.0)
 
     def compiled(self, scale: float = 1.0) -> Any:
@@ -197,8 +204,8 @@ class TableFriction:
         from stablepush.mechanics.kernels.friction import Table
 
         surface = self.surface
-        slider, table = (check_array(a, "anisotropy", (2, 2)) for a in (self.of_slider, self.of_table))
-        gradient, pull = check_array(self.gradient, "gradient", (2,)), check_array(self.pull, "pull", (2,))
+        slider, table = (check_array(a, "anisotropy", (2, 2)) for a in (self.body_anisotropy, self.world_anisotropy))
+        gradient, external_force = check_array(self.gradient, "gradient", (2,)), check_array(self.external_force, "pull", (2,))
         plain = bool((slider == np.eye(2)).all() and (table == np.eye(2)).all())
         none = np.zeros((0, 2)), np.zeros(0)
         degree, hessian, axes, factor = 0, np.zeros((6, 1)), np.ones(3), 1.0
@@ -220,14 +227,14 @@ class TableFriction:
             loads=np.array(points[1]),
             nominal_points=np.array(nominal[0]),
             nominal_loads=np.array(nominal[1]),
-            of_slider=_entries(slider @ slider),
-            of_table=_entries(table),
+            body_anisotropy=_entries(slider @ slider),
+            world_anisotropy=_entries(table),
             isotropic=plain,
             gradient=(float(gradient[0]), float(gradient[1])),
             slope=float(self.slope),
             reference=float(self.reference),
             scale=float(scale),
-            pull=(float(pull[0]), float(pull[1])),
+            external_force=(float(external_force[0]), float(external_force[1])),
             inertia=(float(self.inertia[0]), float(self.inertia[1])),
             degree=int(degree),
             hessian=np.array(hessian),
@@ -313,11 +320,11 @@ def simulate_push(
     begin, docked = check_array(start, "start", (3,)), check_array(place, "place", (3,))
     friction_mu = check_number(mu, "mu", at_least=0.0)
     table = _friction(friction).compiled(check_number(scale, "scale", positive=True))
-    return follow(table, slider, pusher, friction_mu, begin, docked, course_of(pusher, motion, step))
+    return rollout(table, slider, pusher, friction_mu, begin, docked, motion_profile(pusher, motion, step))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Course:
+class MotionProfile:
     """A pusher's motion in steps: twists (n, 3) in its own frame, held for ``durations`` (n,) in s, in ``counts`` (n,) steps."""
 
     twists: FloatArray
@@ -325,31 +332,31 @@ class Course:
     counts: np.ndarray
 
 
-def course_of(pusher: Pusher, motion: Sequence[tuple[ArrayLike, float]], step: float) -> Course:
+def motion_profile(pusher: Pusher, motion: Sequence[tuple[ArrayLike, float]], step: float) -> MotionProfile:
     """Cut a pusher's motion, as :func:`simulate_push` takes it, into steps."""
     pieces = _pieces(motion)
     twists = np.array([twist for twist, _ in pieces]).reshape(-1, 3)
     durations = np.array([duration for _, duration in pieces])
     kept = durations > 0
     twists, durations = twists[kept], durations[kept]
-    way = check_number(step, "step", positive=True)
+    largest = check_number(step, "step", positive=True)
     x, y = pusher.fingers.T
     fastest = np.hypot(twists[:, :1] - twists[:, 2:] * y, twists[:, 1:2] + twists[:, 2:] * x).max(axis=1, initial=0.0)
-    counts = np.maximum(1, np.ceil(fastest * durations / way - 1e-9)).astype(np.int64)
+    counts = np.maximum(1, np.ceil(fastest * durations / largest - 1e-9)).astype(np.int64)
     if counts.sum() > _MOST_STEPS:
-        raise InputError("step", f"expected at most {_MOST_STEPS} steps in a push, {way:g} m asks for {counts.sum()}")
-    return Course(np.ascontiguousarray(twists), durations, counts)
+        raise InputError("step", f"expected at most {_MOST_STEPS} steps in a push, {largest:g} m asks for {counts.sum()}")
+    return MotionProfile(np.ascontiguousarray(twists), durations, counts)
 
 
-def follow(
-    table: Any, slider: Slider, pusher: Pusher, mu: float, start: FloatArray, place: FloatArray, course: Course
+def rollout(
+    table: Any, slider: Slider, pusher: Pusher, mu: float, start: FloatArray, place: FloatArray, profile: MotionProfile
 ) -> PushTrace:
-    """Simulate a push of which all is ready: :meth:`TableFriction.compiled`, :func:`course_of`."""
+    """Simulate a push of which all is ready: :meth:`TableFriction.compiled`, :func:`motion_profile`."""
     from stablepush.mechanics.kernels import rollout as _pushing
     from stablepush.mechanics.kernels.contacts import new_answer, new_touch, new_work
 
     _require_outside(slider, pusher, start, place)
-    total = int(course.counts.sum())
+    total = int(profile.counts.sum())
     half = float(np.abs(pusher.fingers[:, 1]).max()) if pusher.flat else 0.0
     body = _pushing.Pusher(np.array(pusher.fingers), max(pusher.radius, 0.0 if pusher.flat else _POINT), half)
     poses, pushers = np.zeros((total + 1, 3)), np.zeros((total + 1, 3))
@@ -358,7 +365,7 @@ def follow(
     modes, times, jams = np.zeros((total, 2), dtype=np.int64), np.zeros(total), np.zeros(total, dtype=np.bool_)
     _pushing.run(
         table, np.array(slider.vertices), body, mu, np.array(start), np.array(place),
-        course.twists, course.durations, course.counts, float(table.rho),
+        profile.twists, profile.durations, profile.counts, float(table.rho),
         poses, pushers, moves, loads, points, modes, forces, times, jams,
         new_touch(), new_touch(), new_answer(), new_work(),
     )  # fmt: skip

@@ -134,8 +134,7 @@ def simulate_free_sliding(
     body = Body(surface, slider, mu, gravity)
     first = check_array(twist, "twist", (3,))
     start = check_array(pose, "pose", (3,))
-    if check_count(samples, "samples", most=1_000_000) < 2:
-        raise InputError("samples", "expected at least 2", samples)
+    check_count(samples, "samples", least=2, most=1_000_000)
     limit = np.inf if duration is None else check_number(duration, "duration", positive=True)
     if body.load == 0 and np.isinf(limit):
         raise InputError("duration", "expected a time in s, since without friction the body never rests")
@@ -146,7 +145,7 @@ def simulate_free_sliding(
         return Slide(np.zeros(1), start[None], still, still, np.zeros(1), np.zeros(3), np.full(2, np.nan), True)
     turning = body.turning if variant == "body" else lambda _: np.zeros(3)
     # in units of the first speed and of the time that the largest deceleration takes to stop it
-    strongest = float(np.linalg.norm(body.pull(np.concatenate((np.eye(3), scaled[None] / speed))), axis=1).max())
+    strongest = float(np.linalg.norm(body.external_force(np.concatenate((np.eye(3), scaled[None] / speed))), axis=1).max())
     unit_time = speed / strongest if strongest > 0 else limit
     if not 0 < unit_time < np.inf:
         raise InputError("slider", "expected a mass and a friction that stop it in a time that numbers hold", f"{unit_time:g} s")
@@ -172,13 +171,13 @@ def simulate_free_sliding(
         u, shrink = state[:3], np.exp(state[3])
         norm = np.linalg.norm(u)
         u = u / norm
-        pull = body.pull(u[None])[0] * (unit_time / speed)
-        along = pull @ u
+        external_force = body.external_force(u[None])[0] * (unit_time / speed)
+        along = external_force @ u
         v = u / body.roots * (speed * unit_time)
         cos, sin = np.cos(state[7]), np.sin(state[7])
         bend = turning(u) * (speed * unit_time * shrink**2)
         # the length of u is kept at one
-        direction = along * u - pull - bend + (1 - norm) * u
+        direction = along * u - external_force - bend + (1 - norm) * u
         place = shrink**2 * np.array((cos * v[0] - sin * v[1], sin * v[0] + cos * v[1], v[2]))
         return np.concatenate((direction, (-along, shrink), place))
 
@@ -201,14 +200,14 @@ def simulate_free_sliding(
     states = solution.sol(clock).T
     directions = unit(states[:, :3])
     shrink = np.exp(states[:, 3])
-    pulls = body.pull(directions)
+    pulls = body.external_force(directions)
     t = unit_time * states[:, 4]
     t[0] = 0.0
     twists = (speed * shrink)[:, None] * directions / body.roots
     twists[0] = first
     energy = 0.5 * (speed * shrink) ** 2
     if at_rest:
-        # the rest of the way at the last deceleration
+        # the rest of the path at the last deceleration
         t[-1] += speed * shrink[-1] / float(pulls[-1] @ directions[-1])
         twists[-1], energy[-1] = 0.0, 0.0
     last = directions[-1] / body.roots

@@ -58,7 +58,7 @@ class PushContact:
     def on_edge(cls, slider: Slider, edge: int, center: float, width: float, mu: float) -> PushContact:
         """Return two fingers on an edge of the slider.
 
-        ``center`` (m) is the way along the edge from its first vertex to the point midway between the fingers, ``width``
+        ``center`` (m) is the arc length along the edge from its first vertex to the point midway between the fingers, ``width``
         (m) their distance; a width of zero gives one finger.
         """
         start, end = slider.edge(edge)

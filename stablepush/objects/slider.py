@@ -22,7 +22,7 @@ from stablepush.core import (
 )
 from stablepush.objects.support import SupportDistribution
 
-#: Least radius (m) of a slider: poses and overlaps are told apart to 1e-6 m, and pushes are simulated in steps of 1/400 of it.
+#: Least radius (m) of a slider: poses and overlaps are resolved to 1e-6 m, and pushes are simulated in steps of 1/400 of it.
 _LEAST_RADIUS = 1e-5
 #: Least distance of the origin of B from the edges of the outline's hull, in radii of the slider: nearer to an edge, all of the
 #: pressure would have to be on it, and the friction of the others could not be computed.
@@ -167,7 +167,7 @@ def check_simple_polygon(vertices: ArrayLike, name: str) -> FloatArray:
     if len(outline) < 3:
         raise InputError(name, "expected at least 3 vertices", len(outline))
     too_small = InputError(
-        name, f"expected an area of at least {LEAST_POSITIVE**2:g} m^2, and {LEAST_POSITIVE:g} m times the way round it"
+        name, f"expected an area of at least {LEAST_POSITIVE**2:g} m^2, and {LEAST_POSITIVE:g} m times its perimeter"
     )
     if np.ptp(outline, axis=0).prod() < LEAST_POSITIVE**2:
         raise too_small

@@ -18,7 +18,7 @@ from .trajectory import (
     PASSES as PASSES,
     Trajectory as Trajectory,
     load_trajectory as load_trajectory,
-    pusher_on_the_way as pusher_on_the_way,
+    pusher_in_transfer as pusher_in_transfer,
     sample_plan as sample_plan,
     save_trajectory as save_trajectory,
 )

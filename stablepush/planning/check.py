@@ -57,9 +57,9 @@ def _check_sums(problem: PlanningProblem, result: PlanResult) -> list[str]:
         "switches": (result.switches, len(result.segments) - len(pushes)),
         "min_margin": (result.min_margin, min((p.margin for p in pushes), default=0.0)),
     }
-    for name, (said, summed) in sums.items():
-        if abs(said - summed) > TOLERANCE:
-            found.append(f"{name}: says {said:.9g}, the segments give {summed:.9g}")
+    for name, (stated, summed) in sums.items():
+        if abs(stated - summed) > TOLERANCE:
+            found.append(f"{name}: says {stated:.9g}, the segments give {summed:.9g}")
     if result.lower_bound is not None and result.lower_bound > result.duration + TOLERANCE:
         found.append(f"lower_bound: {result.lower_bound:.9g} s is above the duration {result.duration:.9g} s")
     if result.planning_time < 0:
@@ -193,11 +193,11 @@ def _motion_is_clear(
     assert problem.pusher is not None
     rings = _shrunk(problem.pusher)
     parts = [(0.0, 1.0)]
-    way = float(np.hypot(step[0], step[1]) + radius * abs(step[2]))
+    travel = float(np.hypot(step[0], step[1]) + radius * abs(step[2]))
     while parts:
         low, high = parts.pop()
         pose = start + (low + high) / 2 * step
-        reach = way * (high - low) / 2
+        reach = travel * (high - low) / 2
         placed = [transform_points(pose, ring) for ring in rings]
         clear = True
         for ring in placed:
@@ -270,19 +270,19 @@ class _Sweep:
         return _Sweep(self.center, -self.angle, -self.shift)
 
     def extremes(self, points: FloatArray) -> FloatArray:
-        """Ends of the points' ways (m, 2), and the places where they run parallel to an axis."""
+        """Ends of the points' paths (m, 2), and the places where they run parallel to an axis."""
         if self.center is None:
             return np.concatenate((points, points + self.shift))
         arm = points - self.center
         start = np.arctan2(arm[:, 1], arm[:, 0])
         radius = np.hypot(arm[:, 0], arm[:, 1])
         ends = start + self.angle
-        ways = [points, self.center + radius[:, None] * np.stack((np.cos(ends), np.sin(ends)), axis=-1)]
+        traced = [points, self.center + radius[:, None] * np.stack((np.cos(ends), np.sin(ends)), axis=-1)]
         for quarter in np.arange(4) * (np.pi / 2):
             passed = _turned(start, np.full_like(start, quarter), self.angle)
             direction = np.array((np.cos(quarter), np.sin(quarter)))
-            ways.append(self.center + radius[passed, None] * direction)
-        return np.concatenate(ways)
+            traced.append(self.center + radius[passed, None] * direction)
+        return np.concatenate(traced)
 
     def hits(self, ring: FloatArray, obstacle: FloatArray) -> bool:
         """Return whether a ring (n, 2) that makes this motion overlaps an obstacle (m, 2) at any time."""
@@ -291,7 +291,7 @@ class _Sweep:
         return self._crosses(ring, obstacle) or self.reversed()._crosses(obstacle, ring)
 
     def _crosses(self, points: FloatArray, ring: FloatArray) -> bool:
-        """Return whether the way of any point (n, 2) crosses any edge of a ring (m, 2)."""
+        """Return whether the path of any point (n, 2) crosses any edge of a ring (m, 2)."""
         a, edge = ring[None], np.roll(ring, -1, axis=0)[None] - ring[None]
         p = points[:, None]
         if self.center is None:
@@ -321,5 +321,5 @@ class _Sweep:
 
 def _turned(start: FloatArray, angle: FloatArray, turn: float) -> np.ndarray:
     """Return whether a turn (rad, signed) from ``start`` passes ``angle``."""
-    way = np.mod((angle - start) * np.sign(turn), 2 * np.pi)
-    return np.asarray(way <= abs(turn))
+    travel = np.mod((angle - start) * np.sign(turn), 2 * np.pi)
+    return np.asarray(travel <= abs(turn))

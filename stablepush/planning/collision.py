@@ -42,13 +42,15 @@ def world_of(problem: PlanningProblem) -> World:
     if len(listed):
         list_edges(edges, low, cell, nx, ny, first, listed)
     centers = low + (np.moveaxis(np.indices((nx, ny)), 0, -1).reshape(-1, 2) + 0.5) * cell
-    room = np.minimum(centers - bounds[:2], bounds[2:] - centers).min(axis=1)
+    clearance = np.minimum(centers - bounds[:2], bounds[2:] - centers).min(axis=1)
     if len(edges):
         tree = shapely.STRtree(shapely.get_parts(merged))
-        room = np.minimum(room, tree.query_nearest(shapely.points(centers), return_distance=True, all_matches=False)[1])
-    room = np.maximum(0.0, room - cell * math.sqrt(0.5)).reshape(nx, ny)
+        clearance = np.minimum(clearance, tree.query_nearest(shapely.points(centers), return_distance=True, all_matches=False)[1])
+    clearance = np.maximum(0.0, clearance - cell * math.sqrt(0.5)).reshape(nx, ny)
     seen, found = np.zeros(len(edges), dtype=np.int64), np.zeros(len(edges), dtype=np.int64)
-    return World(edges, first, listed, room, np.ascontiguousarray(low), cell, bounds, seen, np.zeros(1, dtype=np.int64), found)
+    return World(
+        edges, first, listed, clearance, np.ascontiguousarray(low), cell, bounds, seen, np.zeros(1, dtype=np.int64), found
+    )
 
 
 def body_of(outlines: Sequence[FloatArray]) -> Body:

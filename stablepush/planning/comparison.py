@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stablepush.core import InputError, UnsupportedContactError
+from stablepush.core import InputError, UnsupportedContactError, renamed
 from stablepush.planning.options import REGIONS
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.registry import plan
@@ -28,13 +28,14 @@ class RegionPlan:
     certified: float
 
 
+@renamed(improve="refinement_budget")
 def compare_regions(
     problem: PlanningProblem,
     planner: str = "cor-lattice",
     time_limit: float = 30.0,
     seed: int | None = None,
     *,
-    improve: float = 20_000,
+    refinement_budget: float = 20_000,
     progress: Callable[[str], None] | None = None,
 ) -> list[RegionPlan]:
     """Plan a problem with each region of :data:`stablepush.planning.options.REGIONS`; the time limit (s) is for each.
@@ -43,9 +44,18 @@ def compare_regions(
     """
     found = []
     for region in REGIONS:
-        said = None if progress is None else lambda words, region=region: progress(f"{region}: {words}")  # type: ignore[misc]
+        notify = None if progress is None else lambda words, region=region: progress(f"{region}: {words}")  # type: ignore[misc]
         try:
-            result = plan(problem, planner, time_limit, seed, region=region, probability=0.0, improve=improve, progress=said)
+            result = plan(
+                problem,
+                planner,
+                time_limit,
+                seed,
+                region=region,
+                probability=0.0,
+                refinement_budget=refinement_budget,
+                progress=notify,
+            )
         except UnsupportedContactError as error:
             result = PlanResult("no-path", planner, message=str(error))
         found.append(RegionPlan(region, result, certified_share(problem, result)))
@@ -56,12 +66,12 @@ def certified_share(problem: PlanningProblem, result: PlanResult) -> float:
     """Return the share of a plan's pushing time at CORs of the all-pressure region."""
     if not result.pushes:
         return math.nan
-    sure = total = 0.0
+    certain = total = 0.0
     try:
         regions = {i: all_pressure_region(problem.slider, problem.contacts[i]) for i in {p.contact for p in result.pushes}}
         for push in result.pushes:
             total += push.duration
-            sure += push.duration * float(regions[push.contact].contains_twists(np.array([push.twist]))[0])
+            certain += push.duration * float(regions[push.contact].contains_twists(np.array([push.twist]))[0])
     except InputError:
         return math.nan
-    return sure / total
+    return certain / total

@@ -190,8 +190,8 @@ def _turn(problem: PlanningProblem) -> str:
         return ""
     ahead = np.array((math.cos(problem.start[2] + middle), math.sin(problem.start[2] + middle)))
     ends = problem.bounds.reshape(2, 2) - problem.start[:2]
-    room = float((ahead * ends).max(axis=0).sum())
-    share = math.sin(spread) + room / radius
+    clearance = float((ahead * ends).max(axis=0).sum())
+    share = math.sin(spread) + clearance / radius
     if share >= 1.0:
         return ""
     most = math.asin(share) - spread
@@ -236,7 +236,7 @@ def _first_push(problem: PlanningProblem, bodies: list[_Body]) -> str:
             held = StabilityOracle(problem.surface, contact).is_stable(twists)
         except ConvergenceError:
             return ""
-        # a stable set too narrow for the sample tells nothing
+        # a stable set too narrow for the sample proves nothing
         if held.sum() < _FEWEST or (body.free(problem.start)[0] and body.free(ends[held]).any()):
             return ""
     return "start: every stable push, of every contact, runs into an obstacle or the bounds as it begins"

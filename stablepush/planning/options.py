@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from stablepush.core import InputError, check_number
+from stablepush.core import InputError, check_number, renamed_fields
 
 #: Sets of rotation centres that a plan may draw on.
 REGIONS = ("model", "all-pressure", "conservative")
 
 
+@renamed_fields(cor_rate="max_twist_rate", improve="refinement_budget")
 @dataclass(frozen=True, slots=True)
 class PlanOptions:
-    """How sure and how good a plan is to be.
+    """How certain and how good a plan is to be.
 
     Parameters
     ----------
@@ -25,11 +26,11 @@ class PlanOptions:
     margin_weight : float
         A push costs its duration times ``1 + margin_weight (1 - margin/m)``, with ``m`` the largest margin of a straight push:
         with 1, one on the boundary of the stable set costs twice as much as the safest. 0 minimises the duration.
-    cor_rate : float
+    max_twist_rate : float
         Largest rate (rad/s) at which the unit twist ``(vx, vy, rho omega)`` turns from one push to the next at the same contact:
         corners are blended by short pushes between the two. Infinite: at once. A corner that cannot be blended, since its
         pushes are too short or the blend would not be stable or free, is left for the slider to stop at.
-    improve : float
+    refinement_budget : float
         Steps of search (poses expanded, motions looked at) in which planners that can look for better plans after the first; a
         count and not a time, so that plans repeat. Infinite: until the time limit.
     """
@@ -37,8 +38,8 @@ class PlanOptions:
     region: str = "model"
     probability: float = 0.0
     margin_weight: float = 0.0
-    cor_rate: float = math.inf
-    improve: float = 20_000
+    max_twist_rate: float = math.inf
+    refinement_budget: float = 20_000
 
     def __post_init__(self) -> None:
         if self.region not in REGIONS:
@@ -46,7 +47,7 @@ class PlanOptions:
         if not 0 <= check_number(self.probability, "probability") <= 1:
             raise InputError("probability", "expected a number from 0 to 1", f"{self.probability:g}")
         check_number(self.margin_weight, "margin_weight", at_least=0.0)
-        if self.cor_rate != math.inf:
-            check_number(self.cor_rate, "cor_rate", positive=True)
-        if self.improve != math.inf:
-            check_number(self.improve, "improve", at_least=0.0)
+        if self.max_twist_rate != math.inf:
+            check_number(self.max_twist_rate, "max_twist_rate", positive=True)
+        if self.refinement_budget != math.inf:
+            check_number(self.refinement_budget, "refinement_budget", at_least=0.0)

@@ -7,12 +7,22 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.metadata import entry_points
 from typing import Protocol
 
 import numpy as np
 
-from stablepush.core import LARGEST_MAGNITUDE, Deadline, InputError, PlanWarning, check_number, check_seed, within
+from stablepush.core import (
+    LARGEST_MAGNITUDE,
+    Deadline,
+    InputError,
+    PlanWarning,
+    check_number,
+    check_seed,
+    load_plugin,
+    plugin_names,
+    renamed,
+    within,
+)
 from stablepush.planning.check import check_plan
 from stablepush.planning.feasibility import infeasibility
 from stablepush.planning.options import PlanOptions
@@ -25,11 +35,14 @@ from stablepush.stability import StabilityOracle
 DEFAULT_PROBABILITY = 0.98
 
 
+_GROUP = "stablepush.planners"
+
+
 class Planner(Protocol):
     """What a package registers under the entry point group ``stablepush.planners``.
 
-    A planner asks ``deadline`` now and then whether it has passed, and tells it of its first path (:meth:`Deadline.path_found`);
-    ``progress`` takes short words on the state of the search.
+    A planner asks ``deadline`` now and then whether it has passed, and reports its first path to it
+    (:meth:`Deadline.path_found`); ``progress`` takes short words on the state of the search.
     """
 
     def __call__(
@@ -45,9 +58,10 @@ class Planner(Protocol):
 
 def planner_names() -> list[str]:
     """Return the names of all installed planners."""
-    return sorted(entry.name for entry in entry_points(group="stablepush.planners"))
+    return plugin_names(_GROUP)
 
 
+@renamed(cor_rate="max_twist_rate", improve="refinement_budget")
 def plan(
     problem: PlanningProblem,
     planner: str = "cor-lattice",
@@ -57,8 +71,8 @@ def plan(
     region: str = "model",
     probability: float | None = None,
     margin_weight: float = 0.0,
-    cor_rate: float = math.inf,
-    improve: float = 20_000,
+    max_twist_rate: float = math.inf,
+    refinement_budget: float = 20_000,
     stop: Callable[[], bool] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> PlanResult:
@@ -95,11 +109,10 @@ def plan(
     started = time.perf_counter()
     limit = check_number(time_limit, "time_limit", at_least=0.0)
     given = DEFAULT_PROBABILITY if probability is None and problem.surface.members() else probability or 0.0
-    options = PlanOptions(region, given, margin_weight, cor_rate, improve)
-    found = {entry.name: entry for entry in entry_points(group="stablepush.planners")}
-    if planner not in found:
-        raise InputError("planner", f"expected one of {', '.join(sorted(found)) or 'none installed'}", repr(planner))
-    run: Planner = found[planner].load()
+    options = PlanOptions(region, given, margin_weight, max_twist_rate, refinement_budget)
+    if planner not in planner_names():
+        raise InputError("planner", f"expected one of {', '.join(planner_names()) or 'none installed'}", repr(planner))
+    run: Planner = load_plugin(_GROUP, planner)
 
     number = 0 if seed is None else check_seed(seed)
     with within(limit, stop) as deadline:

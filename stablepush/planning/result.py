@@ -70,7 +70,7 @@ class PlanResult:
 
     ``status``, a :class:`PlanStatus`, equals its word, as ``"solved"``, and has an ``advice``; ``message`` says more. Planners of
     others may have words of their own.
-    ``duration`` in s, ``length`` (way of the body origin during pushes) in m, ``min_margin`` in rad;
+    ``duration`` in s, ``length`` (path of the body origin during pushes) in m, ``min_margin`` in rad;
     ``lower_bound`` (s) is below the duration of every plan that solves the problem, or None; ``planning_time`` in s.
     """
 

@@ -27,7 +27,7 @@ class Trajectory:
     """Samples of a plan.
 
     ``t`` (n,) in s from its start; ``segment`` and ``contact`` (n,): numbers of the segment and of the contact at which the
-    pusher is docked, -1 on its way between two; ``slider`` (n, 3): poses of B in W; ``pusher`` (n, 3): poses of its frame in W.
+    pusher is docked, -1 in transfer between two; ``slider`` (n, 3): poses of B in W; ``pusher`` (n, 3): poses of its frame in W.
     """
 
     t: FloatArray
@@ -44,7 +44,7 @@ def sample_plan(
 
     Without an acceleration the pushes run at the speed limit from end to end, as the plan has them. With one, the slider starts
     and ends at rest, and rests where the unit twist jumps by more than :data:`PASSES`: blended corners are passed. No point of
-    its outline then speeds up along its way by more than ``acceleration`` (m/s²), nor exceeds the speed limit. A push is
+    its outline then speeds up along its path by more than ``acceleration`` (m/s²), nor exceeds the speed limit. A push is
     quasi-static where that is small against ``mu g`` of the support.
 
     Parameters
@@ -77,15 +77,15 @@ def sample_plan(
         rows = np.empty((len(t), 9))
         rows[:, 0], rows[:, 1] = t, number
         if isinstance(segment, Push):
-            way = np.clip(law.behind(number, t), 0.0, segment.duration)
-            way[-1] = segment.duration
-            rows[:, 2], rows[:, 3:6] = segment.contact, segment.poses(way)
+            done = np.clip(law.behind(number, t), 0.0, segment.duration)
+            done[-1] = segment.duration
+            rows[:, 2], rows[:, 3:6] = segment.contact, segment.poses(done)
             rows[:, 6:9] = compose(rows[:, 3:6], problem.contacts[segment.contact].frame)
             pose = segment.end
         else:
             rows[:, 2], rows[:, 3:6] = -1, pose
             share = (t - begin) / (end - begin) if end > begin else np.ones(len(t))
-            rows[:, 6:9] = pusher_on_the_way(problem, segment, pose, share)
+            rows[:, 6:9] = pusher_in_transfer(problem, segment, pose, share)
             rows[-1, 2] = segment.target
         parts.append(rows)
         begin = end
@@ -155,35 +155,37 @@ def _require_fit(problem: PlanningProblem, result: PlanResult) -> None:
 
 
 def ramped_duration(duration: float, speed: float, acceleration: float) -> float:
-    """Return how long (s) a way of ``duration`` at ``speed`` takes from rest to rest: ``d + v/a``, or ``2 sqrt(v d/a)`` if it is
-    too short to reach the speed."""
+    """Return how long (s) a motion of ``duration`` at ``speed`` takes from rest to rest.
+
+    ``d + v/a``, or ``2 sqrt(v d/a)`` if it is too short to reach the speed.
+    """
     rise = speed / acceleration
     return duration + rise if duration >= rise else 2 * math.sqrt(rise * duration)
 
 
-def ramp_times(way: FloatArray, duration: float, speed: float, acceleration: float) -> FloatArray:
-    """Return the times (n,) at which ways (n,), as times at full speed, are behind: the inverse of :func:`ramp`."""
+def ramp_times(done: FloatArray, duration: float, speed: float, acceleration: float) -> FloatArray:
+    """Return the times (n,) at which travels (n,), as times at full speed, are behind: the inverse of :func:`ramp`."""
     rise = speed / acceleration
     total = ramped_duration(duration, speed, acceleration)
     up = min(rise, total / 2)
-    early = np.minimum(way, duration - way)
+    early = np.minimum(done, duration - done)
     slow = up**2 / (2 * rise)
     t = np.where(early <= slow, np.sqrt(2 * rise * np.maximum(early, 0.0)), up + (early - slow) * rise / up)
-    return np.asarray(np.where(way <= duration / 2, t, total - t))
+    return np.asarray(np.where(done <= duration / 2, t, total - t))
 
 
 def ramp(t: FloatArray, duration: float, speed: float, acceleration: float) -> FloatArray:
-    """Return the way (n,), as time at full speed, that is behind at times ``t`` (n,) of a motion from rest to rest."""
+    """Return the travel (n,), as time at full speed, that is behind at times ``t`` (n,) of a motion from rest to rest."""
     rise = speed / acceleration
     total = ramped_duration(duration, speed, acceleration)
     up = min(rise, total / 2)
     # mirrored in the middle: the second half is the first, backwards
     early = np.minimum(t, total - t)
-    way = np.where(early <= up, early**2 / (2 * rise), up**2 / (2 * rise) + (early - up) * up / rise)
-    return np.asarray(np.where(t <= total / 2, way, duration - way))
+    done = np.where(early <= up, early**2 / (2 * rise), up**2 / (2 * rise) + (early - up) * up / rise)
+    return np.asarray(np.where(t <= total / 2, done, duration - done))
 
 
-def pusher_on_the_way(problem: PlanningProblem, transfer: Transfer, pose: FloatArray, share: FloatArray) -> FloatArray:
+def pusher_in_transfer(problem: PlanningProblem, transfer: Transfer, pose: FloatArray, share: FloatArray) -> FloatArray:
     """Return the poses (n, 3) of the pusher at shares (n,) of its path; a path that is not given jumps at its end."""
     path = transfer.pusher_path
     if not len(path):

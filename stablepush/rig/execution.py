@@ -1,4 +1,4 @@
-"""Plans carried out on a rig: in the open, or planned anew where the slider has left them."""
+"""Plans carried out on a rig: in the open, or replanned where the slider has left them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def plan_commands(problem: PlanningProblem, result: PlanResult, radius: float) -
             push.duration,
             radius=radius,
             pose=push.start,
-            put=number == 0,
+            reset=number == 0,
             speed=float(problem.push_speed(push.twist)),
         )
         for number, push in enumerate(result.pushes)
@@ -62,7 +62,7 @@ def execute_closed_loop(
     attempts: int = 20,
     progress: Callable[[str], None] | None = None,
 ) -> Execution:
-    """Carry out a plan, and plan anew from where the slider is whenever it lies farther off the plan after a push.
+    """Carry out a plan, and replan from where the slider is whenever it lies farther off the plan after a push.
 
     ``tolerance`` (m): how far any point of the outline may be from where the plan has it. The pusher lets go before a new plan
     and docks at its first contact. Ends at the end of a plan, when there is no plan, or after ``attempts`` of them.
@@ -93,9 +93,9 @@ def execute_closed_loop(
         here = replace_start(problem, pose)
         again = plan(here, planner, seed=seed)
         if not again.solved or not again.pushes:
-            return replace(session.done(), plans=number, ended=f"no plan from where the slider was left: {again.status}")
+            return replace(session.done(), plans=number, stop_reason=f"no plan from where the slider was left: {again.status}")
         followed = again
-    return replace(session.done(), plans=attempts + 1, ended=f"off the plan still after {attempts} new ones")
+    return replace(session.done(), plans=attempts + 1, stop_reason=f"off the plan still after {attempts} new ones")
 
 
 def replace_start(problem: PlanningProblem, start: FloatArray) -> PlanningProblem:

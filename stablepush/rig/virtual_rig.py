@@ -18,14 +18,15 @@ from stablepush.core import (
     check_number,
     check_seed,
     check_share,
+    renamed_fields,
     run_parallel,
 )
 from stablepush.effects import REFERENCE_SPEED, Effect, principal
 from stablepush.geometry import compose, inverse, transform_points
 from stablepush.io import Noise, PushLog, Rig
 from stablepush.mechanics import Pusher, PushTrace, TableFriction, simulate_push
-from stablepush.objects import Slider, SupportDistribution
-from stablepush.rig.commands import AWAY, Command
+from stablepush.objects import EdgePush, Slider, SupportDistribution
+from stablepush.rig.commands import AWAY, Command, edge_command
 from stablepush.rig.log_book import LogBook
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
@@ -48,18 +49,19 @@ _LEAST_FRICTION = 0.02
 _MODELS = {2: "quadratic", 4: "poly4-cvx", 6: "poly6-cvx"}
 
 
+@renamed_fields(ended="stop_reason")
 @dataclass(frozen=True, slots=True, eq=False)
 class Execution:
     """A log, and what really happened in each of its trials, with the pusher as it really was.
 
-    ``plans``: how many plans were followed; ``ended``: why the last one was not followed to its end, blank if it was.
+    ``plans``: how many plans were followed; ``stop_reason``: why the last one was not followed to its end, blank if it was.
     """
 
     log: PushLog
     traces: list[PushTrace]
     pushers: list[Pusher]
     plans: int = 1
-    ended: str = ""
+    stop_reason: str = ""
 
     @property
     def final_pose(self) -> FloatArray:
@@ -289,14 +291,13 @@ class VirtualRig:
 
     def execute(
         self,
-        commands: Sequence[Command],
+        commands: Sequence[EdgePush | Command],
         *,
         rows: int = 7,
         seed: int = 0,
         progress: Callable[[int, int], None] | None = None,
     ) -> Execution:
-        """Carry out commands, one trial each, and log ``rows`` rows of each push, each the mean of readings over an equal part of
-        it."""
+        """Carry out pushes, one trial each, and log ``rows`` rows of each, each the mean of readings over an equal part of it."""
         session = self.session(rows=rows, seed=seed, trials=len(commands))
         for k, command in enumerate(commands):
             session.push(command)
@@ -324,8 +325,8 @@ class Session:
         self._step = rig.slider.radius / _STEPS if rig.step is None else rig.step
         self._drift = (by_id["drift"].number("rate") or 0.0) if "drift" in by_id else 0.0
 
-    def push(self, command: Command) -> PushTrace:
-        """Carry out one command.
+    def push(self, command: EdgePush | Command) -> PushTrace:
+        """Carry out one push.
 
         Where the pusher would start inside the slider, which is not where the command expects it, it comes from farther back
         along its own x axis instead.
@@ -337,16 +338,17 @@ class Session:
         except InputError as error:
             raise error.within(f"push {len(self._traces) + 1}") from None
 
-    def _push(self, command: Command) -> PushTrace:
+    def _push(self, push: EdgePush | Command) -> PushTrace:
         rig = self._rig
-        nominal = command.pusher or rig.pusher
-        pusher = nominal if self._radius is None else Pusher(nominal.fingers, self._radius, nominal.flat)
-        start = command.start
+        start = push.start
         if start is None:
             if not self._traces:
-                raise InputError("commands", "expected the first one to say where the slider starts")
+                raise InputError("start", "expected the first push to say where the slider starts")
             start = self._traces[-1].poses[-1]
-        place, motion = _from_outside(rig.slider, start, pusher, command)
+        command = edge_command(push, rig.pusher, start) if isinstance(push, EdgePush) else push
+        nominal = command.pusher or rig.pusher
+        pusher = nominal if self._radius is None else Pusher(nominal.fingers, self._radius, nominal.flat)
+        first, motion = _from_outside(rig.slider, start, pusher, command)
         done = len(self._traces)
         if not any(duration > 0 for _, duration in motion):
             raise InputError("motion", "expected at least one piece that lasts")
@@ -355,7 +357,7 @@ class Session:
         scale = (1 + self._drift * share) * math.exp(rig.scatter * float(self._rng.normal()))
         mu = self._mu if self._mu is not None else (rig.mu if command.mu is None else command.mu)
         rig._require_friction(start, scale)
-        trace = simulate_push(self._friction, rig.slider, pusher, mu, start, place, motion, step=self._step, scale=scale)
+        trace = simulate_push(self._friction, rig.slider, pusher, mu, start, first, motion, step=self._step, scale=scale)
         rig._require_friction(trace.poses[-1], scale)
         self._traces.append(trace)
         self._pushers.append(pusher)
@@ -407,21 +409,21 @@ def _from_outside(
     def depth(back: FloatArray) -> FloatArray:
         """How deep (n,) in m the pusher would be in the slider, so far back (n,)."""
         behind = np.stack((-back, np.zeros_like(back), np.zeros_like(back)), axis=-1)
-        centers = transform_points(compose(compose(inverse(start), command.place), behind), places)
+        centers = transform_points(compose(compose(inverse(start), command.pusher_pose), behind), places)
         away = shapely.distance(ring, shapely.points(centers))
         inside = shapely.contains_xy(face, centers[..., 0], centers[..., 1])
         return np.asarray((pusher.radius + np.where(inside, away, -away)).max(axis=1))
 
     if depth(np.zeros(1))[0] <= _DEEP or not len(command.motion):
-        return command.place, command.motion
+        return command.pusher_pose, command.motion
     reach = 2 * slider.radius + 2 * float(np.abs(pusher.fingers).max()) + pusher.radius
-    back = np.arange(0.0, reach + float(np.hypot(*(command.place[:2] - start[:2]))), _BACK_STEP)
+    back = np.arange(0.0, reach + float(np.hypot(*(command.pusher_pose[:2] - start[:2]))), _BACK_STEP)
     inside = np.flatnonzero(depth(back) > _DEEP)
     clear = float(back[inside[-1]]) + AWAY if len(inside) else AWAY
     first = np.asarray(command.motion[0][0])
     x, y = pusher.fingers.T
     speed = float(np.hypot(first[0] - first[2] * y, first[1] + first[2] * x).max()) or _WAY_SPEED
-    return compose(command.place, (-clear, 0.0, 0.0)), [(np.array((speed, 0.0, 0.0)), clear / speed), *command.motion]
+    return compose(command.pusher_pose, (-clear, 0.0, 0.0)), [(np.array((speed, 0.0, 0.0)), clear / speed), *command.motion]
 
 
 def _as_points(surface: LimitSurface, slider: Slider, load: float) -> IdealLimitSurface:
@@ -449,7 +451,7 @@ def _samples(surface: LimitSurface, load: float) -> tuple[FloatArray, FloatArray
 
 
 def execute_batch(
-    jobs: Sequence[tuple[VirtualRig, Sequence[Command], int]],
+    jobs: Sequence[tuple[VirtualRig, Sequence[EdgePush | Command], int]],
     *,
     rows: int = 7,
     workers: int | None = None,
@@ -470,5 +472,5 @@ def execute_batch(
     return results
 
 
-def _execute_job(rig: VirtualRig, commands: Sequence[Command], seed: int, rows: int) -> Execution:
+def _execute_job(rig: VirtualRig, commands: Sequence[EdgePush | Command], seed: int, rows: int) -> Execution:
     return rig.execute(commands, rows=rows, seed=seed)

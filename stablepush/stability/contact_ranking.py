@@ -25,7 +25,7 @@ from stablepush.stability.oracle import StabilityOracle
 from stablepush.stability.region import StableRegion, stable_region
 from stablepush.surfaces import LimitSurface
 
-#: What contacts may be ranked by: their attribute, and the sign that puts the best first.
+#: What contacts may be ranked by: their attribute, and the sign that sorts the best first.
 MEASURES = {"area": ("area", -1.0), "tightest-turn": ("tightest_turn", 1.0), "margin": ("margin", -1.0)}
 _DIRECTIONS = 181
 #: Fingers that have less room (m) than this on an edge stand on its ends. Contacts whose measures differ by no more than this
@@ -114,7 +114,7 @@ def rank_contacts(
     if widths is not None:
         spacings = np.unique(check_array(np.atleast_1d(np.asarray(widths, dtype=object)).tolist(), "widths", (None,)))
         if not len(spacings) or (spacings < LEAST_POSITIVE).any():
-            raise InputError("widths", "expected distances > 0 in m", repr(widths))
+            raise InputError("widths", "expected distances > 0 in m", ", ".join(f"{w:g}" for w in spacings))
     chosen = list(range(len(lengths)))
     if edges is not None:
         given = np.atleast_1d(np.asarray(edges, dtype=object)).tolist()

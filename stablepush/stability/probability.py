@@ -1,4 +1,4 @@
-"""How sure a region is, given the ensemble of surfaces that the pokes leave likely."""
+"""The probability of a region, given the ensemble of surfaces from the posterior."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stablepush.core import BoolArray, FloatArray, InputError, check_count, chec
 from stablepush.objects import PushContact
 from stablepush.stability.kernels.chart import Rings, add_coverage, grid_places, only_polygons, rings_from_disc
 from stablepush.stability.oracle import StabilityOracle
-from stablepush.stability.region import EXTENT_RADII, Interval, StableRegion, stable_region, widest_first
+from stablepush.stability.region import EXTENT_RADII, StableRegion, common_intervals, stable_region
 from stablepush.surfaces import LimitSurface
 
 #: Slack of a share of surfaces: k of n must pass for p = k/n.
@@ -85,7 +85,7 @@ def chance_region(surface: LimitSurface, contact: PushContact, probability: floa
         name=f"probability {level:g}",
         characteristic_length=rho,
         default_extent=EXTENT_RADII * max(contact.radius, rho),
-        translation_intervals=_common([region.translation_intervals for region in regions], needed),
+        translation_intervals=common_intervals([region.translation_intervals for region in regions], needed),
         motions=_ProbablyStable(oracle, regions, needed),
     )
 
@@ -110,7 +110,7 @@ class _ProbablyStable:
 def _member_regions(surface: LimitSurface, contact: PushContact) -> list[StableRegion]:
     members = surface.members()
     if not members:
-        raise InputError("surface", "expected one with an ensemble, as a convex fit gives it")
+        raise InputError("probability", "expected a limit surface with an ensemble, as a convex fit leaves it")
     return [stable_region(member, contact) for member in members]
 
 
@@ -124,35 +124,3 @@ def _covered(discs: list[shapely.Geometry], needed: int) -> shapely.Geometry:
     shapely.prepare(discs)
     count = np.sum([shapely.contains_xy(disc, *inner.T) for disc in discs], axis=0)
     return only_polygons(shapely.union_all(faces[count >= needed]))
-
-
-def _common(intervals: list[tuple[Interval, ...]], needed: int) -> tuple[Interval, ...]:
-    """Directions that at least so many sets of intervals hold, the widest first."""
-    turn = 2 * np.pi
-    ends = np.unique(np.mod([end for several in intervals for interval in several for end in interval], turn))
-    if not len(ends):
-        return ()
-    following = np.append(ends[1:], ends[0] + turn)
-    middle = (ends + following) / 2
-    count = np.zeros(len(middle), dtype=int)
-    for several in intervals:
-        inside = np.zeros(len(middle), dtype=bool)
-        for low, high in several:
-            inside |= np.mod(middle - low, turn) <= high - low
-        count += inside
-    good = count >= needed
-    if good.all():
-        return ((0.0, turn),)
-    found: list[Interval] = []
-    # from the first gap on, so that no interval is cut
-    start = int(np.argmin(good))
-    for i in np.roll(np.arange(len(good)), -start):
-        if not good[i]:
-            continue
-        shift = turn if i < start else 0.0
-        low, high = float(ends[i] + shift), float(following[i] + shift)
-        if found and abs(found[-1][1] - low) < 1e-12:
-            found[-1] = (found[-1][0], high)
-        else:
-            found.append((low, high))
-    return widest_first(found)

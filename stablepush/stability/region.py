@@ -396,3 +396,35 @@ def regions_to_json(regions: Sequence[StableRegion], extent: float | None = None
             for region in regions
         ],
     }
+
+
+def common_intervals(intervals: list[tuple[Interval, ...]], needed: int) -> tuple[Interval, ...]:
+    """Directions that at least so many sets of intervals hold, the widest first."""
+    turn = 2 * np.pi
+    ends = np.unique(np.mod([end for several in intervals for interval in several for end in interval], turn))
+    if not len(ends):
+        return ()
+    following = np.append(ends[1:], ends[0] + turn)
+    middle = (ends + following) / 2
+    count = np.zeros(len(middle), dtype=int)
+    for several in intervals:
+        inside = np.zeros(len(middle), dtype=bool)
+        for low, high in several:
+            inside |= np.mod(middle - low, turn) <= high - low
+        count += inside
+    good = count >= needed
+    if good.all():
+        return ((0.0, turn),)
+    found: list[Interval] = []
+    # from the first gap on, so that no interval is cut
+    start = int(np.argmin(good))
+    for i in np.roll(np.arange(len(good)), -start):
+        if not good[i]:
+            continue
+        shift = turn if i < start else 0.0
+        low, high = float(ends[i] + shift), float(following[i] + shift)
+        if found and abs(found[-1][1] - low) < 1e-12:
+            found[-1] = (found[-1][0], high)
+        else:
+            found.append((low, high))
+    return widest_first(found)

@@ -12,4 +12,4 @@ from .monomials import (
 )
 from .polynomial import FORCE_UNITS as FORCE_UNITS, PolynomialLimitSurface as PolynomialLimitSurface
 from .protocol import LimitSurface as LimitSurface
-from .registry import surface_kinds as surface_kinds
+from .registry import surface_kinds as surface_kinds, surface_of_kind as surface_of_kind

@@ -157,7 +157,10 @@ class PolynomialLimitSurface(LimitSurface):
             node["degree"].fail("expected an even number from 2 to 10", degree)
         rho = node["characteristic_length"].number(positive=True)
         coefficients = _coefficients(node, degree)
-        certificate, covariance_node, provenance = node["certificate"], node["covariance"], node["provenance"]
+        certificate, provenance = (
+            None if entry.value is None else entry.object() for entry in (node["certificate"], node["provenance"])
+        )
+        covariance_node = node["covariance"]
         size = len(coefficients)
         covariance = None if covariance_node.value is None else covariance_node.array(size, size)
         ensemble_node = node.get("ensemble")
@@ -170,10 +173,10 @@ class PolynomialLimitSurface(LimitSurface):
                 degree,
                 rho,
                 force_unit=force_unit,
-                certificate=None if certificate.value is None else certificate.object(),
+                certificate=certificate,
                 covariance=covariance,
                 ensemble=ensemble,
-                provenance=None if provenance.value is None else provenance.object(),
+                provenance=provenance,
             )
         )
 
@@ -279,7 +282,7 @@ def _coefficients(node: Node, degree: int) -> np.ndarray:
 
 
 def _check_size(coefficients: FloatArray, degree: int, name: str) -> None:
-    """Refuse surfaces whose loads cannot be told from zero, or from a slip of units."""
+    """Refuse surfaces whose loads cannot be distinguished from zero, or from a slip of units."""
     low, high, largest = LARGEST_MAGNITUDE**-degree, LEAST_POSITIVE**-degree, np.abs(coefficients).max()
     if not low <= largest <= high:
         raise InputError(name, f"expected the largest to be from {low:g} to {high:g}", f"{largest:g}")

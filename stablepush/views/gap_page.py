@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import count, groupby
 from typing import Any
@@ -14,24 +13,24 @@ import numpy as np
 from stablepush.core import FloatArray
 from stablepush.diagnosis import ChannelGap, Evidence, GapReduction, GapReport, ParameterEstimate, RankedEffect, percent, readable
 from stablepush.geometry import rotate_vectors
-from stablepush.objects import Slider
+from stablepush.objects import EdgePush, Slider
 from stablepush.views.pages import Section, render, script
 from stablepush.views.plot.canvas import figure_png
-from stablepush.views.plot.gaps import plot_effects, plot_ends, plot_residuals, plot_residuals_against
+from stablepush.views.plot.gaps import plot_effects, plot_final_poses, plot_residuals, plot_residuals_against
 
 #: Rows that a page has, at most.
 _MOST_ROWS = 2000
 #: Length of a large arrow over the extent of the table.
 _ARROW = 0.12
 #: Covariates that every row has.
-_PLACE = (("x", "m"), ("y", "m"), ("turned by", "deg"))
+_PLACE = (("x", "m"), ("y", "m"), ("heading", "deg"))
 
 
 def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     """Return a diagnosis as one HTML page that needs no network: verdict, evidence to look at row by row, pictures, all effects,
     what to try next."""
     size = (
-        "Root mean squares over all trials; floor: what noise alone leaves; p: how often noise alone would leave as much as the "
+        "Root mean squares over all trials. Floor: the noise alone. p: the probability that noise alone leaves as much as the "
         "nominal simulation does."
     )
     sections = [
@@ -40,9 +39,9 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     if report.gap:
         sections.append(Section("How large the gap is", size, [(entry.channel, _gap(entry)) for entry in report.gap]))
     left_out = (
-        "Root mean squares on trials that the mended simulation was not fitted to; the floor is no higher than what is left."
+        "Root mean squares on trials that the corrected simulation was not fitted to; the floor is no higher than what is left."
     )
-    shrink = [
+    reductions = [
         (
             entry.channel,
             f"{readable(entry.before)}{_unit(entry)} before, {readable(entry.after)} after, "
@@ -50,12 +49,12 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
             f"closed {100 * entry.closed:.0f} % ({percent(entry.ci95[0])} to {percent(entry.ci95[1])}), "
             f"{entry.held_out_trials} held-out trials",
         )
-        for entry in report.shrink
+        for entry in report.reductions
     ]
-    sections.append(Section("How far the gap shrinks", left_out, shrink))
+    sections.append(Section("Gap reduction", left_out, reductions))
     if report.residuals:
         sections.append(Section.with_picture("Where: over the table", figure_png(plot_residuals(report))))
-        text = "Residuals of the nominal simulation and of the mended one."
+        text = "Residuals of the nominal simulation and of the corrected one."
         sections.append(Section.with_picture("Where: heading and order", figure_png(plot_residuals_against(report)), text))
     if report.where:
         found = [
@@ -65,14 +64,14 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
             )
             for f in report.where[:12]
         ]
-        sections.append(Section("Where: what residuals follow", "On held-out trials.", found))
+        sections.append(Section("Where: residuals by covariate", "On held-out trials.", found))
     if report.ends and len(report.places):
-        words = "Pushes carried out again in simulation, from where the slider lay and as the pusher went."
-        sections.append(Section.with_picture("Where: ends of pushes", figure_png(plot_ends(report)), words))
+        words = "Each push is simulated again from the logged start pose, along the logged path of the pusher."
+        sections.append(Section.with_picture("Where: final poses", figure_png(plot_final_poses(report)), words))
     rows = [(entry.effect, _effect(entry, report.evidence[entry.effect])) for entry in report.ranking]
     text = (
         "Probability of each effect of the catalogue given the others that are named, its parameters with 95 % intervals, and "
-        "what speaks for and against it; or why this log cannot judge it."
+        "the evidence for and against it; or why it is not identifiable from this log."
     )
     sections.append(Section.with_picture("Why", figure_png(plot_effects(report)), text, rows))
     after = report.next_experiment
@@ -87,17 +86,16 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     sections.append(Section("What to try next", words, pushes))
     how = (
         "Loads of support points under the outline and the parameters of effects are fitted jointly to the measured "
-        "wrenches and to the gaps between fingers and outline, each row weighted by the noise of forces and motion and by "
-        "how far off it is. Without forces the ends of pushes are fitted in the place of wrenches, each carried out again "
-        "in simulation. An effect is named if no effect would show so clearly by chance more than once in a hundred logs "
-        "(signs of the trials' scores drawn at random; without forces a larger gain may do instead), and the log density "
-        "grows by enough over its scatter between pushes; the others are judged given it. Pressure is named if it "
-        "predicts held-out trials as well as any pressure does, friction of the fingers if forces of those that slip say "
-        "so. Which effects act was found on all trials; shares of the gap are those of trials left out of the fit, five "
-        "folds, repeats kept together."
+        "wrenches and to the clearances between fingers and outline, each row weighted by the noise of forces and motion and by "
+        "how far off it is. Without forces the final poses are fitted instead of wrenches: each push is simulated again. "
+        "An effect is named if its family-wise p-value is below 1 % (a bootstrap over the signs of the trials' scores; without "
+        "forces a larger gain may take its place) and the log density rises by more than its scatter between pushes explains; "
+        "the others are judged given it. Pressure is named if it predicts held-out trials as well as any pressure does, friction "
+        "of the fingers if the forces of slipping fingers differ significantly. All trials decide which effects act. Reductions "
+        "of the gap are those of trials left out of the fit, in five folds that keep repeats together."
     )
     sections.append(Section("How it was computed", how))
-    sections.append(Section("Data quality", "", [("note", note) for note in report.notes] or [("note", "nothing to remark")]))
+    sections.append(Section("Data quality", "", [("note", note) for note in report.notes] or [("note", "none")]))
     lead = f"{report.log}, {report.trials} pushes"
     values = {"title": title, "lead": lead, "sections": sections}
     seen = _rows_of_loads(report) if report.residuals else _rows_of_ends(report)
@@ -172,7 +170,7 @@ def _rows_of_loads(report: GapReport) -> _Seen:
 def _rows_of_ends(report: GapReport) -> _Seen:
     ends: dict[str, FloatArray] = {key: report.ends[key] for key in ("before", "after") if key in report.ends}
     parts = {key: 1000 * miss for key, miss in ends.items()}
-    arrows = {key: report.misses(key) for key in ends}
+    arrows = {key: report.pose_errors(key) for key in ends}
     covariates = np.column_stack((report.places[:, :2], np.degrees(report.places[:, 2]), np.arange(len(report.places))))
     rows = _rows(report.end_names, report.places, arrows, parts, covariates)
     scale = max(1.0, round(_scale(rows, report.rig.slider)))
@@ -210,10 +208,10 @@ def _rows(
 
 def _gap(entry: ChannelGap) -> str:
     """A channel of ``gap``."""
-    unit, chance = _unit(entry), entry.p_lack_of_fit
+    unit, p = _unit(entry), entry.p_lack_of_fit
     nominal, refitted, floor = (readable(size) for size in (entry.nominal, entry.refitted, entry.noise_floor))
     words = f"{nominal}{unit} from the nominal simulation, {refitted} with a refitted surface, floor {floor}"
-    return f"{words}; p {f'{chance:.2g}' if chance > 1e-4 else 'below 0.0001'}"
+    return f"{words}; p {f'{p:.2g}' if p > 1e-4 else 'below 0.0001'}"
 
 
 def _unit(entry: ChannelGap | GapReduction) -> str:
@@ -222,7 +220,7 @@ def _unit(entry: ChannelGap | GapReduction) -> str:
 
 
 def _effect(entry: RankedEffect, evidence: Evidence) -> str:
-    """An effect: probability, parameters, and what speaks for it and against it; or why the log cannot judge it."""
+    """An effect: probability, parameters, evidence for and against; or why it is not identifiable."""
     parameters = "; ".join(_parameter(name, p) for name, p in entry.parameters.items()) if entry.identifiable else ""
     if evidence.unseen:
         return "\n".join(filter(None, (parameters, evidence.unseen)))
@@ -239,17 +237,17 @@ def _parameter(name: str, found: ParameterEstimate) -> str:
     return f"{name} {numbers} {re.sub('^1(, | |$)', '', found.unit)}".strip()
 
 
-def _push(push: Mapping[str, Any]) -> str:
+def _push(push: EdgePush) -> str:
     """A proposed push as a lab would read it."""
-    x, y = 1000 * push["x"], 1000 * push["y"]
+    x, y, theta = np.zeros(3) if push.start is None else push.start
     words = (
-        f"slider at x {x:.0f} mm, y {y:.0f} mm, turned by {math.degrees(push['theta']):.0f}°; on edge {push['edge']}, "
-        f"{1000 * push['along']:.1f} mm along it, {math.degrees(push['direction']):.0f}° off its normal, "
-        f"{1000 * push['way']:.0f} mm at {1000 * push['speed']:.0f} mm/s; the causes differ by "
+        f"slider at x {1000 * x:.0f} mm, y {1000 * y:.0f} mm, heading {math.degrees(theta):.0f}°; on edge {push.edge}, "
+        f"{1000 * push.arc_length:.1f} mm along it, {math.degrees(push.direction):.0f}° off its normal, "
+        f"{1000 * push.distance:.0f} mm at {1000 * push.speed:.0f} mm/s; the causes differ by "
     )
-    if "expected_difference_of_ends_m" in push:
-        return f"{words}{1000 * push['expected_difference_of_ends_m']:.2g} mm in where it ends"
+    if "expected_difference_of_ends_m" in push.expected:
+        return f"{words}{1000 * push.expected['expected_difference_of_ends_m']:.2g} mm in the final pose"
     return (
-        f"{words}{push['expected_difference_N']:.2g} N in the load, {1000 * push['expected_difference_m']:.2g} mm in the gap "
-        "between finger and outline"
+        f"{words}{push.expected['expected_difference_N']:.2g} N in the load, "
+        f"{1000 * push.expected['expected_difference_m']:.2g} mm in the clearance between finger and outline"
     )

@@ -16,7 +16,7 @@ from stablepush.core import FloatArray, InputError, first_least
 from stablepush.geometry import angle_between, compose, cor_from_twist, exp, transform_points, twist_from_cor, unit
 from stablepush.mechanics import Pusher, PushTrace, Slide
 from stablepush.objects import PushContact, Slider
-from stablepush.planning import PlanningProblem, PlanResult, Push, pusher_on_the_way
+from stablepush.planning import PlanningProblem, PlanResult, Push, pusher_in_transfer
 from stablepush.stability import StabilityOracle, StableRegion
 from stablepush.surfaces import LimitSurface
 
@@ -150,7 +150,7 @@ def region_html(
     extent: float | None = None,
     title: str = "Stable rotation centres",
 ) -> str:
-    """Return a map of stable regions as one HTML page that needs no network: it tells of any rotation centre whether each region
+    """Return a map of stable regions as one HTML page that needs no network: it shows for any rotation centre whether each region
     has it and with what margin, and shows the turn about it.
 
     ``extent``: half side of the map in m; five times the radius of slider or contact if not given.
@@ -240,7 +240,7 @@ def _motion_page(
         "pushes": 1 + rows[-1]["push"],
         "rows": rows,
     }
-    key = "Line: way of the centre of mass; dotted: rotation centre."
+    key = "Line: path of the centre of mass; dotted: rotation centre."
     if fingers:
         key += " Fingers: green sticks, orange slips, grey is open."
     if result is not None:
@@ -252,8 +252,8 @@ def _motion_page(
 def _planned_way(result: PlanResult) -> list[list[float]]:
     """Places of the body origin along the pushes of a plan."""
     times = np.linspace(0.0, 1.0, _PUSH_PLACES)[:, None]
-    ways = [compose(push.start, exp(times * push.duration * push.twist))[:, :2] for push in result.pushes]
-    return [place for way in ways for place in way.tolist()]
+    paths = [compose(push.start, exp(times * push.duration * push.twist))[:, :2] for push in result.pushes]
+    return [place for path in paths for place in path.tolist()]
 
 
 def script(data: dict[str, Any]) -> str:
@@ -281,7 +281,7 @@ def _plan_data(problem: PlanningProblem, result: PlanResult) -> dict[str, Any]:
         else:
             entry = {"kind": "transfer", "from": segment.source, "duration": segment.duration, "pose": pose.tolist()}
             shares = np.linspace(0.0, 1.0, _TRANSFER_POSES)
-            entry["way"] = pusher_on_the_way(problem, segment, pose, shares).tolist()
+            entry["way"] = pusher_in_transfer(problem, segment, pose, shares).tolist()
         segments.append(entry)
     docked = [None if problem.pusher is None else transform_points(c.frame, problem.pusher).tolist() for c in problem.contacts]
     return {

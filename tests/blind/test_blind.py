@@ -99,7 +99,7 @@ def test_a_finger_that_sticks_does_not_creep(generator: str) -> None:
         place = np.einsum("nji,nj->ni", turn, truth.pusher[:, :2] - truth.pose[:, :2])
         rolled = world.radius * np.diff(truth.pusher[:, 2] - truth.pose[:, 2])
         slip = np.abs(np.diff(place @ along) + rolled) / np.diff(truth.time) / push.speed
-        sticks = np.abs(force @ along) < 0.7 * world.grip * (force @ inward)
+        sticks = np.abs(force @ along) < 0.7 * world.contact_mu * (force @ inward)
         slips.append(slip[sticks[1:] & sticks[:-1]])
     assert np.median(np.concatenate(slips)) < 0.03
 
@@ -184,10 +184,10 @@ def test_a_label_that_was_peeked_at_is_noticed(tmp_path: Path) -> None:
     ledger, key, token, answer, log = sealed_set(tmp_path)
     open_label(ledger, 0, token, key)
     # a diagnosis made again with the label in view
-    better = b'{"verdict": "named"}'
-    assert "the diagnosis is not the one" in str(complaint(ledger, 0, token, log, better))
-    ledger.add("diagnosed", 0, diagnosis=digest(better))
-    assert complaint(ledger, 0, token, log, better) is not None
+    significantly_better = b'{"verdict": "named"}'
+    assert "the diagnosis is not the one" in str(complaint(ledger, 0, token, log, significantly_better))
+    ledger.add("diagnosed", 0, diagnosis=digest(significantly_better))
+    assert complaint(ledger, 0, token, log, significantly_better) is not None
     early = Ledger(tmp_path / "early.jsonl")
     early.add("sealed", 0, label=digest(token), log=digest_of_folder(log))
     open_label(early, 0, token, key)
@@ -446,5 +446,5 @@ def test_the_score_of_supports_counts() -> None:
     lines = dict(score_of_supports(rows, {}, 1, "").lines)
     assert lines["wrong support: the pressure named, or absorbed"].startswith("2 of 4")
     assert lines["wrong support: another cause named"].startswith("1 of 4")
-    assert lines["wrong support: the mended wrench is closer"].startswith("3 of 4")
+    assert lines["wrong support: the corrected wrench is closer"].startswith("3 of 4")
     assert lines["right support: no cause named"].startswith("1 of 2")

@@ -223,7 +223,7 @@ def seeds(folder: Path) -> dict[str, Path]:
     scene = json.loads((Path(__file__).parents[2] / "examples" / "scenes" / "tight-turn.json").read_text(encoding="utf-8"))
     write_json(folder / "scene.json", {**scene, "model": "polynomial.json"})
     problem = sp.load_scene(folder / "scene.json")
-    result = sp.plan(problem, improve=0)
+    result = sp.plan(problem, refinement_budget=0)
     sp.save_plan(result, folder / "plan.json")
     sp.save_trajectory(sp.sample_plan(problem, result, rate=5, acceleration=0.1), folder / "trajectory.csv")
     (folder / "small.map").write_text("type octile\nheight 4\nwidth 6\nmap\n......\n.@@T..\n.@@..W\nS..G@@\n", encoding="utf-8")
@@ -308,7 +308,7 @@ def commands(at: dict[str, Path], out: Path) -> dict[str, tuple[list[Path], list
     """Files that are broken, and arguments of the command that reads them."""
     drawn = out.with_suffix(".png")
     model, contact, slider, scene, plan = (at[k] for k in ("polynomial", "contact", "slider", "scene", "plan"))
-    log, quick = files_in(at["log"]), ["--time-limit", "0.5", "--improve", "0"]
+    log, quick = files_in(at["log"]), ["--time-limit", "0.5", "--refinement-budget", "0"]
     found: dict[str, tuple[list[Path], list[object]]] = {
         "import": ([at["raw"], slider], ["import", at["raw"], "--slider", slider, "-o", out.with_suffix(".log")]),
         "classify": ([model, contact, at["cors"]], ["classify", model, "--contact", contact, "--cors", at["cors"], "-o", out]),
@@ -321,7 +321,7 @@ def commands(at: dict[str, Path], out: Path) -> dict[str, tuple[list[Path], list
         ),
         "contacts": (
             [model, slider],
-            ["contacts", model, "--slider", slider, "--mu", "0.5", "--width", "0.05", "--places", "3", "-o", out],
+            ["contacts", model, "--slider", slider, "--contact-mu", "0.5", "--width", "0.05", "--places", "3", "-o", out],
         ),
         "compare": ([scene], ["compare", scene, *quick, "--csv", out]),
         "trajectory": ([scene, plan], ["trajectory", scene, plan, "-o", out]),

@@ -65,7 +65,7 @@ def a_finger(scene: Values) -> None:
 
 
 CORNER = [[0.0, 0.0], [0.1, 0.0], [0.1, 0.04], [0.04, 0.04], [0.04, 0.1], [0.0, 0.1]]
-PLAN = "plan {scene} -o {out} --improve 0"
+PLAN = "plan {scene} -o {out} --refinement-budget 0"
 EXECUTE = "simulate {scene} {plan} -o {out}"
 MAP = "map {model} --contact {contact} --slider {slider} -o {out}"
 CLASSIFY = "classify {model} --contact {contact} --cors {cors} -o {out}"
@@ -214,7 +214,7 @@ MISTAKES = (
     ),
     Mistake("finger of 5 'm'", EXECUTE + " --finger-radius 5", 0, ("note", "--finger-radius", "millimetres")),
     Mistake("tilt with one number, without values", EXECUTE + " --effect tilt", 2, ("tilt:slope=0.05/0.05",)),
-    Mistake("sensor turned by 5 'rad'", EXECUTE + " --effect force-rotation:angle=5", 0, ("note", "force-rotation", "degrees")),
+    Mistake("sensor heading 5 'rad'", EXECUTE + " --effect force-rotation:angle=5", 0, ("note", "force-rotation", "degrees")),
     Mistake(
         "an effect too strong during the plan",
         EXECUTE + " --effect spatial-variation:gradient=-2/0",

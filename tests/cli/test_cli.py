@@ -131,7 +131,18 @@ def test_map_of_one_finger_draws_a_curve(rig, tmp_path, capsys):
 
 
 def test_contacts_leave_a_table_and_a_picture(rig, tmp_path, capsys):
-    arguments = ["--slider", str(rig / "slider.json"), "--mu", "0.5", "--width", "0.03", "--width", "0.06", "--places", "3"]
+    arguments = [
+        "--slider",
+        str(rig / "slider.json"),
+        "--contact-mu",
+        "0.5",
+        "--width",
+        "0.03",
+        "--width",
+        "0.06",
+        "--places",
+        "3",
+    ]
     outputs = ["-o", str(tmp_path / "c.csv"), "--picture", str(tmp_path / "c.png"), "--measure", "margin", "--edge", "1"]
     assert main(["contacts", str(rig / "model.json"), *arguments, *outputs]) == 0
     table, _ = read_table(tmp_path / "c.csv", required=(), numbers=("edge", "width", "margin", "area", "tightest_left"))
@@ -163,7 +174,7 @@ def test_plan_is_checked_and_drawn(rig, tmp_path, capsys):
 
 
 def test_plans_are_compared_and_sampled(rig, tmp_path, capsys):
-    assert main(["compare", str(rig / "scene.json"), "--improve", "0", "--csv", str(tmp_path / "c.csv")]) == 0
+    assert main(["compare", str(rig / "scene.json"), "--refinement-budget", "0", "--csv", str(tmp_path / "c.csv")]) == 0
     out = capsys.readouterr().out
     rows = [line.split(",") for line in (tmp_path / "c.csv").read_text().splitlines()]
     assert rows[0][:3] == ["scene", "region", "status"]
@@ -173,14 +184,14 @@ def test_plans_are_compared_and_sampled(rig, tmp_path, capsys):
         assert row[2] in ("solved", "no-path")
         assert row[1] == "model" or row[2] != "solved" or float(row[7]) == 1
     arguments = [str(rig / "scene.json"), str(tmp_path / "p.json")]
-    assert main(["plan", *arguments[:1], "--improve", "0", "--margin-weight", "1", "-o", arguments[1]]) == 0
+    assert main(["plan", *arguments[:1], "--refinement-budget", "0", "--margin-weight", "1", "-o", arguments[1]]) == 0
     assert main(["trajectory", *arguments, "--rate", "10", "--acceleration", "0.1", "-o", str(tmp_path / "t.csv")]) == 0
     assert (tmp_path / "t.csv").read_text().startswith("t,segment,contact,x,y,theta,px,py,ptheta\n")
     for bad in (["--rate", "0"], ["--rate", "nan"], ["--acceleration", "-1"]):
         capsys.readouterr()
         assert main(["trajectory", *arguments, *bad, "-o", str(tmp_path / "none.csv")]) == 2
         assert capsys.readouterr().err.count("\n") == 1
-    for bad in (["--probability", "2"], ["--margin-weight", "-1"], ["--improve", "nan"], ["--improve", "-1"]):
+    for bad in (["--probability", "2"], ["--margin-weight", "-1"], ["--refinement-budget", "nan"], ["--improve", "-1"]):
         assert main(["plan", *arguments[:1], *bad, "-o", str(tmp_path / "none.json")]) == 2
         assert capsys.readouterr().err.count("\n") == 1
     assert not list(tmp_path.glob("none.*"))
@@ -190,7 +201,7 @@ def test_simulate_leaves_a_log_that_reads_back(rig, tmp_path, capsys):
     out = tmp_path / "log"
     arguments = ["simulate", str(rig / "scene.json"), str(rig / "plan.json")]
     assert main([*arguments, "-o", str(out)]) == 0
-    assert "stuck all the way" in capsys.readouterr().out
+    assert "sticking throughout" in capsys.readouterr().out
     plan = sp.load_plan(rig / "plan.json")
     log = sp.read_pushlog(out)
     assert len(log) == len(plan.pushes)
@@ -225,7 +236,7 @@ def test_lists_of_pushes_are_simulated_and_shown(rig, tmp_path, capsys):
     assert "push 1 of" not in page.read_text(encoding="utf-8") and '"pushes": 2' in page.read_text(encoding="utf-8")
     (tmp_path / "turns.CSV").write_text("cor_x,cor_y,sense,angle,contact\n-1.0,0.0,1,0.3,0\n0.01,-0.02,-1,0.3,0\n")
     assert main([*arguments, str(tmp_path / "turns.CSV"), "-o", str(out)]) == 0
-    assert "1 of 2 stuck" in capsys.readouterr().out
+    assert "1 of 2 sticking throughout" in capsys.readouterr().out
     log = sp.read_pushlog(out)
     assert log.rig.contact_kind == "two-point"
     assert list(log.trials["stable"]) == [1, 0]
@@ -256,8 +267,8 @@ def test_slide_leaves_a_table_and_a_picture(rig, tmp_path, capsys):
     scaled = json.loads((rig / "model.json").read_text()) | {"force_unit": "mu*N"}
     write_json(tmp_path / "scaled.json", scaled)
     arguments[1] = str(tmp_path / "scaled.json")
-    one_line(capsys, [*arguments, "-o", str(out)], "--mu", "scaled.json")
-    assert main([*arguments, "--mu", "0.3", "-o", str(out)]) == 0
+    one_line(capsys, [*arguments, "-o", str(out)], "--support-mu", "mu*N")
+    assert main([*arguments, "--support-mu", "0.3", "-o", str(out)]) == 0
 
 
 def test_negative_answers_exit_with_one(rig, tmp_path, capsys):
@@ -390,7 +401,7 @@ def test_ctrl_c_keeps_the_best_plan(rig, tmp_path, capsys, monkeypatch, by_hand)
     pressed: list[str] = []
     monkeypatch.setattr(plans.Progress, "describe", listen)
     output = tmp_path / "plan.json"
-    code = main(["plan", str(rig / "scene.json"), "-o", str(output), "--improve", "inf", "--time-limit", "600"])
+    code = main(["plan", str(rig / "scene.json"), "-o", str(output), "--refinement-budget", "inf", "--time-limit", "600"])
     out, err = capsys.readouterr()
     assert pressed and code == 130, heard
     assert err == f"stablepush: interrupted; {output} holds the best plan found so far\n"

@@ -96,5 +96,5 @@ def test_what_this_project_writes_is_read_without_a_note(tmp_path):
     again = sp.load_scene(tmp_path / "scene.json")
     sp.save_model(again.surface, tmp_path / "model.json")
     sp.load_model(tmp_path / "model.json")
-    sp.save_plan(sp.plan(problem, improve=0), tmp_path / "plan.json")
+    sp.save_plan(sp.plan(problem, refinement_budget=0), tmp_path / "plan.json")
     sp.load_plan(tmp_path / "plan.json")

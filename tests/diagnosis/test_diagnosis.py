@@ -12,8 +12,8 @@ from stablepush.cli import main
 from stablepush.diagnosis.attribution import _as_good_as_free, by_chance
 from stablepush.diagnosis.equations import SIZES, ScoreTest, statistics
 from stablepush.diagnosis.forward import ForwardModel
+from stablepush.diagnosis.gap_reduction import HeldOut, explains_most
 from stablepush.diagnosis.observations import _rates, observe
-from stablepush.diagnosis.shrink import HeldOut, explains_most
 from stablepush.diagnosis.system import System, pushes_of
 from stablepush.diagnosis.where import repeats_share
 from stablepush.effects.catalogue import CATALOGUE
@@ -53,10 +53,10 @@ def test_the_forward_model_is_what_the_rig_does(effect, values):
     model = ForwardModel(o, feet.points, MASS * 9.81, triangle().radius_of_gyration ** 2, feet.center)
     loads = LOAD * feet.weights
 
-    def misses(v):
+    def pose_errors(v):
         return np.linalg.norm((o.wrench - model.predict(loads, v)) / (1, 1, 0.05), axis=1)
 
-    with_it, without = misses({k: np.array(v) for k, v in values.items()}), misses({})
+    with_it, without = pose_errors({k: np.array(v) for k, v in values.items()}), pose_errors({})
     assert np.median(with_it) < 0.01
     assert np.median(without) > 3 * np.median(with_it)
 
@@ -85,7 +85,7 @@ def test_an_effect_is_named_with_its_parameters(effect, name, truth):
     width = pairs[:, 1] - pairs[:, 0]
     assert (np.abs(estimate - truth) <= 2 * width + 0.02 * np.abs(truth)).all()
     channel = "pose" if id in ("contact-geometry", "latency") else "wrench"
-    entry = next(e for e in report.shrink if e.channel == channel)
+    entry = next(e for e in report.reductions if e.channel == channel)
     assert entry.closed > 0.8
     if id in FIRST:
         first = report.where[0]
@@ -96,7 +96,7 @@ def test_an_effect_is_named_with_its_parameters(effect, name, truth):
 def test_an_effect_in_the_body_frame_need_not_do_quite_as_well_as_the_free_surface():
     class Judge:
         @staticmethod
-        def better(ahead, behind):
+        def significantly_better(ahead, behind):
             return bool((ahead - behind).sum() > 6)
 
     scores = {"free": np.full(40, 10.0), "scaled": np.zeros(40)}
@@ -147,10 +147,10 @@ def test_labelled_rotations_have_a_channel_of_their_own():
         twist = twist_from_cor(rng.normal(size=2) * np.exp(rng.uniform(np.log(0.03), np.log(1.0))), sense)
         twist = 0.02 * twist / np.linalg.norm(point_velocity(twist, contact.points), axis=1).max()
         pose = (*rng.uniform(-0.1, 0.1, 2), rng.uniform(-3, 3))
-        commands.append(sp.contact_push(contact, twist, 2.0, radius=0.005, pose=pose, put=True))
+        commands.append(sp.contact_push(contact, twist, 2.0, radius=0.005, pose=pose, reset=True))
     report = sp.diagnose(rig.execute(commands).log)
     check_schema(report)
-    entry = next(e for e in report.shrink if e.channel == "stability")
+    entry = next(e for e in report.reductions if e.channel == "stability")
     assert entry.held_out_trials > 15
     assert entry.before**2 <= 2 / entry.held_out_trials + 1e-12
 
@@ -166,7 +166,7 @@ def test_friction_off_is_absorbed():
     log = make_log()
     report = sp.diagnose(edited(log, support_friction=0.8 * log.rig.support_friction))
     assert report.verdict == "absorbed"
-    assert next(e for e in report.shrink if e.channel == "wrench").closed > 0.9
+    assert next(e for e in report.reductions if e.channel == "wrench").closed > 0.9
 
 
 @pytest.mark.parametrize(
@@ -235,8 +235,8 @@ def test_logs_that_can_show_nothing():
     still = {**log.samples, **{name: np.zeros(len(log.samples["t"])) for name in ("x", "y", "theta")}}
     report = sp.diagnose(sp.PushLog(log.rig, log.trials, still))
     assert check_schema(report)["verdict"] == "none"
-    assert "nothing can be said" in report.sentence
-    assert gap_html(report).count(">this log cannot show it: needs ") == len(CATALOGUE)
+    assert "cannot be diagnosed" in report.sentence
+    assert gap_html(report).count(">not identifiable from this log: needs ") == len(CATALOGUE)
     axes = plot_effects(report).axes[0]
     assert [bar.get_width() for bar in axes.patches] == [0.0] * len(CATALOGUE)
     nothing = {**log.samples, **{name: np.zeros(len(log.samples["t"])) for name in ("fx", "fy", "tau")}}
@@ -271,7 +271,7 @@ def test_the_command_leaves_answer_page_and_mended_rig(tmp_path, capsys):
     sp.write_pushlog(make_log("drift:rate=-0.2"), tmp_path / "log")
     arguments = ["diagnose", str(tmp_path / "log"), "--json", str(tmp_path / "d.json"), "--html", str(tmp_path / "d.html")]
     arguments += ["--pushes", str(tmp_path / "next.csv")]
-    assert main([*arguments, "--mended", str(tmp_path / "mended")]) == 0
+    assert main([*arguments, "--mended", str(tmp_path / "corrected")]) == 0
     out = capsys.readouterr().out
     assert "named: drift" in out and "closed" in out
     value = json.loads((tmp_path / "d.json").read_text())
@@ -292,8 +292,10 @@ def test_the_command_leaves_answer_page_and_mended_rig(tmp_path, capsys):
     ):
         assert words in page
     assert "http://" not in page.replace("http://www.w3.org", "")
-    assert json.loads((tmp_path / "mended" / "rig.json").read_text())["effects"]["drift"]["rate"] == pytest.approx(-0.2, abs=0.03)
-    assert sp.load_model(tmp_path / "mended" / "model.json").wrench((1, 0, 0))[0] == pytest.approx(LOAD, rel=0.05)
+    assert json.loads((tmp_path / "corrected" / "rig.json").read_text())["effects"]["drift"]["rate"] == pytest.approx(
+        -0.2, abs=0.03
+    )
+    assert sp.load_model(tmp_path / "corrected" / "model.json").wrench((1, 0, 0))[0] == pytest.approx(LOAD, rel=0.05)
 
 
 @pytest.mark.parametrize("kind", ("missing", "empty"))
@@ -363,7 +365,7 @@ def test_stability_counts_where_only_the_first_row_tells_where_fingers_are():
     turns = np.isfinite(np.stack([np.asarray(log.trials[c], dtype=float) for c in columns])).all(axis=0)
     report = sp.diagnose(sp.PushLog(log.rig, log.trials, {**log.samples, **pusher}))
     assert turns.sum() >= 4
-    assert next(e for e in report.shrink if e.channel == "stability").held_out_trials == turns.sum()
+    assert next(e for e in report.reductions if e.channel == "stability").held_out_trials == turns.sum()
 
 
 def test_a_log_of_one_group_is_left_out_by_trials():
@@ -374,7 +376,7 @@ def test_a_log_of_one_group_is_left_out_by_trials():
 
 def test_shares_are_those_of_the_figures_beside_them():
     for log in (make_log("drift:rate=-0.2"), make_log(count=20)):
-        for e in sp.diagnose(log).shrink:
+        for e in sp.diagnose(log).reductions:
             share = (e.before**2 - e.after**2) / (e.before**2 - e.floor**2)
             assert abs(e.closed - np.clip(share, -10, 1)) < 1e-6 and e.ci95[1] <= 1.0
 
@@ -386,9 +388,9 @@ def test_the_chance_of_a_statistic_is_hotelling_s():
         test = ScoreTest(0.0, 0.0, np.zeros(d), np.eye(d), np.zeros((trials, d)), np.tile(np.eye(d), (trials, 1, 1)))
         draws = rng.normal(size=(4000, trials, d))
         found = statistics(draws.sum(axis=1), draws - draws.mean(axis=1, keepdims=True))
-        chance = np.exp(test.log_p(found))
+        family_wise_p = np.exp(test.log_p(found))
         for level in (0.01, 0.1, 0.5):
-            assert abs(float((chance <= level).mean()) - level) < 4 * math.sqrt(level * (1 - level) / 4000)
+            assert abs(float((family_wise_p <= level).mean()) - level) < 4 * math.sqrt(level * (1 - level) / 4000)
     assert ScoreTest.blind(np.eye(1), np.arange(3)).log_p(9.0) == 0.0
 
 
@@ -415,9 +417,9 @@ def test_repeats_of_a_push_count_as_one():
     system = System(observe(log), log.rig)
     behind, ahead = np.zeros(8), np.array((4.0, 4.0, 4.0, 4.0, 0.0, 0.0, 0.0, -0.5))
     system.push = np.arange(8)
-    assert system.better(ahead, behind)
+    assert system.significantly_better(ahead, behind)
     system.push = np.array((0, 0, 0, 0, 1, 2, 3, 4))
-    assert not system.better(ahead, behind)
+    assert not system.significantly_better(ahead, behind)
 
 
 def test_groups_are_told_from_trials_without_one():
@@ -440,4 +442,4 @@ def test_proposed_pushes_are_made_twice():
     report = sp.diagnose(make_log("force-bias:force=0.3/0.1", count=30))
     pushes = report.next_experiment.pushes
     assert len(pushes) >= 2 and pushes[0::2] == pushes[1::2]
-    assert pushes[0]["expected_difference_N"] > 0
+    assert pushes[0].expected["expected_difference_N"] > 0

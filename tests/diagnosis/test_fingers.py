@@ -8,6 +8,7 @@ from conftest import FORCES, LOAD, MASS, QUIET, check_schema, edited, make_log, 
 
 import stablepush as sp
 from stablepush.diagnosis.observations import finger_places, observe
+from stablepush.rig import edge_command
 
 
 def one_finger_a_push():
@@ -16,7 +17,8 @@ def one_finger_a_push():
     pusher = sp.Pusher.two_fingers(0.05, 0.005)
     rig = sp.VirtualRig(slider, sp.IdealLimitSurface(pressure(), LOAD), 0.5, pusher, [], sp.Noise(0.02, 5e-5, 5e-4))
     pushes = sp.random_pushes(slider, pusher, 40, seed=3)
-    commands = [replace(c, place=np.add(c.place, (0, 0, 0.25 * (-1) ** k))) for k, c in enumerate(pushes)]
+    straight = [edge_command(push, pusher, push.start) for push in pushes]
+    commands = [replace(c, pusher_pose=np.add(c.pusher_pose, (0, 0, 0.25 * (-1) ** k))) for k, c in enumerate(straight)]
     log = rig.execute(commands, seed=3).log
     touch = [np.isfinite(log.samples[c]) for c in ("c1x", "c2x")]
     alone = [t for t in log.trials["trial"] if not (touch[0] & touch[1])[log.rows(t)].any()]
@@ -37,7 +39,7 @@ def test_one_finger_of_two_that_is_thicker_is_told(side, fingers):
     assert report.named == ["contact-geometry"]
     assert report.ranking[0].parameters["radius"].estimate == pytest.approx(0.0075, abs=1e-4)
     assert any(f"the {side} finger alone" in note for note in report.notes)
-    assert next(e for e in report.shrink if e.channel == "pose").closed > 0.9
+    assert next(e for e in report.reductions if e.channel == "pose").closed > 0.9
     # the mended rig has fingers that are alike
     assert report.effects == {}
     # nobody knows which one is as it should be where the rig does not say how thick they are
@@ -99,9 +101,9 @@ def test_fingers_that_never_touch_together_are_found():
     assert len(log) > 8
     seen = observe(log)
     assert finger_places(log) == pytest.approx(np.array(((0.0, 0.025), (0.0, -0.025))), abs=5e-4)
-    touching = np.isfinite(seen.gap)
+    touching = np.isfinite(seen.clearance)
     assert touching.any(axis=1).mean() > 0.8 and not touching.all(axis=1).any()
-    assert np.nanmedian(np.abs(seen.gap)) < 3e-4
+    assert np.nanmedian(np.abs(seen.clearance)) < 3e-4
     assert sp.diagnose(log).verdict in ("none", "absorbed")
 
 

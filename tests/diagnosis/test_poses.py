@@ -7,22 +7,22 @@ import pytest
 from conftest import FORCES, LOAD, MASS, check_schema, edited, make_log, make_rig, pressure, triangle
 
 import stablepush as sp
-from stablepush.diagnosis.gap_report import shrink_with
+from stablepush.diagnosis.gap_report import gap_reductions_with
 from stablepush.diagnosis.motions import motions_of
 from stablepush.diagnosis.observations import observe
-from stablepush.diagnosis.replay import misses, replays
+from stablepush.diagnosis.replay import pose_errors, replays
 from stablepush.diagnosis.system import System
 from stablepush.effects.catalogue import parse_effect
 from stablepush.geometry.planar import twist_from_cor
 from stablepush.geometry.se2 import compose, inverse, log as log_of
-from stablepush.rig.commands import contact_push, poke
+from stablepush.rig.commands import contact_push
 
 
 def ends_of(log, values=None, mu=0.5):
     slider = log.rig.slider
     surface = sp.IdealLimitSurface(slider.support, log.rig.support_friction * slider.mass * log.rig.gravity)
     found = replays(log, observe(log))
-    return found, misses(found, surface, slider, mu, slider.mass * log.rig.gravity, values or {})
+    return found, pose_errors(found, surface, slider, mu, slider.mass * log.rig.gravity, values or {})
 
 
 MOVED = (
@@ -41,7 +41,7 @@ MOVED = (
 
 @pytest.mark.parametrize(("effect", "values"), MOVED, ids=[e.split(":")[0] for e, _ in MOVED])
 def test_pushes_carried_out_again_end_where_the_rig_left_them(effect, values):
-    """Ends of a simulated log without noise, by the pusher's logged way: only with the effect do they agree."""
+    """Ends of a simulated log without noise, by the pusher's logged path: only with the effect do they agree."""
     log = make_log(effect, noise=None, count=16, rows=40)
     found, without = ends_of(log)
     _, with_it = ends_of(log, {k: np.array(v) for k, v in values.items()})
@@ -52,12 +52,12 @@ def test_pushes_carried_out_again_end_where_the_rig_left_them(effect, values):
 
 
 def test_commanded_rotations_are_carried_out_from_where_fingers_touch():
-    """A log that has the slider before and after, contact points and commanded rotations, but no way of the pusher."""
+    """A log that has the slider before and after, contact points and commanded rotations, but no path of the pusher."""
     slider = sp.Slider(triangle().vertices, MASS, pressure())
     contact = sp.PushContact.on_edge(slider, 0, 0.06, 0.05, 0.5)
     rig = sp.VirtualRig(slider, sp.IdealLimitSurface(pressure(), LOAD), 0.5, sp.Pusher.of_contact(contact, 0.005), [], None)
     commands = [
-        contact_push(contact, twist_from_cor(cor, 1), 0.3, radius=0.005, pose=(0, 0, angle), put=True)
+        contact_push(contact, twist_from_cor(cor, 1), 0.3, radius=0.005, pose=(0, 0, angle), reset=True)
         for angle, cor in enumerate(((-0.3, 0.05), (-0.4, 0.0), (-0.2, -0.05)))
     ]
     log = edited(rig.execute(commands, rows=30).log, ("px", "py", "ptheta", *FORCES))
@@ -86,7 +86,7 @@ def test_poses_alone_name_what_moves_the_slider(effect, name):
     truth = np.array(parse_effect(effect).vector(name))
     estimate = np.atleast_1d(next(e for e in report.ranking if e.effect == id).parameters[name].estimate)
     assert np.abs(estimate - truth).max() < 0.25 * np.abs(truth - (name == "ratio")).max()
-    pose = next(e for e in report.shrink if e.channel == "pose")
+    pose = next(e for e in report.reductions if e.channel == "pose")
     assert pose.closed > 0.8 and pose.before > 2 * pose.floor
     assert check_schema(report)["worse"] == []
 
@@ -119,15 +119,12 @@ def test_pushes_that_separate_causes_are_proposed_without_forces():
     acting, other = make_rig("tilt:slope=0.03/0.01"), make_rig()
     away = []
     for push in after.pushes[::2]:
-        place = {k: push[k] for k in ("edge", "along", "direction", "way", "speed")}
-        start = (push["x"], push["y"], push["theta"])
-        command = poke(acting.slider, acting.pusher, **place, start=start)
-        one, two = (rig.execute([command], seed=0).final_pose for rig in (acting, other))
+        one, two = (rig.execute([push], seed=0).final_pose for rig in (acting, other))
         rho = acting.slider.characteristic_length
         away.append(float(np.linalg.norm(log_of(compose(inverse(two), one)) * (1, 1, rho))))
     # a slope moves what would lie still without it
     assert min(away) > 1e-3
-    said = [push["expected_difference_of_ends_m"] for push in after.pushes[::2]]
+    said = [push.expected["expected_difference_of_ends_m"] for push in after.pushes[::2]]
     # the other cause may move one of them as well
     assert np.median(np.abs(np.divide(said, away) - 1)) < 0.05
 
@@ -164,9 +161,9 @@ def test_fingers_of_unknown_friction_are_no_cause(seed):
 
 def test_a_known_cause_closes_the_gap_without_forces():
     log = edited(make_log("tilt:slope=0.02/-0.01", count=24), FORCES)
-    closed = {entry.channel: entry.closed for entry in shrink_with(log, ["tilt"])}
+    closed = {entry.channel: entry.closed for entry in gap_reductions_with(log, ["tilt"])}
     assert closed["pose"] > 0.8
-    assert {entry.channel: entry.closed for entry in sp.diagnose(log).shrink}["pose"] > 0.8
+    assert {entry.channel: entry.closed for entry in sp.diagnose(log).reductions}["pose"] > 0.8
 
 
 def test_a_log_whose_last_push_shows_nothing_is_fitted_without_it():

@@ -1,4 +1,4 @@
-"""The Gaussian process, and the older ways from pokes to friction."""
+"""The Gaussian process, and the older methods from pokes to friction."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_gaussian_process_is_the_posterior_mean_of_its_kernel():
 def test_gaussian_process_learns_symmetry_and_survives_the_file(tmp_path):
     f, v = pairs(60, 0.02)
     fit = sp.fit_limit_surface(f, v, "gp", characteristic_length=RHO)
-    assert "no limit surface" in fit.remarks[0]
+    assert "no limit surface" in fit.warnings[0]
     surface = fit.surface
     test_f, test_v = pairs(200, seed=4)
     assert np.degrees(angle_between(normalize_twist(surface.twist(test_f), RHO), normalize_twist(test_v, RHO)).mean()) < 12

@@ -223,7 +223,7 @@ def test_pokes_that_contradict_the_slider_are_obeyed():
     with_slider = sp.fit_limit_surface(loads, twists, slider=triangle(), characteristic_length=0.3)
     without = sp.fit_limit_surface(loads, twists, characteristic_length=0.3)
     assert with_slider.prior_weight == 0
-    assert any("contradict" in remark for remark in with_slider.remarks)
+    assert any("contradict" in remark for remark in with_slider.warnings)
     np.testing.assert_allclose(with_slider.surface.coefficients, without.surface.coefficients, rtol=1e-6)
 
 
@@ -233,7 +233,7 @@ def test_a_centre_of_mass_at_a_corner_of_the_outline_is_no_prior():
     # hardly any pressure has its centre there
     far = sp.Slider(triangle().vertices + 0.05 - 1e-6)
     fit = sp.fit_limit_surface(*pairs(8), slider=far, characteristic_length=RHO)
-    assert "not used as a prior" in fit.remarks[0]
+    assert "not used as a prior" in fit.warnings[0]
     assert fit.pressures is None
 
 

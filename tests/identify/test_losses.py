@@ -109,11 +109,15 @@ def test_programs_are_canonicalised_once():
 def test_a_fit_that_collapses_says_so():
     """The penalty counts for loads in N: feeble ones it outweighs."""
     f, v = pairs(15, 0.05)
-    fit = sp.fit_limit_surface(0.02 * f, v, "quadratic", characteristic_length=RHO, loss="norm", hold_out=np.arange(10, 15))
-    assert any("no size" in remark for remark in fit.remarks)
+    fit = sp.fit_limit_surface(
+        0.02 * f, v, "quadratic", characteristic_length=RHO, loss="norm", validation_indices=np.arange(10, 15)
+    )
+    assert any("no size" in remark for remark in fit.warnings)
     assert np.isfinite(fit.surface.wrench(v)).all()
-    fit = sp.fit_limit_surface(5 * f, v, "quadratic", characteristic_length=RHO, loss="norm", hold_out=np.arange(10, 15))
-    assert not any("no size" in remark for remark in fit.remarks)
+    fit = sp.fit_limit_surface(
+        5 * f, v, "quadratic", characteristic_length=RHO, loss="norm", validation_indices=np.arange(10, 15)
+    )
+    assert not any("no size" in remark for remark in fit.warnings)
 
 
 def test_published_loss_is_the_papers_equation():
@@ -134,7 +138,7 @@ def test_published_loss_is_the_papers_equation():
 def test_hold_out_chooses_the_weights_and_is_not_fitted():
     f, v = pairs(20, 0.1)
     rows = np.arange(15, 20)
-    fit = sp.fit_limit_surface(f, v, characteristic_length=RHO, loss="norm", hold_out=rows)
+    fit = sp.fit_limit_surface(f, v, characteristic_length=RHO, loss="norm", validation_indices=rows)
     p = Pairs.from_data(f, v, None, RHO)
     estimator = NormLoss(4, True, p.force_scale)
     part = estimator.prepare(p.take(np.arange(15)))
@@ -154,8 +158,8 @@ def test_hold_out_chooses_the_weights_and_is_not_fitted():
 
 @pytest.mark.parametrize("rows", ([], [0, 0], [20], [-1], [0.5], range(20), [[0, 1]]))
 def test_bad_hold_outs_are_refused(rows):
-    with pytest.raises(sp.InputError, match="hold_out"):
-        sp.fit_limit_surface(*pairs(20), characteristic_length=RHO, hold_out=list(rows))
+    with pytest.raises(sp.InputError, match="validation_indices"):
+        sp.fit_limit_surface(*pairs(20), characteristic_length=RHO, validation_indices=list(rows))
 
 
 @given(st.integers(0, 2**31), st.sampled_from((2, 4, 6)))
@@ -219,7 +223,7 @@ def test_outliers_count_for_little_and_are_reported():
     fit = sp.fit_limit_surface(f, v, characteristic_length=RHO)
     good = np.delete(fit.pair_weights, (3, 17))
     assert fit.pair_weights[[3, 17]].max() < 0.2 < np.median(good)
-    assert any("outliers" in remark for remark in fit.remarks)
+    assert any("outliers" in remark for remark in fit.warnings)
     plain = sp.fit_limit_surface(f, v, characteristic_length=RHO, robust=False)
     test_f, test_v = pairs(300, seed=5)
 

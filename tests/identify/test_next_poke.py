@@ -39,7 +39,7 @@ def test_the_best_poke_is_where_surfaces_disagree():
     members = np.array([[1.0, 0, 0, 1.0, 0, z] for z in np.linspace(0.6, 1.4, 12)])
     surface = sp.PolynomialLimitSurface(members.mean(axis=0), 2, RHO, ensemble=members)
     edge = np.array((0.0, 1.0))
-    pokes = [sp.Poke(0, np.array((x, -0.05)), edge, edge, 0.0) for x in (0.0, 0.02, 0.04)]
+    pokes = [sp.EdgePush(0, x + 0.05, np.array((x, -0.05)), edge) for x in (0.0, 0.02, 0.04)]
     ranked = sp.rank_pokes(surface, pokes, MU)
     assert [p.point[0] for p in ranked][-1] == 0.0
     assert ranked[-1].gain < 1e-6

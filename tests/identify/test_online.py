@@ -12,15 +12,15 @@ from stablepush.surfaces.monomials import bombieri_norms
 
 def test_an_update_is_the_fit_to_all_pokes_with_faded_weights():
     f, v = pairs(12, 0.05)
-    follower = sp.OnlineIdentifier(RHO, forgetting=0.8, eta1=7.0, eta2=3.0)
+    follower = sp.OnlineIdentifier(RHO, forgetting_factor=0.8, eta1=7.0, eta2=3.0)
     for load, twist in zip(f, v, strict=True):
         estimate = follower.update(load, twist)
     loads = normalize_wrench(f, RHO)
     sizes = np.log(np.linalg.norm(loads, axis=1))
-    log_scale, memory = np.median(sizes[:5]), (1 - 0.8**5) / 0.2
+    log_scale, effective_sample_size = np.median(sizes[:5]), (1 - 0.8**5) / 0.2
     for size in sizes[5:]:
-        memory = 1 + 0.8 * memory
-        log_scale += (size - log_scale) / memory
+        effective_sample_size = 1 + 0.8 * effective_sample_size
+        log_scale += (size - log_scale) / effective_sample_size
     scale = np.exp(log_scale)
     assert np.exp(sizes).max() < 1.5 * scale  # none so large that it loses weight
     moments = Moments.from_pairs(loads / scale, unit(normalize_twist(v, RHO)), 4, 0.8 ** np.arange(11, -1, -1))
@@ -29,10 +29,10 @@ def test_an_update_is_the_fit_to_all_pokes_with_faded_weights():
     whole = squared_program(4).solve(quadratic, linear).coefficients / scale**4
     # one program, solved from the same numbers to 1e-15 of them: the solver's own tolerance of 1e-8 is the difference
     np.testing.assert_allclose(estimate.surface.coefficients, whole, rtol=1e-6, atol=1e-7 * np.abs(whole).max())
-    assert estimate.memory == pytest.approx((1 - 0.8**12) / 0.2)
+    assert estimate.effective_sample_size == pytest.approx((1 - 0.8**12) / 0.2)
 
 
-@pytest.mark.parametrize("options", ({"forgetting": 0.9}, {"method": "projected-gradient"}))
+@pytest.mark.parametrize("options", ({"forgetting_factor": 0.9}, {"method": "projected-gradient"}))
 def test_a_change_is_followed_and_every_surface_is_certified(options):
     rigs = (
         sp.IdealLimitSurface(three_feet(), 5.0, RHO),
@@ -91,7 +91,7 @@ def test_surprise_is_the_error_of_the_surface_before():
         estimate = follower.update(load, twist)
         if before is not None:
             expected = angle_between(normalize_twist(before.twist(load), RHO), normalize_twist(twist, RHO))
-            assert estimate.surprise == pytest.approx(float(expected), abs=1e-6)
+            assert estimate.innovation == pytest.approx(float(expected), abs=1e-6)
         before = estimate.surface
 
 
@@ -99,8 +99,8 @@ def test_surprise_is_the_error_of_the_surface_before():
     "make",
     (
         lambda: sp.OnlineIdentifier(0.0),
-        lambda: sp.OnlineIdentifier(RHO, forgetting=1.5),
-        lambda: sp.OnlineIdentifier(RHO, forgetting=0.0),
+        lambda: sp.OnlineIdentifier(RHO, forgetting_factor=1.5),
+        lambda: sp.OnlineIdentifier(RHO, forgetting_factor=0.0),
         lambda: sp.OnlineIdentifier(RHO, method="guess"),
         lambda: sp.OnlineIdentifier(RHO, degree=3),
         lambda: sp.OnlineIdentifier(RHO).update((0, 0, 0), (1, 0, 0)),

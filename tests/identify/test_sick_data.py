@@ -7,32 +7,32 @@ from conftest import RHO, pairs, triangle
 import stablepush as sp
 
 
-def remarks(f, v, **options):
-    return " ".join(sp.fit_limit_surface(f, v, characteristic_length=RHO, **options).remarks)
+def warnings(f, v, **options):
+    return " ".join(sp.fit_limit_surface(f, v, characteristic_length=RHO, **options).warnings)
 
 
 def test_good_data_give_no_remark():
-    assert remarks(*pairs(20, 0.02)) == ""
-    assert remarks(*pairs(3, 0.02), slider=triangle()) == ""
+    assert warnings(*pairs(20, 0.02)) == ""
+    assert warnings(*pairs(3, 0.02), slider=triangle()) == ""
 
 
 def test_fewer_pairs_than_needed():
-    assert "4 different loads leave the surface open, which takes 5" in remarks(*pairs(4, 0.02))
-    assert "which takes 10" in remarks(*pairs(6, 0.02), model="poly6-cvx")
+    assert "4 different loads leave the surface open, which takes 5" in warnings(*pairs(4, 0.02))
+    assert "which takes 10" in warnings(*pairs(6, 0.02), model="poly6-cvx")
 
 
 def test_repeated_pairs():
     f, v = pairs(8, 0.02)
-    said = remarks(np.tile(f, (3, 1)), np.tile(v, (3, 1)))
+    said = warnings(np.tile(f, (3, 1)), np.tile(v, (3, 1)))
     assert "16 of 24 pairs repeat" in said
-    assert "1 different loads" in remarks(np.repeat(f[:1], 10, axis=0), np.repeat(v[:1], 10, axis=0))
+    assert "1 different loads" in warnings(np.repeat(f[:1], 10, axis=0), np.repeat(v[:1], 10, axis=0))
 
 
 def test_all_in_one_plane():
     f, v = pairs(30)
     f[:, 2] *= 1e-4
     v[:, 2] *= 1e-4
-    assert "nearly in one plane" in remarks(f, v)
+    assert "nearly in one plane" in warnings(f, v)
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_units_off_by_a_thousand_are_refused(f, v, message):
 def test_kilonewtons_are_noticed():
     loads, twists = pairs(20, 0.02)
     for factor in (1e-3, 1e3):
-        assert "forces in N" in remarks(loads * factor, twists, slider=triangle())
+        assert "forces in N" in warnings(loads * factor, twists, slider=triangle())
 
 
 @pytest.mark.parametrize("factor", (1e-50, 1e-3, 300.0, 1e5))
@@ -60,7 +60,7 @@ def test_a_load_of_another_size_is_left_out(factor, slider):
     f, v = pairs(20, 0.02)
     f[6] *= factor
     fit = sp.fit_limit_surface(f, v, slider=slider, characteristic_length=RHO)
-    assert "1 of 20 pairs are left out, the first of them row 6" in fit.remarks[0]
+    assert "1 of 20 pairs are left out, the first of them row 6" in fit.warnings[0]
     assert fit.pair_weights[6] == 0 and (np.delete(fit.pair_weights, 6) > 0).all()
     rest = sp.fit_limit_surface(np.delete(f, 6, axis=0), np.delete(v, 6, axis=0), slider=slider, characteristic_length=RHO)
     assert np.mean(np.delete(fit.angle_errors, 6)) < 1.5 * np.mean(rest.angle_errors)
@@ -69,13 +69,13 @@ def test_a_load_of_another_size_is_left_out(factor, slider):
 def test_what_is_not_used_is_said_or_refused():
     f, v = pairs(8, 0.02)
     for options in ({"model": "poly4"}, {"model": "quadratic"}, {"model": "gp"}, {"loss": "norm"}, {"loss": "published"}):
-        assert "the slider gives the characteristic length and no more" in remarks(f, v, slider=triangle(), **options)
+        assert "the slider gives the characteristic length and no more" in warnings(f, v, slider=triangle(), **options)
         with pytest.raises(sp.InputError, match="com_tolerance"):
             sp.fit_limit_surface(f, v, slider=triangle(), com_tolerance=0.01, **options)
 
 
 @pytest.mark.parametrize(
-    "options", ({"seed": -1}, {"seed": 1.5}, {"seed": "x"}, {"slider": np.zeros((3, 2))}, {"hold_out": [[1], [2, 3]]})
+    "options", ({"seed": -1}, {"seed": 1.5}, {"seed": "x"}, {"slider": np.zeros((3, 2))}, {"validation_indices": [[1], [2, 3]]})
 )
 def test_wrong_types_are_refused(options):
     with pytest.raises(sp.InputError, match=next(iter(options))):
@@ -100,7 +100,7 @@ def test_a_setting_without_solution_is_passed_over(monkeypatch):
 def test_pairs_against_the_motion():
     f, v = pairs(20, 0.02)
     f[:4] *= -1
-    assert "4 of 20 pairs have F·V < 0" in remarks(f, v)
+    assert "4 of 20 pairs have F·V < 0" in warnings(f, v)
 
 
 @pytest.mark.parametrize("model", ("poly4-cvx", "poly6-cvx", "poly4", "quadratic", "gp"))
@@ -113,6 +113,6 @@ def test_the_sickest_data_still_give_a_surface(model, slider):
         fit = sp.fit_limit_surface(loads, twists, model, slider=slider, characteristic_length=RHO)
         assert np.isfinite(fit.surface.twist([[1.0, 2.0, 0.05]])).all()
         if slider is None or "cvx" not in model:
-            assert fit.remarks
+            assert fit.warnings
         if fit.certificate is not None:
             assert fit.certificate.sos_convex

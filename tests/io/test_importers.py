@@ -3,10 +3,11 @@
 from types import SimpleNamespace
 
 import pytest
-from conftest import make_log, one_line
+from conftest import make_log, one_line, small_scene
 
 import stablepush as sp
 from stablepush.cli import main
+from stablepush.core import plugins
 from stablepush.io.importers import Source, find_sources, import_source, registry
 
 
@@ -25,12 +26,10 @@ class OneNumber:
 @pytest.fixture
 def installed(monkeypatch, tmp_path):
     entry = SimpleNamespace(name="one-number", load=OneNumber)
-    monkeypatch.setattr(registry, "entry_points", lambda group: [entry])
-    registry.importers.cache_clear()
+    monkeypatch.setattr(plugins, "entry_points", lambda group, name="": [entry])
     for name in ("b", "a"):
         (tmp_path / f"{name}.number").write_text("16", encoding="utf-8")
-    yield tmp_path
-    registry.importers.cache_clear()
+    return tmp_path
 
 
 def test_it_is_found_and_read(installed):
@@ -47,6 +46,25 @@ def test_the_program_takes_it(installed, capsys):
     capsys.readouterr()
     command = ["import", installed, "--kind", "other", "-o", installed / "more"]
     one_line(capsys, command, "--kind: expected one-number, got 'other'")
+
+
+def test_a_package_that_is_broken_is_one_line_and_no_one_elses_trouble(monkeypatch, tmp_path, capsys):
+    def broken():
+        raise ModuleNotFoundError("No module named 'gone'")
+
+    entry = SimpleNamespace(name="broken", load=broken, dist=None, module="gone")
+    kept = plugins.entry_points
+
+    def entry_points(group, name=""):
+        found = list(kept(group=group))
+        return [e for e in (*found, entry) if name in ("", e.name)]
+
+    monkeypatch.setattr(plugins, "entry_points", entry_points)
+    assert "broken" in registry.importers()
+    one_line(capsys, ["import", tmp_path, "--kind", "broken", "-o", tmp_path / "more"], "broken", "gone", "cannot be loaded")
+    assert sp.plan(small_scene(), refinement_budget=0).solved
+    with pytest.raises(sp.UnavailableError, match="broken of the package gone"):
+        sp.plan(small_scene(), "broken")
 
 
 def test_the_library_has_the_manipulation_labs():

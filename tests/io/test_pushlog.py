@@ -10,7 +10,7 @@ from stablepush.demo import demo_pokes
 from stablepush.geometry.planar import angle_between, normalize_twist, normalize_wrench
 from stablepush.geometry.se2 import compose, exp, wrap_angle
 from stablepush.io.importers import find_sources, import_source, triangle_slider
-from stablepush.io.pushlog import told_apart
+from stablepush.io.pushlog import distinct
 
 
 @pytest.fixture
@@ -136,10 +136,10 @@ def test_rows_at_one_time_have_no_twist(unit):
 
 
 def test_times_are_told_apart():
-    assert told_apart(np.zeros(0)).tolist() == []
+    assert distinct(np.zeros(0)).tolist() == []
     times = np.array((0.0, 0.5, 0.5, 0.5 + 1e-10, 1.0, 0.2, np.nan, 2.0))
-    assert told_apart(times).tolist() == [True, True, False, False, True, False, False, False]
-    assert told_apart(times[::-1][:2]).tolist() == [True, False]
+    assert distinct(times).tolist() == [True, True, False, False, True, False, False, False]
+    assert distinct(times[::-1][:2]).tolist() == [True, False]
 
 
 def test_twists_that_are_logged_in_part_come_from_the_poses():

@@ -61,7 +61,7 @@ def test_one_contact_on_an_ellipsoid_against_the_closed_form(seed):
     velocity = rng.uniform(0.001, 0.1) * np.array((np.cos(heading), np.sin(heading)))
     twist, mode = closed_form(point, normal, mu, velocity)
     answer = push_twist(ellipsoid(), sp.PushContact([point], [normal], mu), (*velocity, 0.0))
-    assert answer.answers == 1
+    assert answer.solutions == 1
     np.testing.assert_allclose(answer.twist, twist, rtol=1e-9, atol=1e-9 * np.linalg.norm(velocity) / 0.05)
     assert answer.modes == [mode]
 
@@ -76,7 +76,7 @@ def test_answers_obey_the_laws_of_contact(seed, kind, count):
         "ideal": TableFriction(feet),
         "uniform": TableFriction(uniform()),
         "ellipsoid": TableFriction(ellipsoid()),
-        "anisotropic": TableFriction(uniform(), of_table=principal(1.4, 0.3), gradient=(0.5, -1.0)),
+        "anisotropic": TableFriction(uniform(), world_anisotropy=principal(1.4, 0.3), gradient=(0.5, -1.0)),
     }[kind]
     edge = rng.integers(0, 4)
     points, normals = [], []
@@ -90,7 +90,7 @@ def test_answers_obey_the_laws_of_contact(seed, kind, count):
     pushed = rng.normal(size=3) * (0.03, 0.03, 0.6)
     pose = rng.normal(size=3)
     answer = push_twist(friction, contact, pushed, pose)
-    if answer.answers == 0:
+    if answer.solutions == 0:
         return
     speed = float(np.abs(pushed[:2]).max() + 0.05 * abs(pushed[2]))
     total = wrench_from_force(contact.points, answer.forces).sum(axis=0)
@@ -240,12 +240,12 @@ def test_effects_of_the_support_mean_what_they_say():
     np.testing.assert_allclose(held(surface, twist), surface.wrench(twist), atol=1e-9)
     # anisotropy: f = m A² v/|A v|, fixed in W
     a = principal(1.3, 0.4)
-    turned = held(TableFriction(surface, of_table=a), twist, (0, 0, 0.9))
+    turned = held(TableFriction(surface, world_anisotropy=a), twist, (0, 0, 0.9))
     c, s = math.cos(0.9), math.sin(0.9)
     r = np.array(((c, -s), (s, c)))
     w = a @ r @ twist[:2]
     np.testing.assert_allclose(turned[:2], FORCE * r.T @ a @ w / np.linalg.norm(w), rtol=1e-9)
-    assert held(TableFriction(surface, of_slider=a), (math.cos(0.4), math.sin(0.4), 0))[:2] @ (
+    assert held(TableFriction(surface, body_anisotropy=a), (math.cos(0.4), math.sin(0.4), 0))[:2] @ (
         math.cos(0.4), math.sin(0.4)
     ) == pytest.approx(FORCE * math.sqrt(1.3))  # fmt: skip
     # speed: slope per e-fold over the reference
@@ -254,9 +254,9 @@ def test_effects_of_the_support_mean_what_they_say():
     # place: at the COM the relative change is g·x, and the torque comes from the gradient across the motion
     placed = held(TableFriction(surface, gradient=(0.5, -0.25)), twist, (0.2, 0.1, 0.0))
     np.testing.assert_allclose(placed[:2], (1 + 0.5 * 0.2 - 0.25 * 0.1) * surface.wrench(twist)[:2], rtol=1e-9)
-    pull = held(TableFriction(surface, pull=(0.3, -0.1)), twist, (0, 0, 0.5))
+    external_force = held(TableFriction(surface, external_force=(0.3, -0.1)), twist, (0, 0, 0.5))
     np.testing.assert_allclose(
-        pull[:2] - surface.wrench(twist)[:2],
+        external_force[:2] - surface.wrench(twist)[:2],
         -np.array((math.cos(0.5) * 0.3 - math.sin(0.5) * 0.1, -math.sin(0.5) * 0.3 - math.cos(0.5) * 0.1)),
         atol=1e-9,
     )

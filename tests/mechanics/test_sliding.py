@@ -178,7 +178,7 @@ def test_finer_tolerance_changes_nothing_that_counts(monkeypatch):
         ({"twist": (1, math.nan, 0)}, "twist"),
         ({"duration": -1.0}, "duration"),
         ({"variant": "moon"}, "variant: expected body or paper"),
-        ({"samples": 1}, "samples: expected at least 2"),
+        ({"samples": 1}, "samples: expected a whole number from 2"),
         ({"gravity": -1}, "gravity"),
         ({"slider": sp.Slider(SQUARE, 1e6), "twist": (0.1, 0, 9.0)}, "duration: the body turns some .* times"),
     ),

@@ -84,8 +84,8 @@ def test_search_against_dijkstra(seed):
     # what the edges take to the middle of the goal region is no lower bound
     graph.goal.table[:] = 0.0
     found = _Planner(context, lambda _: None)._search(graph, 1.0, math.inf, math.inf, "")
-    assert found.stretches is not None
-    assert sum(d for _, pushes in found.stretches for _, d in pushes) == pytest.approx(found.cost)
+    assert found.contact_segments is not None
+    assert sum(d for _, pushes in found.contact_segments for _, d in pushes) == pytest.approx(found.cost)
 
     body, e0 = SweptBody(problem, problem.contacts[0]), edges
     best, queue, done = {(0, 0, 0): 0.0}, [(0.0, (0, 0, 0))], None
@@ -108,7 +108,7 @@ def test_search_against_dijkstra(seed):
 
 def test_more_search_makes_plans_no_worse():
     problem = small_scene()
-    plans = [sp.plan(problem, time_limit=60, improve=effort) for effort in (0, 2_000, 40_000)]
+    plans = [sp.plan(problem, time_limit=60, refinement_budget=effort) for effort in (0, 2_000, 40_000)]
     assert all(sp.check_plan(problem, plan).valid for plan in plans)
     durations = [plan.duration for plan in plans]
     assert durations == sorted(durations, reverse=True)
@@ -209,13 +209,16 @@ def test_a_way_among_very_many_obstacles_is_looked_for_nearby():
 
 
 def test_an_effort_that_is_not_whole_ends():
-    assert sp.plan(small_scene(), time_limit=300, improve=100.5).planning_time < 60
+    assert sp.plan(small_scene(), time_limit=300, refinement_budget=100.5).planning_time < 60
 
 
 @pytest.mark.parametrize("rate", (0.5, 2.0))
 def test_blends_bound_the_rate_and_keep_the_ends(rate):
     problem = small_scene()
-    plain, gradual = sp.plan(problem, time_limit=60, improve=0), sp.plan(problem, time_limit=60, improve=0, cor_rate=rate)
+    plain, gradual = (
+        sp.plan(problem, time_limit=60, refinement_budget=0),
+        sp.plan(problem, time_limit=60, refinement_budget=0, max_twist_rate=rate),
+    )
     assert sp.check_plan(problem, gradual).valid
     rho = problem.surface.characteristic_length
 

@@ -14,7 +14,7 @@ NAMES = [name for name in sp.planner_names() if name.startswith("ompl")]
 @pytest.mark.parametrize("name", NAMES)
 def test_plans_pass_the_check(name):
     problem = small_scene()
-    result = sp.plan(problem, name, time_limit=20, seed=3, improve=50)
+    result = sp.plan(problem, name, time_limit=20, seed=3, refinement_budget=50)
     assert result.status == "solved", result.message
     assert result.planner == name
     assert result.seed == 3

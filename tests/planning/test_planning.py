@@ -426,15 +426,15 @@ def identified(pokes=8):
 
 def test_plans_of_an_identified_surface_are_likely_to_hold_by_default():
     problem = small_scene(surface=identified(), min_margin=0.0)
-    default = sp.plan(problem, time_limit=60, improve=2000)
-    quickest = sp.plan(problem, time_limit=60, improve=2000, probability=0)
+    default = sp.plan(problem, time_limit=60, refinement_budget=2000)
+    quickest = sp.plan(problem, time_limit=60, refinement_budget=2000, probability=0)
     assert default.solved and quickest.solved
     assert sp.least_probability(problem, default) >= 0.98
     assert sp.least_probability(problem, quickest) < 0.9
     assert quickest.duration < default.duration < 1.2 * quickest.duration
     # without an ensemble there is nothing to count
     plain = small_scene()
-    result = sp.plan(plain, time_limit=60, improve=0)
+    result = sp.plan(plain, time_limit=60, refinement_budget=0)
     assert result.solved and sp.least_probability(plain, result) is None
 
 
@@ -450,15 +450,15 @@ def test_without_a_likely_plan_the_quickest_comes_with_a_warning():
     )
     problem = small_scene(surface=skewed, min_margin=0.0)
     with pytest.warns(sp.PlanWarning, match="no plan was found in which every push is stable") as told:
-        result = sp.plan(problem, time_limit=60, improve=0)
+        result = sp.plan(problem, time_limit=60, refinement_budget=0)
     assert result.solved
     least = sp.least_probability(problem, result)
     assert least <= 0.5
     assert f"the least certain push of this one has probability {least:.2g}" in str(told[0].message)
     assert str(told[0].message) in result.message
     with pytest.warns(sp.PlanWarning):
-        assert sp.plan(problem, time_limit=60, improve=0).duration == result.duration
-    assert not sp.plan(problem, time_limit=60, improve=0, probability=0.98).solved
+        assert sp.plan(problem, time_limit=60, refinement_budget=0).duration == result.duration
+    assert not sp.plan(problem, time_limit=60, refinement_budget=0, probability=0.98).solved
 
 
 def test_a_search_can_be_stopped():
@@ -472,6 +472,6 @@ def test_a_search_can_be_stopped():
     def stop():
         return len(said) > 3 and next(asked, True)
 
-    full = sp.plan(problem, time_limit=60, improve=math.inf, stop=stop, progress=said.append)
+    full = sp.plan(problem, time_limit=60, refinement_budget=math.inf, stop=stop, progress=said.append)
     assert full.solved
     assert sp.check_plan(problem, full).valid

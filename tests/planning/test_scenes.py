@@ -18,7 +18,7 @@ NAMES = sorted(file.stem for file in SCENES.glob("*.json") if file.stem != "tria
 @pytest.mark.parametrize("name", NAMES)
 def test_scenes_are_solved_or_refused(name):
     problem = sp.load_scene(SCENES / f"{name}.json")
-    result = sp.plan(problem, time_limit=120, improve=0)
+    result = sp.plan(problem, time_limit=120, refinement_budget=0)
     if name == "unsolvable":
         assert result.status == "no-path"
         assert "exhausted" in result.message
@@ -38,7 +38,7 @@ def test_scenes_are_solved_or_refused(name):
 
 
 def test_what_the_model_buys():
-    plans = {one.region: one for one in sp.compare_regions(sp.load_scene(SCENES / "tight-turn.json"), improve=0)}
+    plans = {one.region: one for one in sp.compare_regions(sp.load_scene(SCENES / "tight-turn.json"), refinement_budget=0)}
     assert list(plans) == ["model", "all-pressure", "conservative"]
     assert plans["model"].result.duration < plans["conservative"].result.duration
     assert plans["all-pressure"].certified == plans["conservative"].certified == 1

@@ -11,7 +11,7 @@ from stablepush.effects.catalogue import CATALOGUE, REFERENCE_SPEED, parse_effec
 from stablepush.geometry.planar import twist_from_cor
 from stablepush.geometry.se2 import compose, inverse, rotate_vectors, transform_points
 from stablepush.mechanics.pushing import simulate_push
-from stablepush.rig.commands import random_pushes
+from stablepush.rig import edge_command, random_pushes
 
 LOAD = 3.5
 #: A value in the middle of the range of each effect.
@@ -70,9 +70,15 @@ def campaign(two=False, count=12, **options):
     return random_pushes(made.slider, made.pusher, count, groups=2, repeats=2, **options)
 
 
+def told(made, **options):
+    """What the rig's pusher is told for a push of edge 0, 5 cm along it."""
+    push = sp.EdgePush.on_edge(made.slider, 0, 0.05, width=made.pusher.width, start=(0, 0, 0), **options)
+    return edge_command(push, made.pusher, push.start)
+
+
 def far():
     """A poke a metre from the origin."""
-    return sp.poke(triangle(), sp.Pusher.finger(0.005), 0, 0.05, start=(1.0, 0.0, 0.0))
+    return sp.EdgePush.on_edge(triangle(), 0, 0.05, start=(1.0, 0.0, 0.0))
 
 
 def wrenches(execution):
@@ -138,8 +144,8 @@ def test_sensing_effects_mean_what_they_say():
 
 def test_rows_hold_the_impulse_of_a_touch():
     """With inertia the first touch is a shock: the mean force, times the time, is the momentum that the slider gets."""
-    commands = [sp.poke(triangle(), sp.Pusher.finger(0.005), 0, 0.05, start=(0, 0, 0), speed=0.05)]
-    commands = [replace(command, place=compose(command.place, (2e-3, 0, 0)), motion=command.motion[1:]) for command in commands]
+    away = told(rig(), speed=0.05)
+    commands = [replace(away, pusher_pose=compose(away.pusher_pose, (2e-3, 0, 0)), motion=away.motion[1:])]
     plain, heavy = rig().execute(commands, rows=3), rig("inertia:mass=1.2").execute(commands, rows=3)
     for execution, mass in ((plain, 0.0), (heavy, 1.2)):
         trace, s = execution.traces[0], execution.log.samples
@@ -262,22 +268,24 @@ def test_a_support_of_another_degree_pushes_back_as_hard(newtons, degree):
 def test_a_push_is_stable_from_where_all_fingers_touch():
     """Fingers that meet the face one after the other turn the slider first, which is no slip."""
     made = rig(two=True)
-    straight = sp.poke(made.slider, made.pusher, 0, 0.05, start=(0, 0, 0), way=0.05)
+    straight = told(made, distance=0.05)
     assert made.execute([straight]).log.trials["stable"][0] == 1
-    askew = sp.Command(compose(straight.place, (-0.003, 0, 0.02)), [*straight.motion, *straight.motion], np.zeros(3))
+    askew = sp.Command(compose(straight.pusher_pose, (-0.003, 0, 0.02)), [*straight.motion, *straight.motion], np.zeros(3))
     execution = made.execute([askew])
     met = np.flatnonzero((execution.traces[0].modes > 0).all(axis=1))[0]
     assert met > 0.02 * len(execution.traces[0].modes)
     assert np.abs(execution.traces[0].poses[met, 2]) > 5e-3
     assert execution.log.trials["stable"][0] == 1
-    beside = sp.poke(made.slider, made.pusher, 0, 0.05, start=(0, 0, 0), cor=(0.0, 0.06), sense=1.0, way=0.01)
+    # a centre beside the fingers, 6 cm to the left of their middle
+    a, b = made.slider.edge(0)
+    beside = told(made, cor=a + (0.05 - 0.06) * (b - a) / np.linalg.norm(b - a), sense=1.0, distance=0.01)
     assert made.execute([beside]).log.trials["stable"][0] == 0
     assert made.execute([replace(straight, motion=straight.motion[:1])]).log.trials["stable"][0] == 0
 
 
 def test_a_pusher_that_would_start_inside_the_slider_comes_from_behind():
     made = rig(two=True)
-    command = sp.poke(made.slider, made.pusher, 0, 0.05, start=(0, 0, 0), way=0.02)
+    command = told(made, distance=0.02)
     displaced = replace(command, start=np.array((0.0, -0.03, 0.4)))
     trace = made.execute([displaced]).traces[0]
     first = shapely.Polygon(transform_points(trace.poses[0], made.slider.vertices))
@@ -287,16 +295,18 @@ def test_a_pusher_that_would_start_inside_the_slider_comes_from_behind():
     centers = transform_points(trace.pushers[-1], made.pusher.fingers)
     assert min(last.distance(shapely.Point(c)) for c in centers) > made.pusher.radius - 1e-6
     # the pusher ends where it was told to
-    end = simulate_push(made.friction, made.slider, made.pusher, 0.6, (0, 0.3, 0), command.place, command.motion).pushers[-1]
+    end = simulate_push(made.friction, made.slider, made.pusher, 0.6, (0, 0.3, 0), command.pusher_pose, command.motion).pushers[
+        -1
+    ]
     np.testing.assert_allclose(trace.pushers[-1], end, atol=1e-12)
     with pytest.raises(sp.InputError, match="inside"):
-        simulate_push(made.friction, made.slider, made.pusher, 0.6, (0, -0.03, 0), command.place, command.motion)
+        simulate_push(made.friction, made.slider, made.pusher, 0.6, (0, -0.03, 0), command.pusher_pose, command.motion)
 
 
 def test_a_flat_edge_inside_the_slider_comes_from_behind():
     made = rig()
     edge = sp.Pusher.edge(0.05)
-    command = sp.poke(made.slider, edge, 0, 0.05, start=(0, 0, 0), way=0.02)
+    command = edge_command(sp.EdgePush.on_edge(made.slider, 0, 0.05, distance=0.02, width=0.05), edge, np.zeros(3))
     trace = made.execute([replace(command, start=np.array((0.0, -0.03, 0.4)))]).traces[0]
     line = shapely.LineString(transform_points(trace.pushers[0], edge.fingers))
     assert not line.intersects(shapely.Polygon(transform_points(trace.poses[0], made.slider.vertices)))
@@ -321,7 +331,7 @@ def test_every_contact_has_its_own_friction():
     made = sp.VirtualRig(problem.slider, problem.surface, 0.9, sp.Pusher.of_contact(slippery, 0.005))
     twist = twist_from_cor((-0.3, 0.05), 1) * 0.05
     rough, smooth = (
-        made.execute([sp.contact_push(c, twist, 3.0, radius=0.005, pose=(0, 0, 0), put=True)])
+        made.execute([sp.contact_push(c, twist, 3.0, radius=0.005, pose=(0, 0, 0), reset=True)])
         for c in (problem.contacts[0], slippery)
     )
     assert rough.log.trials["stable"][0] == 1
@@ -335,7 +345,7 @@ def test_drift_in_the_closed_loop_runs_over_the_plan():
         problem.slider, problem.surface, 0.9, sp.Pusher.of_contact(problem.contacts[0], 0.005), [parse_effect("drift:rate=-0.3")]
     )
     closed, opened = sp.execute_closed_loop(made, problem, result, 0.5), sp.execute_plan(made, problem, result)
-    assert (closed.plans, closed.ended) == (1, "")
+    assert (closed.plans, closed.stop_reason) == (1, "")
     np.testing.assert_array_equal(closed.traces[-1].wrenches, opened.traces[-1].wrenches)
 
 
@@ -346,8 +356,8 @@ def test_the_closed_loop_says_why_it_ends():
     pusher, effects = sp.Pusher.of_contact(problem.contacts[0], 0.005), [parse_effect("contact-friction:mu=0")]
     made = sp.VirtualRig(problem.slider, problem.surface, 0.9, pusher, effects)
     execution = sp.execute_closed_loop(made, problem, result, 1e-6, attempts=1)
-    assert execution.plans == 2 or "no plan" in execution.ended
-    assert execution.ended
+    assert execution.plans == 2 or "no plan" in execution.stop_reason
+    assert execution.stop_reason
 
 
 def test_planning_anew_brings_a_slider_home_that_left_its_plan():
@@ -396,9 +406,11 @@ def test_planning_anew_brings_a_slider_home_that_left_its_plan():
         (lambda: rig().execute(campaign(), rows=0), "rows"),
         (lambda: rig().execute(campaign(), seed=-1), "seed"),
         (lambda: rig().execute([sp.Command(np.zeros(3), [], np.ones(3))]), "push 1: motion"),
-        (lambda: sp.poke(triangle(), sp.Pusher(), 0.5, 0.05, start=(0, 0, 0)), "edge"),
-        (lambda: sp.poke(triangle(), sp.Pusher(), 0, 0.05, start=(0, 0, 0), cor=(0, 0), sense=1), "cor"),
-        (lambda: sp.poke(triangle(), sp.Pusher.two_fingers(0.05), 0, 0.05, start=(0, 0, 0), cor=(0, 0.1), sense=-1), "cor"),
+        (lambda: sp.EdgePush.on_edge(triangle(), 0.5, 0.05), "edge"),
+        (lambda: sp.EdgePush.on_edge(triangle(), 0, -0.05), "arc_length"),
+        (lambda: sp.EdgePush.on_edge(triangle(), 0, 0.05, direction=2.0), "direction"),
+        (lambda: sp.EdgePush.on_edge(triangle(), 0, 0.05, cor=(0, 0)), "sense"),
+        (lambda: told(rig(), cor=(0, 5.0), sense=-1), "cor"),
         (lambda: campaign(speeds=(0, 1)), "speeds"),
         (lambda: campaign(field=math.nan), "field"),
         (lambda: campaign(turning=2), "turning"),
@@ -415,7 +427,7 @@ def test_planning_anew_brings_a_slider_home_that_left_its_plan():
         (lambda: sp.Effect("drift", {"rate": None}), "rate: expected"),
         (lambda: sp.VirtualRig(triangle(), sp.IdealLimitSurface(three_feet(), 1), 0.5, sp.Pusher(), ["drift"]), "effects"),
         (lambda: rig().execute([]), "at least one"),
-        (lambda: sp.poke(rig().slider, rig().pusher, 5, 0.05, start=(0, 0, 0)), "edge"),
+        (lambda: sp.EdgePush.on_edge(rig().slider, 5, 0.05), "edge"),
         (lambda: rig().execute([sp.Command(np.zeros(3), [])]), "where the slider starts"),
     ),
 )

@@ -9,7 +9,7 @@ import pytest
 from conftest import triangle
 
 import stablepush as sp
-from stablepush.surfaces import registry
+from stablepush.core import plugins
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,10 +43,10 @@ class Ellipsoid(sp.LimitSurface):
 @pytest.fixture
 def installed(monkeypatch):
     entry = SimpleNamespace(name="ellipsoid", load=lambda: Ellipsoid)
-    monkeypatch.setattr(registry, "entry_points", lambda group: [entry] if group == "stablepush.surfaces" else [])
-    registry.surface_kinds.cache_clear()
-    yield Ellipsoid(0.05, 4.0)
-    registry.surface_kinds.cache_clear()
+    kept = plugins.entry_points
+    found = {"stablepush.surfaces": [entry]}
+    monkeypatch.setattr(plugins, "entry_points", lambda group, **name: found.get(group) or kept(group=group, **name))
+    return Ellipsoid(0.05, 4.0)
 
 
 def quadratic(surface):
@@ -69,7 +69,7 @@ def test_regions_planners_and_slides_take_it(installed):
     mine, known = sp.stable_region(installed, contact), sp.stable_region(quadratic(installed), contact)
     assert mine.solid_angle() == pytest.approx(known.solid_angle(), rel=1e-9)
     problem = sp.PlanningProblem(triangle(), installed, [contact], (0, 0, 0), (0.3, 0.1, 0.2))
-    result = sp.plan(problem, time_limit=60, improve=0)
+    result = sp.plan(problem, time_limit=60, refinement_budget=0)
     assert result.solved
     assert sp.check_plan(problem, result).valid
     slides = [sp.simulate_free_sliding(s, triangle(), (0.1, 0, 1.0)).poses[-1] for s in (installed, quadratic(installed))]

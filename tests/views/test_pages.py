@@ -28,7 +28,7 @@ MOVES = {
         r"Push \d+, slider at .* nominal leaves along the load .* mended leaves .* N mm",
     ),
     "ends": ("bar.value = 5; bar.dispatchEvent(new Event('input'));", r"Push \d+, slider at .* mended leaves .* mm"),
-    "region": ("bar.value = 30; bar.dispatchEvent(new Event('input'));", r"model: stable · .*margin [\d.]+° · turned by 30°"),
+    "region": ("bar.value = 30; bar.dispatchEvent(new Event('input'));", r"model: stable · .*margin [\d.]+° · heading 30°"),
     "plan": (
         "bar.value = 500; bar.dispatchEvent(new Event('input'));",
         r"[\d.]+ of [\d.]+ s · segment \d+ of \d+ · .* turn · margin",
@@ -50,7 +50,7 @@ def page_of(kind):
         return gap_html(sp.diagnose(log if kind == "diagnosis" else edited(log, FORCES), name="A <surface>"))
     if kind == "plan":
         problem = sp.load_scene(Path(__file__).parents[2] / "examples" / "scenes" / "tight-turn.json")
-        return plan_html(problem, sp.plan(problem, improve=0))
+        return plan_html(problem, sp.plan(problem, refinement_budget=0))
     if kind == "push":
         pusher = sp.Pusher.finger(0.005)
         trace = sp.simulate_push(SURFACE, SLIDER, pusher, 0.5, (0, 0, 0), (0.0, -0.06, np.pi / 2), [((0.02, 0, 0), 2.0)])
@@ -90,7 +90,7 @@ def test_a_page_works_in_a_browser(page, tmp_path):
 
 @pytest.mark.parametrize(
     ("page", "row"),
-    [("diagnosis", r"0\.\d\d: rate [-\d.]+ "), ("ends", "this log cannot show it: needs forces over many trials</td>")],
+    [("diagnosis", r"0\.\d\d: rate [-\d.]+ "), ("ends", "not identifiable from this log: needs forces over many trials</td>")],
     indirect=["page"],
 )
 def test_a_diagnosis_gives_no_probability_to_what_its_log_cannot_show(page, row):

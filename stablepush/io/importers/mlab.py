@@ -82,7 +82,7 @@ class LabLogs:
     kind: str
 
     def find(self, root: Path) -> Iterator[Source]:
-        """Return the logs of this kind, which their first lines and their names tell."""
+        """Return the logs of this kind, by their first lines and their names."""
         files = [root] if root.is_file() else sorted(root.rglob("*.txt"))
         return (_name_source(self.kind, f) for f in files if _kind_of(f, f == root) == self.kind)
 
@@ -349,9 +349,9 @@ def _poke_tables(pushes: list[RawPush]) -> tuple[dict[str, Any], dict[str, Any],
         phase = np.full(n, "", dtype=object)
         phase[: kept[0]], phase[kept[-1] + 1 :], phase[kept] = "approach", "retract", "push"
         duration = max(seconds[kept[-1]] - seconds[kept[0]], 1e-3)
-        way = compose(inverse(before), after) / duration
+        motion = compose(inverse(before), after) / duration
         twist = np.full((n, 3), np.nan)
-        twist[kept] = way
+        twist[kept] = motion
         trials["trial"].append(str(number))
         trials["start_time"].append(seconds[0] - origin)
         trials["group"].append("")
@@ -375,7 +375,7 @@ def _rotation_tables(pushes: list[RawPush], actions: list[Action]) -> tuple[dict
     """Two-finger rotations: commanded motion, poses before and after, the robot's way, and whether the push held.
 
     A push held when the slider ended where the command would have carried it: heading, the push point's miss along the
-    normal and along the edge within the limits. Forces are not kept: they cover the first half of the way at most, and
+    normal and along the edge within the limits. Forces are not kept: they cover the first half of the path at most, and
     the sensor has no reading before contact to refer to.
     """
     trial_keys = ("trial", "start_time", "group", "cor_x", "cor_y", "sense", "angle", "stable")

@@ -5,12 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Protocol
 
-from stablepush.core import InputError
+from stablepush.core import InputError, load_plugin, plugin_names
 from stablepush.io.pushlog import PushLog
 from stablepush.objects import Slider
 
@@ -38,10 +36,12 @@ class Importer(Protocol):
         """Return a log, and lines on what could not be used; ``slider`` replaces the laboratory's own."""
 
 
-@cache
-def importers() -> dict[str, Importer]:
-    """Return the installed importers by their kind, in alphabetical order."""
-    return {entry.name: entry.load() for entry in sorted(entry_points(group="stablepush.importers"), key=lambda e: e.name)}
+_GROUP = "stablepush.importers"
+
+
+def importers() -> list[str]:
+    """Return the kinds of raw logs that installed importers read, in alphabetical order."""
+    return plugin_names(_GROUP)
 
 
 def find_sources(path: str | Path, kind: str | None = None) -> list[Source]:
@@ -51,8 +51,9 @@ def find_sources(path: str | Path, kind: str | None = None) -> list[Source]:
         raise InputError("kind", f"expected {' or '.join(importers())}", repr(kind))
     if not root.exists():
         raise InputError("", "cannot read: no such file or folder", file=root)
-    wanted = importers() if kind is None else {kind: importers()[kind]}
-    sources = sorted((source for importer in wanted.values() for source in importer.find(root)), key=lambda source: source.file)
+    wanted = importers() if kind is None else [kind]
+    found = (load_plugin(_GROUP, name).find(root) for name in wanted)
+    sources = sorted((source for several in found for source in several), key=lambda source: source.file)
     if not sources:
         raise InputError("", f"expected a raw log of kind {' or '.join(wanted)}, found none", file=root)
     names = [source.name for source in sources]
@@ -61,7 +62,8 @@ def find_sources(path: str | Path, kind: str | None = None) -> list[Source]:
 
 def import_source(source: Source, slider: Slider | None = None) -> tuple[PushLog, list[str]]:
     """Read one raw log into a :class:`PushLog`; also returns lines about what could not be used."""
-    return importers()[source.kind].read(source, slider)
+    importer: Importer = load_plugin(_GROUP, source.kind)
+    return importer.read(source, slider)
 
 
 def name_of(path: Path) -> str:

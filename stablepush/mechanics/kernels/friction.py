@@ -27,24 +27,24 @@ class Table(NamedTuple):
     Few of the fields are arrays, for each costs time in every call of compiled code that passes it on.
 
     ``points`` (n, 2) in B, ``loads`` (n,) in N, ``nominal_points``, ``nominal_loads`` of those that a polynomial stands for;
-    ``of_slider``, ``of_table`` (3,): ``xx, xy, yy`` of ``M_o`` in B and of ``A_w`` in W; ``gradient`` (2,) in 1/m in W; ``pull``
-    (2,): force (N) in W that acts on the centre of mass besides the pusher's; ``inertia`` (2,): mass (kg) and moment of inertia
-    (kg m²) that count; ``degree``, ``hessian`` (6, m), ``half_axes`` (3,) squared, ``factor`` and ``rho``:
-    the polynomial, for loads over ``factor`` (N) normalised by ``rho`` (m).
+    ``body_anisotropy``, ``world_anisotropy`` (3,): ``xx, xy, yy`` of ``M_o`` in B and of ``A_w`` in W; ``gradient`` (2,) in 1/m
+    in W; ``external_force`` (2,): force (N) in W that acts on the centre of mass besides the pusher's; ``inertia`` (2,): mass
+    (kg) and moment of inertia (kg m²) that count; ``degree``, ``hessian`` (6, m), ``half_axes`` (3,) squared, ``factor`` and
+    ``rho``: the polynomial, for loads over ``factor`` (N) normalised by ``rho`` (m).
     """
 
     points: FloatArray
     loads: FloatArray
     nominal_points: FloatArray
     nominal_loads: FloatArray
-    of_slider: tuple[float, float, float]
-    of_table: tuple[float, float, float]
+    body_anisotropy: tuple[float, float, float]
+    world_anisotropy: tuple[float, float, float]
     isotropic: bool
     gradient: tuple[float, float]
     slope: float
     reference: float
     scale: float
-    pull: tuple[float, float]
+    external_force: tuple[float, float]
     inertia: tuple[float, float]
     degree: int
     hessian: FloatArray
@@ -95,11 +95,11 @@ def _friction_of_points(table, at, vx, vy, w):  # type: ignore[no-untyped-def]
     if not plain:
         # A_w in B, then M = A_w M_o A_w
         c, s = at.cos, at.sin
-        a, b, d = table.of_table[0], table.of_table[1], table.of_table[2]
+        a, b, d = table.world_anisotropy[0], table.world_anisotropy[1], table.world_anisotropy[2]
         axx = c * c * a + 2 * c * s * b + s * s * d
         axy = c * s * (d - a) + (c * c - s * s) * b
         ayy = s * s * a - 2 * c * s * b + c * c * d
-        oxx, oxy, oyy = table.of_slider[0], table.of_slider[1], table.of_slider[2]
+        oxx, oxy, oyy = table.body_anisotropy[0], table.body_anisotropy[1], table.body_anisotropy[2]
         pxx, pxy = axx * oxx + axy * oxy, axx * oxy + axy * oyy
         pyx, pyy = axy * oxx + ayy * oxy, axy * oxy + ayy * oyy
         mxx, mxy, myy = pxx * axx + pxy * axy, pxx * axy + pxy * ayy, pyx * axy + pyy * ayy
@@ -145,8 +145,8 @@ def load_of(table, at, vx, vy, w, load):  # type: ignore[no-untyped-def]
     load[0] *= table.scale
     load[1] *= table.scale
     load[2] *= table.scale
-    load[0] -= at.cos * table.pull[0] + at.sin * table.pull[1]
-    load[1] -= -at.sin * table.pull[0] + at.cos * table.pull[1]
+    load[0] -= at.cos * table.external_force[0] + at.sin * table.external_force[1]
+    load[1] -= -at.sin * table.external_force[0] + at.cos * table.external_force[1]
     if table.inertia[0] > 0.0 and at.dt > 0.0:
         load[0] += table.inertia[0] * (vx - at.vx) / at.dt
         load[1] += table.inertia[0] * (vy - at.vy) / at.dt

@@ -38,7 +38,7 @@ class Body:
         #: Time that an evaluation takes, in that of few points.
         self.cost = 1 + len(self.points) // _CHEAP_POINTS
 
-    def pull(self, directions: FloatArray) -> FloatArray:
+    def external_force(self, directions: FloatArray) -> FloatArray:
         """``G`` (n, 3) of unit vectors U (n, 3)."""
         twists = directions / self.roots
         if len(self.points):

@@ -64,7 +64,7 @@ def hold(touch, i, j, all_of_them, mu, length, load, work):  # type: ignore[no-u
         _edge(touch, m, -mu, length, work.rays, 2 * k + 1)
     fx, fy, fz = load[0], load[1], load[2] / length
     least = -1e-9 * math.sqrt(fx * fx + fy * fy + fz * fz)
-    ways = 0
+    solutions = 0
     for a in range(2 * count):
         for b in range(a + 1, 2 * count):
             for c in range(b + 1, 2 * count):
@@ -72,16 +72,16 @@ def hold(touch, i, j, all_of_them, mu, length, load, work):  # type: ignore[no-u
                     continue
                 if min(work.shares[0], work.shares[1], work.shares[2]) < least:
                     continue
-                ways += 1
+                solutions += 1
                 for k in range(3):
                     e = a if k == 0 else (b if k == 1 else c)
                     m = e // 2 if all_of_them else (i if e < 2 else j)
                     work.force[m, 0] += work.shares[k] * work.rays[e, 0]
                     work.force[m, 1] += work.shares[k] * work.rays[e, 1]
     for m in range(touch.number[0]):
-        work.force[m, 0] /= max(ways, 1)
-        work.force[m, 1] /= max(ways, 1)
-    return ways > 0
+        work.force[m, 0] /= max(solutions, 1)
+        work.force[m, 1] /= max(solutions, 1)
+    return solutions > 0
 
 
 @inner

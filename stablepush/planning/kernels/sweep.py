@@ -14,7 +14,7 @@ import numpy as np
 
 from stablepush.core import FloatArray, compiled, inner
 
-#: Turns are tested in parts of at most this angle (rad); below pi, so that signs of cross products tell what an arc passes.
+#: Turns are tested in parts of at most this angle (rad); below pi, so that signs of cross products show what an arc passes.
 _LARGEST_PART = 2.0
 #: Turns (rad) below this move like translations, to far below the tolerance.
 _NO_TURN = 1e-9
@@ -24,14 +24,15 @@ class World(NamedTuple):
     """Edges of what stands still, in cells of a grid, and how much room there is about every cell.
 
     ``edges`` (m, 4): both ends of every edge (m); a corner is the first end of one edge. ``first`` (nx*ny + 1,) and ``listed``
-    name the edges that cross a cell. ``room`` (nx, ny): no point of a cell is nearer to an obstacle or the bounds than this (m).
-    ``seen`` (m,) marks edges that were looked at in the test whose number is in ``turn`` (1,), ``found`` (m,) takes those near.
+    name the edges that cross a cell. ``clearance`` (nx, ny): no point of a cell is nearer to an obstacle or the bounds than this
+    (m). ``seen`` (m,) marks edges that were looked at in the test whose number is in ``turn`` (1,), ``found`` (m,) takes those
+    near.
     """
 
     edges: FloatArray
     first: np.ndarray
     listed: np.ndarray
-    room: FloatArray
+    clearance: FloatArray
     low: FloatArray
     cell: float
     bounds: FloatArray
@@ -53,8 +54,8 @@ class Body(NamedTuple):
 def room_at(world, x, y):  # type: ignore[no-untyped-def]
     """Least distance (m) from a place to obstacles and bounds, as far as the grid knows."""
     i, j = math.floor((x - world.low[0]) / world.cell), math.floor((y - world.low[1]) / world.cell)
-    if 0 <= i < world.room.shape[0] and 0 <= j < world.room.shape[1]:
-        return world.room[i, j]
+    if 0 <= i < world.clearance.shape[0] and 0 <= j < world.clearance.shape[1]:
+        return world.clearance[i, j]
     return 0.0
 
 
@@ -66,7 +67,7 @@ def edges_near(world, low_x, low_y, high_x, high_y):  # type: ignore[no-untyped-
         return count
     world.turn[0] += 1
     mark = world.turn[0]
-    nx, ny = world.room.shape
+    nx, ny = world.clearance.shape
     i0 = max(0, math.floor((low_x - world.low[0]) / world.cell))
     j0 = max(0, math.floor((low_y - world.low[1]) / world.cell))
     i1 = min(nx - 1, math.floor((high_x - world.low[0]) / world.cell))
@@ -107,7 +108,7 @@ def _meets_arc(px, py, qx, qy, ax, ay, ex, ey, sign):  # type: ignore[no-untyped
 
 @inner
 def _meets_line(px, py, dx, dy, ax, ay, ex, ey):  # type: ignore[no-untyped-def]
-    """Whether the way from (px, py) by (dx, dy) meets a + t e."""
+    """Whether the segment from (px, py) by (dx, dy) meets a + t e."""
     across = dx * ey - dy * ex
     if across == 0.0:
         return False
@@ -275,8 +276,8 @@ def pose_is_free(world, body, x, y, cos, sin):  # type: ignore[no-untyped-def]
 def push_is_free(world, body, x, y, cos, sin, vx, vy, omega, duration):  # type: ignore[no-untyped-def]
     """Whether a body that is free at a pose stays so while it follows a body twist for a time (s)."""
     angle = omega * duration
-    way = math.sqrt(vx * vx + vy * vy) * duration
-    if room_at(world, x, y) > body.radius + way:
+    travel = math.sqrt(vx * vx + vy * vy) * duration
+    if room_at(world, x, y) > body.radius + travel:
         return True
     if abs(angle) < _NO_TURN:
         dx, dy = vx * duration, vy * duration

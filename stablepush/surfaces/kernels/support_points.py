@@ -121,7 +121,7 @@ def minimize_power(points, loads, wrenches, twists, powers, residuals):  # type:
             az, cz = pa * az + pc * cz, qa * az + qc * cz
             ax, ay = gx / pull + y0 * az, gy / pull - x0 * az
             cx, cy = -gy / pull + y0 * cz, gx / pull - x0 * cz
-            # leave the kink along A as far as the other support points' curvature there tells; halve until h falls
+            # leave the kink along A as far as the other support points' curvature there says; halve until h falls
             bend = 0.0
             for i in range(count):
                 if speeds[i] > 0.0:

@@ -2,7 +2,7 @@ from .calibration import plot_calibration as plot_calibration
 from .canvas import figure_png as figure_png, save_figure as save_figure
 from .gaps import (
     plot_effects as plot_effects,
-    plot_ends as plot_ends,
+    plot_final_poses as plot_final_poses,
     plot_residuals as plot_residuals,
     plot_residuals_against as plot_residuals_against,
 )

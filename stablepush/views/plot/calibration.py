@@ -11,21 +11,24 @@ from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE
 
 
 def plot_calibration(bins: Sequence[tuple[float, float, int]], coverage: Sequence[tuple[float, float]]) -> Figure:
-    """Draw what came true of what was said: bins of (said, true, count) with 95 % intervals on the left; on the right how often
-    the first guess is true in the share of cases of which it is surest."""
+    """Draw the reliability of reported probabilities, and accuracy against coverage.
+
+    Left: bins of (reported, true, count) with 95 % intervals. Right: accuracy among the most certain share
+    of the cases.
+    """
     figure = Figure((9.0, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2)
     left.plot((0, 1), (0, 1), color="#BBBBBB", linewidth=1)
-    for said, true, count in bins:
+    for reported, true, count in bins:
         # Clopper and Pearson's interval of the share
         acts = round(true * count)
         low = float(beta.ppf(0.025, acts, count - acts + 1)) if acts else 0.0
         high = float(beta.ppf(0.975, acts + 1, count - acts)) if acts < count else 1.0
-        left.plot((said, said), (low, high), color=COUNTER_CLOCKWISE, linewidth=1)
-        left.plot(said, true, marker="o", color=COUNTER_CLOCKWISE)
-        left.annotate(str(count), (said, true), textcoords="offset points", xytext=(6, 4), fontsize=8)
-    left.set(xlabel="probability that was said", ylabel="share that acts", xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))
+        left.plot((reported, reported), (low, high), color=COUNTER_CLOCKWISE, linewidth=1)
+        left.plot(reported, true, marker="o", color=COUNTER_CLOCKWISE)
+        left.annotate(str(count), (reported, true), textcoords="offset points", xytext=(6, 4), fontsize=8)
+    left.set(xlabel="reported probability", ylabel="share that acts", xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))
     if coverage:
         right.plot(*zip(*coverage, strict=True), color=CLOCKWISE)
-    right.set(xlabel="share of sets, surest first", ylabel="most probable effect acts", xlim=(0, 1), ylim=(0, 1.02))
+    right.set(xlabel="share of sets, most certain first", ylabel="most probable effect acts", xlim=(0, 1), ylim=(0, 1.02))
     return figure

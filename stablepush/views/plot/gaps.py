@@ -20,7 +20,7 @@ _HIDDEN = "#767676"
 def plot_residuals(report: GapReport) -> Figure:
     """Draw the forces that the nominal simulation lacks, as arrows over the table, with what is left after mending."""
     figure, axes = canvas((8.0, 6.6))
-    for key, word, color in (("before", "nominal", PUSHER), ("after", "mended", COUNTER_CLOCKWISE)):
+    for key, word, color in (("before", "nominal", PUSHER), ("after", "corrected", COUNTER_CLOCKWISE)):
         force = rotate_vectors(report.poses[:, 2], report.residuals[key][:, :2])
         axes.quiver(*report.poses[:, :2].T, *force.T, color=color, angles="xy", width=0.0025, scale=_scale(report), label=word)
     axes.set_xlabel("x [m]")
@@ -60,7 +60,7 @@ def plot_residuals_against(report: GapReport) -> Figure:
                     marker=marker,
                     markersize=3,
                     color=color,
-                    label="nominal" if key == "before" else "mended",
+                    label="nominal" if key == "before" else "corrected",
                 )
             axes.axhline(0.0, color=OBSTACLE, linewidth=0.8)
             axes.grid(visible=True, color="0.9", linewidth=0.6)
@@ -71,7 +71,7 @@ def plot_residuals_against(report: GapReport) -> Figure:
     return figure
 
 
-def plot_ends(report: GapReport) -> Figure:
+def plot_final_poses(report: GapReport) -> Figure:
     """Draw where pushes were measured to end against where they end in simulation, as arrows over the table."""
     figure, axes = canvas((8.0, 6.6))
     good = np.isfinite([report.ends[key] for key in ("before", "after")]).all(axis=(0, 2))
@@ -79,8 +79,8 @@ def plot_ends(report: GapReport) -> Figure:
     size = float(np.quantile(np.linalg.norm(report.ends["before"][good][:, :2], axis=1), 0.9)) if good.any() else 0.0
     extent = float(np.ptp(places[:, :2], axis=0).max()) if good.any() else 1.0
     times = max(1.0, round(0.08 * max(extent, 0.05) / max(size, 1e-9)))
-    for key, word, color in (("before", "nominal", PUSHER), ("after", "mended", COUNTER_CLOCKWISE)):
-        miss = report.misses(key)[good]
+    for key, word, color in (("before", "nominal", PUSHER), ("after", "corrected", COUNTER_CLOCKWISE)):
+        miss = report.pose_errors(key)[good]
         # to the measured end
         tails = places[:, :2] - times * miss
         axes.quiver(*tails.T, *miss.T, color=color, angles="xy", scale_units="xy", scale=1 / times, width=0.0025, label=word)

@@ -25,7 +25,7 @@ _OUTLINES = 6
 
 
 def plot_slide(slider: Slider, slide: Slide, title: str | None = None) -> Figure:
-    """Draw a free slide in W (m): first and last outline, some between, the way of the centre of mass and of the COR."""
+    """Draw a free slide in W (m): first and last outline, some between, the path of the centre of mass and of the COR."""
     figure, axes = canvas((7.5, 6.8))
     _motion(axes, slider, slide.poses)
     # the twist of the last row is zero: its direction is kept apart
@@ -68,9 +68,9 @@ def plot_push(slider: Slider, pusher: Pusher, trace: PushTrace, title: str | Non
         ((0,), "finger is open", OBSTACLE),
     ):
         for k in range(len(pusher.fingers)):
-            way = np.where(np.isin(trace.modes[:, k], numbers)[:, None], places[:, k], np.nan)
-            if np.isfinite(way).any():
-                axes.plot(*way.T, color=color, linewidth=3.0, label="_" if word in _words(axes) else word)
+            track = np.where(np.isin(trace.modes[:, k], numbers)[:, None], places[:, k], np.nan)
+            if np.isfinite(track).any():
+                axes.plot(*track.T, color=color, linewidth=3.0, label="_" if word in _words(axes) else word)
     outlines = np.concatenate((transform_points(trace.poses, slider.vertices).reshape(-1, 2), places.reshape(-1, 2)))
     _frame(axes, outlines, 0.3 * slider.radius)
     axes.set_title(title or f"Push: {trace.t[-1]:.2f} s")
@@ -110,14 +110,14 @@ def plot_wrench_paths(surface: LimitSurface, wrenches: Mapping[str, ArrayLike], 
 
 
 def _motion(axes: Axes, slider: Slider, poses: FloatArray) -> None:
-    """Outlines along poses (n, 3), and the way of the centre of mass."""
+    """Outlines along poses (n, 3), and the path of the centre of mass."""
     for row in np.linspace(0, len(poses) - 1, _OUTLINES + 2).round().astype(int)[1:-1]:
         ring = shapely.Polygon(transform_points(poses[row], slider.vertices))
         fill(axes, ring, facecolor="none", edgecolor=SLIDER, linewidth=0.9, linestyle=":")
     for row, word, color in ((0, "first pose", START), (-1, "last pose", GOAL)):
         ring = shapely.Polygon(transform_points(poses[row], slider.vertices))
         fill(axes, ring, facecolor="none", edgecolor=color, linewidth=2.2, label=word)
-    axes.plot(*poses[:, :2].T, color="black", linewidth=1.4, label="way of the centre of mass")
+    axes.plot(*poses[:, :2].T, color="black", linewidth=1.4, label="path of the centre of mass")
 
 
 def _words(axes: Axes) -> list[str]:

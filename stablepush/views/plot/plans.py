@@ -24,27 +24,27 @@ def plot_plan(problem: PlanningProblem, result: PlanResult, title: str | None = 
         fill(axes, shapely.Polygon(obstacle), facecolor=OBSTACLE, edgecolor="black", label="_" if i else "obstacle")
     if problem.bounds is not None:
         fill(axes, shapely.box(*problem.bounds), facecolor="none", edgecolor="black", linewidth=1.5)
-    ways: list[FloatArray] = []
+    tracks: list[FloatArray] = []
     for push in result.pushes:
         outlines = max(2, int(np.ceil(float(problem.push_speed(push.twist)) * push.duration / (0.5 * problem.slider.radius))))
         for pose in push.poses(np.linspace(0, push.duration, outlines)[:-1]):
             _outline(axes, problem, pose, push.contact, alpha=0.16)
-        ways.append(push.poses(np.linspace(0, push.duration, 50))[:, :2])
-    if ways:
-        way = np.concatenate(ways)
-        axes.plot(way[:, 0], way[:, 1], color="black", linewidth=1.3, label="way of the centre of mass")
+        tracks.append(push.poses(np.linspace(0, push.duration, 50))[:, :2])
+    if tracks:
+        track = np.concatenate(tracks)
+        axes.plot(track[:, 0], track[:, 1], color="black", linewidth=1.3, label="path of the centre of mass")
         end = result.pushes[-1]
         _outline(axes, problem, end.end, end.contact, alpha=0.5)
     _draw_centers(axes, result)
     changes = [s.pusher_path for s in result.segments if isinstance(s, Transfer) and len(s.pusher_path)]
     for i, path in enumerate(changes):
-        axes.plot(path[:, 0], path[:, 1], color=PUSHER, linewidth=1.3, linestyle=":", label="_" if i else "way of the pusher")
+        axes.plot(path[:, 0], path[:, 1], color=PUSHER, linewidth=1.3, linestyle=":", label="_" if i else "path of the pusher")
     for name, pose, color, style in (("start", problem.start, START, "-"), ("goal", problem.goal, GOAL, "--")):
         ring = shapely.Polygon(transform_points(pose, problem.slider.vertices))
         fill(axes, ring, facecolor="none", edgecolor=color, linewidth=2.4, linestyle=style, label=name)
         tip = transform_points(pose, np.array(((0.0, 0.0), (0.6 * problem.slider.radius, 0.0))))
         axes.plot(tip[:, 0], tip[:, 1], color=color, linewidth=2)
-    _frame(axes, problem, ways)
+    _frame(axes, problem, tracks)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.set_title(title or _plan_title(result))
@@ -74,11 +74,11 @@ def _draw_centers(axes: Axes, result: PlanResult) -> None:
         axes.plot(*at, marker="x", color=color, markersize=7, markeredgewidth=2, linestyle="none", label=label)
 
 
-def _frame(axes: Axes, problem: PlanningProblem, ways: list[FloatArray]) -> None:
+def _frame(axes: Axes, problem: PlanningProblem, tracks: list[FloatArray]) -> None:
     if problem.bounds is not None:
         low, high = problem.bounds[:2], problem.bounds[2:]
     else:
-        points = np.concatenate([problem.start[None, :2], problem.goal[None, :2], *problem.obstacles, *ways])
+        points = np.concatenate([problem.start[None, :2], problem.goal[None, :2], *problem.obstacles, *tracks])
         low, high = points.min(axis=0) - 2 * problem.slider.radius, points.max(axis=0) + 2 * problem.slider.radius
     room = 0.03 * float((high - low).max())
     axes.set_xlim(low[0] - room, high[0] + room)

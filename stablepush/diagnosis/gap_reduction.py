@@ -1,4 +1,4 @@
-"""How far the gap shrinks: what the nominal simulation, its refit and the mended one leave of trials that they were not fitted
+"""Gap reduction: what the nominal simulation, its refit and the corrected one leave of trials that they were not fitted
 to."""
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from stablepush.core import ConvergenceError, FloatArray, InputError
 from stablepush.diagnosis.attribution import BEYOND_PRESSURE, FOLDS, Attribution, folds_of
 from stablepush.diagnosis.equations import Values
 from stablepush.diagnosis.forward import PARAMETERS
-from stablepush.diagnosis.replay import Replay, first_contacts, misses
+from stablepush.diagnosis.replay import Replay, first_contacts, pose_errors
 from stablepush.diagnosis.results import ChannelGap, GapReduction
-from stablepush.diagnosis.system import IN_GAPS, System
+from stablepush.diagnosis.system import IN_CLEARANCES, System
 from stablepush.geometry import angle_between, twist_from_cor
 from stablepush.io import PushLog
 from stablepush.objects import PushContact
@@ -41,7 +41,7 @@ class HeldOut:
 
     ``wrenches``: the predicted wrenches (n, 3) themselves; empty without forces. ``ends``: how far (m, 3) from where pushes
     end in simulation the slider was measured, as ``(x, y, rho θ)`` of its frame; NaN where they cannot be simulated.
-    The channel ``"touch"``, gaps between fingers and outline, is for judgements; reports have it where it stands for poses.
+    The channel ``"touch"``, clearances between fingers and outline, is for judgements; reports have it where it stands for poses.
     """
 
     wrenches: dict[str, FloatArray]
@@ -70,7 +70,7 @@ def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[
     folds = list(_folds(system, found))
     if system.has_wrench:
         _wrenches(held, system, folds)
-    if any(len(rows) for _, rows in system.gap_rows):
+    if any(len(rows) for _, rows in system.clearance_rows):
         _gaps(held, system, folds)
     if system.has_surface and pushes:
         _ends(held, system, folds, pushes)
@@ -130,26 +130,26 @@ def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Re
         for fold in folds:
             here = np.flatnonzero(fold.test[trial])
             chosen = [pushes[int(i)] for i in here]
-            ends[here] = misses(chosen, fold.surfaces[key], rig.slider, system.mu, system.moving_weight, fold.values[key])
+            ends[here] = pose_errors(chosen, fold.surfaces[key], rig.slider, system.mu, system.moving_weight, fold.values[key])
         held.ends[key] = ends
     simulated = np.isfinite([held.ends[k] for k in _FITS]).all(axis=(0, 2))
     if simulated.any():
         held.trials["pose"] = trial[simulated]
         held.squares["pose"] = {k: (held.ends[k][simulated] ** 2).sum(axis=1) for k in _FITS}
-        held.floors["pose"] = float((system.end_noise[simulated] ** 2).sum(axis=1).mean())
+        held.floors["pose"] = float((system.final_pose_noise[simulated] ** 2).sum(axis=1).mean())
 
 
 def _gaps(held: HeldOut, system: System, folds: list[_Fold]) -> None:
     """Gaps between fingers and outline."""
     o = system.observations
-    trial = np.concatenate([o.trial[rows] for _, rows in system.gap_rows]).astype(int)
-    gaps = np.concatenate([o.gap[rows, k] for k, rows in system.gap_rows])
+    trial = np.concatenate([o.trial[rows] for _, rows in system.clearance_rows]).astype(int)
+    gaps = np.concatenate([o.clearance[rows, k] for k, rows in system.clearance_rows])
     # neither the surface nor what a fit takes for granted changes them
     held.squares["touch"] = {"before": gaps**2, "refit": gaps**2, "after": np.zeros_like(gaps)}
     for fold in folds:
-        left = gaps - sum(system.gap_change(id, v) for id, v in fold.values["after"].items() if id in IN_GAPS)
+        left = gaps - sum(system.clearance_change(id, v) for id, v in fold.values["after"].items() if id in IN_CLEARANCES)
         held.squares["touch"]["after"][fold.test[trial]] = left[fold.test[trial]] ** 2
-    held.trials["touch"], held.floors["touch"] = trial, system.gap_noise**2
+    held.trials["touch"], held.floors["touch"] = trial, system.clearance_noise**2
 
 
 def _stability(held: HeldOut, folds: list[_Fold], labels: dict[int, tuple[PushContact, FloatArray, bool]]) -> None:
@@ -190,14 +190,14 @@ def wrench_floor(system: System) -> float:
 
 
 def closes_touch(held: HeldOut) -> float:
-    """Return the share of the gaps between fingers and outline that closes; 0 where none are measured."""
+    """Return the share of the clearances between fingers and outline that closes; 0 where none are measured."""
     if "touch" not in held.squares:
         return 0.0
     return float(_closed("touch", "m", held.trials["touch"], held.squares["touch"], held.floors["touch"]).closed)
 
 
 def explains_most(held: HeldOut, effects: Sequence[str]) -> bool:
-    """Tell whether the mended simulation closes most of the gap of the wrench.
+    """Tell whether the corrected simulation closes most of the gap of the wrench.
 
     Effects that a refitted pressure cannot take in are to close half of what a refit without effects leaves: what is in no
     catalogue is followed a little by one or another, an effect of another form than the catalogue's leaves a gap too. The
@@ -211,7 +211,7 @@ def explains_most(held: HeldOut, effects: Sequence[str]) -> bool:
 
 
 def ends_are_off(held: HeldOut) -> bool:
-    """Tell whether the mended simulation leaves far more of the poses than noise would, and not in a few pushes only."""
+    """Tell whether the corrected simulation leaves far more of the poses than noise would, and not in a few pushes only."""
     if "pose" not in held.squares:
         return False
     left, floor = held.squares["pose"]["after"], held.floors["pose"]
@@ -272,8 +272,8 @@ def percent(share: float) -> str:
 _UNITS = {"wrench": "N", "twist": "rad", "pose": "m", "stability": "1"}
 
 
-def shrink(held: HeldOut) -> list[GapReduction]:
-    """Return how far the gap shrinks, channel by channel, as ``diagnosis/1`` has it."""
+def reductions(held: HeldOut) -> list[GapReduction]:
+    """Return gap reduction, channel by channel, as ``diagnosis/1`` has it."""
     return [
         _closed(channel, unit, held.trials[channel], held.squares[channel], held.floors[channel])
         for channel, unit in _UNITS.items()
@@ -282,7 +282,7 @@ def shrink(held: HeldOut) -> list[GapReduction]:
 
 
 def _closed(channel: str, unit: str, trial: np.ndarray, squares: dict[str, FloatArray], floor: float) -> GapReduction:
-    """An entry of ``shrink`` from squared residuals of rows, trials resampled for the interval."""
+    """An entry of ``reductions`` from squared residuals of rows, trials resampled for the interval."""
     names, rows = np.unique(trial, return_inverse=True)
     before, after = squares["before"], squares["after"]
     sums = np.stack([np.bincount(rows, values) for values in (before, after, np.ones_like(before))], axis=-1)
@@ -322,8 +322,8 @@ def gap(system: System, held: HeldOut) -> list[ChannelGap]:
         if channel == "wrench":
             p = _lack_of_fit(system.white(o.wrench - held.wrenches["before"]).reshape(-1, 3), o.trial)
         elif channel == "pose" and not held.ends:
-            gaps = np.concatenate([o.gap[rows, k] for k, rows in system.gap_rows])
-            p = _lack_of_fit((gaps / system.gap_noise)[:, None], held.trials["pose"])
+            gaps = np.concatenate([o.clearance[rows, k] for k, rows in system.clearance_rows])
+            p = _lack_of_fit((gaps / system.clearance_noise)[:, None], held.trials["pose"])
         else:
             p = _above(held.squares[channel]["before"], held.trials[channel], held.floors[channel])
         squares = held.squares[channel]

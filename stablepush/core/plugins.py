@@ -1,0 +1,23 @@
+"""What installed packages add by entry points; each is loaded only when it is asked for."""
+
+from __future__ import annotations
+
+from importlib.metadata import entry_points
+from typing import Any
+
+from stablepush.core.errors import UnavailableError
+
+
+def plugin_names(group: str) -> list[str]:
+    """Return the names that packages registered in an entry point group, in alphabetical order."""
+    return sorted({entry.name for entry in entry_points(group=group)})
+
+
+def load_plugin(group: str, name: str) -> Any:
+    """Return what is registered under a name; raises :class:`UnavailableError` if its package cannot be imported."""
+    (entry, *_) = entry_points(group=group, name=name)
+    try:
+        return entry.load()
+    except (ImportError, AttributeError) as error:
+        package = entry.dist.name if entry.dist else entry.module
+        raise UnavailableError(f"{group}: {name} of the package {package} cannot be loaded: {error}") from None
