@@ -6,7 +6,7 @@ import numpy as np
 
 from stablepush.core import BoolArray, Deadline, FloatArray, InputError, OutOfTimeError
 from stablepush.planning import PlanningProblem, PlanOptions
-from stablepush.stability import StabilityOracle, StableRegion, all_pressure_region, lynch_mason_region
+from stablepush.stability import StabilityOracle, all_pressure_region, lynch_mason_region
 
 #: Pushes stay this far (rad) inside the stable set, so that the check, which allows 1e-6, never disagrees.
 _INSIDE = 1e-7
@@ -32,9 +32,9 @@ class StableSet:
         self.contact = contact
         self.oracle = StabilityOracle(problem.surface, problem.contacts[contact])
         self._problem, self._least, self._deadline = problem, max(0.0, problem.min_margin) + _INSIDE, deadline or Deadline()
-        self._promised: StableRegion | None = None
+        self._within = [asked.regions[contact]] if asked.regions else []
         if asked.region in _PROMISED:
-            self._promised = _PROMISED[asked.region](problem.slider, problem.contacts[contact])
+            self._within.append(_PROMISED[asked.region](problem.slider, problem.contacts[contact]))
         self._members: list[StabilityOracle] = []
         self._votes = asked.probability
         if asked.probability > 0:
@@ -56,8 +56,9 @@ class StableSet:
                 raise OutOfTimeError("primitives: the deadline has passed")
             block = slice(start, start + _BLOCK)
             good[block] = self.oracle.margin(twists[block]) >= self._least
-        if self._promised is not None and good.any():
-            good[good] = self._promised.contains_twists(twists[good])
+        for region in self._within:
+            if good.any():
+                good[good] = region.contains_twists(twists[good])
         if self._members and good.any():
             votes = np.zeros(good.sum())
             for member in self._members:

@@ -29,7 +29,16 @@ RefinementBudget = Annotated[
 
 
 _OPTIONS = options_of(
-    "planner", "time_limit", "seed", "region", "probability", "margin_weight", "max_twist_rate", "refinement_budget"
+    "planner",
+    "time_limit",
+    "seed",
+    "success",
+    "require_success",
+    "region",
+    "probability",
+    "margin_weight",
+    "max_twist_rate",
+    "refinement_budget",
 )
 
 
@@ -41,6 +50,17 @@ def plan(
         float, typer.Option(parser=number, metavar="SECONDS", help="Wall time in s, from the start of the program.")
     ] = 30.0,
     seed: Seed = 0,
+    success: Annotated[
+        float | None,
+        typer.Option(
+            parser=number,
+            metavar="P",
+            help="Probability that the slider is to stick to the pusher over the whole path; the surest plan if there is none.",
+        ),
+    ] = None,
+    require_success: Annotated[
+        float, typer.Option(parser=number, metavar="P", help="A plan that is less likely to succeed is none.")
+    ] = 0.0,
     region: Annotated[str, typer.Option(help="Rotation centres to use: model, all-pressure or conservative.")] = "model",
     probability: Annotated[
         float | None,
@@ -82,6 +102,8 @@ def plan(
             planner,
             left,
             seed,
+            success=success,
+            require_success=require_success,
             region=region,
             probability=probability,
             margin_weight=margin_weight,
@@ -187,6 +209,20 @@ def trajectory(
     print(f"{output}: {len(samples.t)} samples over {samples.t[-1]:.2f} s")
 
 
+def _success_words(result: PlanResult) -> str:
+    if result.success_probability is None or result.success_interval is None or result.arrival_probability is None:
+        return ""
+    low, high = result.success_interval
+    words = (
+        f", sticks throughout with probability {result.success_probability:.3f} ({low:.3f} to {high:.3f}), "
+        f"arrives with {result.arrival_probability:.3f}"
+    )
+    if result.success is not None and result.success.failures:
+        number, _, cause = result.success.failures[0]
+        words += f"; push {number + 1} fails first, {cause}"
+    return words
+
+
 def _plan_line(result: PlanResult, probability: float | None) -> str:
     if not result.solved:
         return f"{result.status}: {result.message}"
@@ -195,5 +231,6 @@ def _plan_line(result: PlanResult, probability: float | None) -> str:
         f"solved in {result.planning_time:.2f} s: {len(result.pushes)} pushes, {result.length:.3f} m, "
         f"{result.duration:.1f} s{bound}, {result.switches} changes of contact, "
         f"least margin {math.degrees(result.min_margin):.2f} deg"
+        + _success_words(result)
         + ("" if probability is None else f", each push stable with probability {probability:.2f} or more")
     )

@@ -14,6 +14,8 @@ from .result import (
     save_plan as save_plan,
 )
 from .rosbag import load_rosbag as load_rosbag, save_rosbag as save_rosbag
+from .scenarios import Scenarios as Scenarios, draw_scenarios as draw_scenarios
+from .success import Success as Success, estimate_success as estimate_success
 from .trajectory import (
     PASSES as PASSES,
     Trajectory as Trajectory,
@@ -22,3 +24,4 @@ from .trajectory import (
     sample_plan as sample_plan,
     save_trajectory as save_trajectory,
 )
+from .uncertainty import Uncertainty as Uncertainty

@@ -16,11 +16,15 @@ from stablepush.core import FloatArray
 from stablepush.geometry import compose, exp, transform_points, wrap_angle
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult, Push, Transfer
+from stablepush.planning.success import estimate_success
 from stablepush.stability import StabilityOracle
 
 #: Poses and sums must agree to this (m, rad, s), and bodies may overlap by it (m): touching is no collision.
 TOLERANCE = 1e-6
 _STILL = 1e-9
+#: Seed of the check's own scenarios, the level of the interval that a stated probability must lie in, and what is granted to a
+#: number that was itself measured on as many scenarios.
+_SEED, _CERTAINTY, _STATED = 987_654_321, 0.999, 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +49,22 @@ def check_plan(problem: PlanningProblem, result: PlanResult) -> CheckReport:
             if isinstance(segment, Push):
                 objections += _check_push(problem, segment, f"segment {index}")
         objections += _check_goal(problem, result)
+    if not objections:
+        objections += _check_probabilities(problem, result)
     return CheckReport(not objections, tuple(objections))
+
+
+def _check_probabilities(problem: PlanningProblem, result: PlanResult) -> list[str]:
+    """Stated probabilities, against scenarios of the check's own."""
+    stated = {"success_probability": result.success_probability, "arrival_probability": result.arrival_probability}
+    if all(value is None for value in stated.values()):
+        return []
+    own = estimate_success(problem, result, seed=_SEED)
+    found = []
+    for (name, value), (low, high) in zip(stated.items(), own.intervals(_CERTAINTY), strict=True):
+        if value is not None and not low - _STATED <= value <= high + _STATED:
+            found.append(f"{name}: says {value:.4g}, scenarios of the check give {low:.4g} to {high:.4g}")
+    return found
 
 
 def _check_sums(problem: PlanningProblem, result: PlanResult) -> list[str]:

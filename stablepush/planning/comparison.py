@@ -52,7 +52,7 @@ def compare_regions(
                 time_limit,
                 seed,
                 region=region,
-                probability=0.0,
+                success=0.0,
                 refinement_budget=refinement_budget,
                 progress=notify,
             )

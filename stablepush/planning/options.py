@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from stablepush.core import InputError, check_number, renamed_fields
+from stablepush.stability import StableRegion
 
 #: Sets of rotation centres that a plan may draw on.
 REGIONS = ("model", "all-pressure", "conservative")
@@ -33,6 +34,9 @@ class PlanOptions:
     refinement_budget : float
         Steps of search (poses expanded, motions looked at) in which planners that can look for better plans after the first; a
         count and not a time, so that plans repeat. Infinite: until the time limit.
+    regions : tuple of StableRegion
+        Motions that pushes must lie in besides, one region for each contact; empty asks nothing. :func:`stablepush.plan` gives
+        those that hold in the scenarios that it has chosen.
     """
 
     region: str = "model"
@@ -40,6 +44,7 @@ class PlanOptions:
     margin_weight: float = 0.0
     max_twist_rate: float = math.inf
     refinement_budget: float = 20_000
+    regions: tuple[StableRegion, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         if self.region not in REGIONS:

@@ -36,6 +36,7 @@ from stablepush.io import (
     write_json,
 )
 from stablepush.objects import PushContact, Slider, check_simple_polygon
+from stablepush.planning.uncertainty import Uncertainty, uncertainty_from_node
 from stablepush.surfaces import LimitSurface
 
 
@@ -66,6 +67,8 @@ class PlanningProblem:
         Time (s) that a change of contact takes.
     min_margin : float
         Least margin (rad) that every push must have.
+    uncertainty : Uncertainty, optional
+        How far the rig may differ from all this.
     """
 
     slider: Slider
@@ -80,6 +83,7 @@ class PlanningProblem:
     speed: float
     switch_cost: float
     min_margin: float
+    uncertainty: Uncertainty
 
     def __init__(
         self,
@@ -95,6 +99,7 @@ class PlanningProblem:
         speed: float = 0.05,
         switch_cost: float = 0.0,
         min_margin: float = 0.0,
+        uncertainty: Uncertainty | None = None,
     ) -> None:
         if len(contacts) == 0:
             raise InputError("contacts", "expected at least one contact")
@@ -121,6 +126,7 @@ class PlanningProblem:
         object.__setattr__(self, "speed", check_number(speed, "speed", positive=True))
         object.__setattr__(self, "switch_cost", check_number(switch_cost, "switch_cost", at_least=0.0))
         object.__setattr__(self, "min_margin", check_number(min_margin, "min_margin"))
+        object.__setattr__(self, "uncertainty", Uncertainty() if uncertainty is None else uncertainty)
         self._doubt()
 
     def _doubt(self) -> None:
@@ -153,7 +159,7 @@ class PlanningProblem:
 
 _OF_SCENE = (
     *("format", "slider", "model", "contacts", "pusher", "obstacles", "bounds", "start", "goal"),
-    *("tolerance", "speed", "switch_cost", "min_margin"),
+    *("tolerance", "speed", "switch_cost", "min_margin", "uncertainty"),
 )
 
 
@@ -187,6 +193,8 @@ def load_scene(path: str | Path) -> PlanningProblem:
     speed = root["speed"].number(positive=True)
     switch_cost = root["switch_cost"].number(at_least=0.0)
     min_margin = root["min_margin"].number()
+    unknown = root.get("uncertainty")
+    uncertainty = None if unknown is None else uncertainty_from_node(unknown)
     return root.built(
         lambda: PlanningProblem(
             slider,
@@ -201,6 +209,7 @@ def load_scene(path: str | Path) -> PlanningProblem:
             speed,
             switch_cost,
             min_margin,
+            uncertainty,
         )
     )
 
@@ -233,5 +242,6 @@ def save_scene(problem: PlanningProblem, path: str | Path) -> None:
             "speed": problem.speed,
             "switch_cost": problem.switch_cost,
             "min_margin": problem.min_margin,
+            "uncertainty": problem.uncertainty.to_json(),
         },
     )

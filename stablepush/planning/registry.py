@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -18,6 +18,7 @@ from stablepush.core import (
     PlanWarning,
     check_number,
     check_seed,
+    check_share,
     load_plugin,
     plugin_names,
     renamed,
@@ -25,16 +26,16 @@ from stablepush.core import (
 )
 from stablepush.planning.check import check_plan
 from stablepush.planning.feasibility import infeasibility
+from stablepush.planning.likely import likely_plan
 from stablepush.planning.options import PlanOptions
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult
-from stablepush.stability import StabilityOracle
+from stablepush.planning.success import estimate_success
+from stablepush.stability import StabilityOracle, StableRegion
 
 #: Least probability of stability of each push that a plan has by default: the quickest plans lie on the edge of the stable set,
 #: and the least error of the surface makes them lose the object.
 DEFAULT_PROBABILITY = 0.98
-
-
 _GROUP = "stablepush.planners"
 
 
@@ -68,6 +69,8 @@ def plan(
     time_limit: float = 30.0,
     seed: int | None = None,
     *,
+    success: float | None = None,
+    require_success: float = 0.0,
     region: str = "model",
     probability: float | None = None,
     margin_weight: float = 0.0,
@@ -88,12 +91,20 @@ def plan(
         building compiled code does not count.
     seed : int, optional
         Seed of planners that draw random numbers; 0 if not given.
+    success : float, optional
+        Probability that the plan is to succeed with: that the slider sticks to the pusher over the whole path, over the likely
+        surfaces and ``problem.uncertainty`` together. Where no such plan is found the surest one that is comes with a
+        :class:`~stablepush.PlanWarning`. 0 gives the quickest plan. If not given, ``probability`` decides.
+    require_success : float
+        A plan that is less likely to succeed is none: the status is ``"no-path"``.
     probability : float, optional
-        Least probability of stability of each push, by the surface's ensemble; 0 gives the quickest plan. If not given,
-        :data:`DEFAULT_PROBABILITY` where the surface has an ensemble. Where there is no such plan, or none is found in half of
-        the time, the quickest one comes with a :class:`~stablepush.PlanWarning`: how likely its least certain push is.
-    region, margin_weight, cor_rate, improve
-        How certain and how good the plan is to be: see :class:`PlanOptions`.
+        Least probability of stability of each push, by the surface's ensemble; 0 asks nothing. If neither this nor ``success`` is
+        given, :data:`DEFAULT_PROBABILITY` where the surface has an ensemble. Where there is no such plan, or none is found in
+        half of the time, the quickest one comes with a :class:`~stablepush.PlanWarning`: how likely its least certain push is.
+    region, margin_weight
+        What each push must be besides, or cost: see :class:`PlanOptions`.
+    max_twist_rate, refinement_budget
+        How gradual and how good the plan is to be: see :class:`PlanOptions`.
     stop : callable, optional
         Asked now and then; once it returns true, the search ends with the best plan found so far, or with the status
         ``"interrupted"``.
@@ -108,8 +119,14 @@ def plan(
     """
     started = time.perf_counter()
     limit = check_number(time_limit, "time_limit", at_least=0.0)
-    given = DEFAULT_PROBABILITY if probability is None and problem.surface.members() else probability or 0.0
-    options = PlanOptions(region, given, margin_weight, max_twist_rate, refinement_budget)
+    least = check_share(require_success, "require_success")
+    level = None if success is None else check_share(success, "success")
+    if level is None and least > 0:
+        level = max(least, DEFAULT_PROBABILITY)
+    optional = probability is None and level is None and bool(problem.surface.members())
+    options = PlanOptions(
+        region, DEFAULT_PROBABILITY if optional else probability or 0.0, margin_weight, max_twist_rate, refinement_budget
+    )
     if planner not in planner_names():
         raise InputError("planner", f"expected one of {', '.join(planner_names()) or 'none installed'}", repr(planner))
     run: Planner = load_plugin(_GROUP, planner)
@@ -119,22 +136,31 @@ def plan(
         reason = infeasibility(problem)
         if reason:
             return PlanResult("no-path", planner, seed=number, message=reason, planning_time=time.perf_counter() - started)
-        optional = probability is None and given > 0
-        first = deadline.reserving(limit / 2) if optional else deadline
-        result = run(problem, deadline=first, seed=number, options=options, progress=progress)
-        if optional and not result.solved and not deadline.stopped:
-            late = f" in {limit / 2:.3g} s, half of the time," if result.status == "timeout" else ""
-            anyhow = replace(options, probability=0.0)
-            result = run(problem, deadline=deadline, seed=number, options=anyhow, progress=progress)
-            least = least_probability(problem, result)
-            if result.solved and least is not None and least < given:
-                result = _with_warning(result, given, least, late)
+
+        def attempt(regions: Sequence[StableRegion], until: Deadline, effort: float) -> PlanResult:
+            asked = replace(options, regions=tuple(regions), refinement_budget=effort)
+            return run(problem, deadline=until, seed=number, options=asked, progress=progress)
+
+        if level and problem.surface.is_dual:
+            result, doubt = likely_plan(problem, level, attempt, deadline, limit, refinement_budget, number)
+        elif optional:
+            result, doubt = _stable_or_quickest(problem, options, run, deadline, limit, number, progress)
+        else:
+            result, doubt = attempt((), deadline, refinement_budget), ""
         if deadline.stopped and not result.solved:
             result = PlanResult("interrupted", planner, seed=number, message="stopped before a path was found")
     if result.solved:
         objection = _objection(problem, result)
         if objection:
             result = PlanResult("rejected", planner, seed=result.seed, message=objection)
+    if result.solved and level is not None:
+        result = _with_success(problem, result)
+        if (result.success_probability or 0.0) < least:
+            words = f"the surest plan that was found succeeds with probability {result.success_probability:.3g}"
+            result, doubt = PlanResult("no-path", planner, seed=number, message=f"{words}, {least:g} is required"), ""
+    if result.solved and doubt:
+        warnings.warn(PlanWarning(doubt), stacklevel=3)
+        result = replace(result, message="; ".join(filter(None, (result.message, doubt))))
     return replace(result, planning_time=time.perf_counter() - started)
 
 
@@ -150,14 +176,41 @@ def least_probability(problem: PlanningProblem, result: PlanResult) -> float | N
     return least
 
 
-def _with_warning(result: PlanResult, asked: float, least: float, late: str) -> PlanResult:
-    """A plan that says how likely it is to fail."""
-    words = (
-        f"no plan was found{late} in which every push is stable with probability {asked:g}; "
+def _stable_or_quickest(
+    problem: PlanningProblem,
+    options: PlanOptions,
+    run: Planner,
+    deadline: Deadline,
+    limit: float,
+    seed: int,
+    progress: Callable[[str], None] | None,
+) -> tuple[PlanResult, str]:
+    """A plan whose pushes have the default probability, else the quickest one, and how likely that is to fail."""
+    result = run(problem, deadline=deadline.reserving(limit / 2), seed=seed, options=options, progress=progress)
+    if result.solved or deadline.stopped:
+        return result, ""
+    late = f" in {limit / 2:.3g} s, half of the time," if result.status == "timeout" else ""
+    result = run(problem, deadline=deadline, seed=seed, options=replace(options, probability=0.0), progress=progress)
+    least = least_probability(problem, result)
+    if not result.solved or least is None or least >= options.probability:
+        return result, ""
+    return result, (
+        f"no plan was found{late} in which every push is stable with probability {options.probability:g}; "
         f"the least certain push of this one has probability {least:.2g}"
     )
-    warnings.warn(PlanWarning(words), stacklevel=3)
-    return replace(result, message="; ".join(filter(None, (result.message, words))))
+
+
+def _with_success(problem: PlanningProblem, result: PlanResult) -> PlanResult:
+    """A plan with what scenarios that no choice was made on say of it."""
+    found = estimate_success(problem, result, seed=result.seed)
+    return replace(
+        result,
+        success_probability=found.probability,
+        success_interval=found.interval,
+        arrival_probability=found.arrival,
+        arrival_interval=found.arrival_interval,
+        success=found,
+    )
 
 
 def _objection(problem: PlanningProblem, result: PlanResult) -> str:

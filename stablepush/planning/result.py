@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import LARGEST_MAGNITUDE, FloatArray, Node, Word, read_only
+from stablepush.core import LARGEST_MAGNITUDE, FloatArray, Node, Word, check_share, read_only
 from stablepush.geometry import compose, exp
 from stablepush.io import read_json, write_json
+
+if TYPE_CHECKING:
+    from stablepush.planning.success import Success
 
 
 class PlanStatus(Word):
@@ -72,6 +75,9 @@ class PlanResult:
     others may have words of their own.
     ``duration`` in s, ``length`` (path of the body origin during pushes) in m, ``min_margin`` in rad;
     ``lower_bound`` (s) is below the duration of every plan that solves the problem, or None; ``planning_time`` in s.
+    ``success_probability``: that the slider sticks to the pusher over the whole path, ``arrival_probability``: that its final
+    pose is within the tolerance of the goal, over all that the problem says is uncertain, with 95 % intervals; None where
+    unknown. ``success`` has more: where the slider is lost first, and of what; None for plans from files.
     """
 
     status: str
@@ -85,6 +91,11 @@ class PlanResult:
     planning_time: float = 0.0
     seed: int = 0
     message: str = ""
+    success_probability: float | None = None
+    success_interval: tuple[float, float] | None = None
+    arrival_probability: float | None = None
+    arrival_interval: tuple[float, float] | None = None
+    success: Success | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if self.status in set(PlanStatus):
@@ -142,6 +153,10 @@ def plan_to_json(result: PlanResult) -> dict[str, Any]:
         "lower_bound": result.lower_bound,
         "planning_time": result.planning_time,
         "message": result.message,
+        "success_probability": result.success_probability,
+        "success_interval": None if result.success_interval is None else list(result.success_interval),
+        "arrival_probability": result.arrival_probability,
+        "arrival_interval": None if result.arrival_interval is None else list(result.arrival_interval),
         "segments": [_segment_to_json(s) for s in result.segments],
     }
 
@@ -188,7 +203,24 @@ def load_plan(path: str | Path) -> PlanResult:
         planning_time=root["planning_time"].number(),
         message="" if root.get("message") is None else root["message"].text(),
         segments=tuple(_segment_from_node(node) for node in root["segments"].items()),
+        success_probability=_share(root.get("success_probability")),
+        success_interval=_interval(root.get("success_interval")),
+        arrival_probability=_share(root.get("arrival_probability")),
+        arrival_interval=_interval(root.get("arrival_interval")),
     )
+
+
+def _share(node: Node | None) -> float | None:
+    return None if node is None else node.checked(lambda: check_share(node.number(), ""))
+
+
+def _interval(node: Node | None) -> tuple[float, float] | None:
+    if node is None:
+        return None
+    low, high = node.array(2).tolist()
+    if not 0 <= low <= high <= 1:
+        node.fail("expected two numbers from 0 to 1, the smaller first", f"{low:g}, {high:g}")
+    return low, high
 
 
 def _any_integer(node: Node, largest: float = LARGEST_MAGNITUDE) -> int:

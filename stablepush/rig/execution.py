@@ -103,7 +103,7 @@ def replace_start(problem: PlanningProblem, start: FloatArray) -> PlanningProble
     p = problem
     return PlanningProblem(
         p.slider, p.surface, p.contacts, start, p.goal, p.obstacles, p.bounds, p.pusher, p.tolerance, p.speed, p.switch_cost,
-        p.min_margin
+        p.min_margin, p.uncertainty
     )  # fmt: skip
 
 

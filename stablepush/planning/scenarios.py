@@ -1,0 +1,234 @@
+"""Draws of what a problem does not know, and which pushes hold in all of a chosen share of them.
+
+A scenario is a limit surface, friction at the contacts, places of the fingers, a centre of mass and a start pose. In the frame
+whose origin is the true centre of mass ``d`` (in B) the surface is as drawn, contact points are ``p - d``, and the body twist of
+that frame is ``(vx - omega d_y, vy + omega d_x, omega)``. A push sticks in a scenario if the load of that twist lies in the cone
+there.
+
+A plan that lies in the common stable set of a chosen set of scenarios sticks in each of them, whatever its number of pushes:
+scenario optimisation with discarded constraints (Campi and Garatti, 2011). A chosen set is optimistic about itself; what it is
+worth is measured on scenarios that no choice was made on (:mod:`stablepush.planning.success`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from stablepush.core import FloatArray
+from stablepush.geometry import normalize_wrench, unit
+from stablepush.identify import PressureSampler
+from stablepush.objects import PushContact, SupportDistribution
+from stablepush.planning.problem import PlanningProblem
+from stablepush.stability import BOUNDARY_SLACK, Case, StabilityOracle, StableRegion, common_region
+from stablepush.surfaces import IdealLimitSurface, LimitSurface
+
+#: Pressures that are drawn for a surface without an ensemble.
+_PRESSURES = 64
+#: Scenarios that a choice is made among.
+CHOICE = 200
+#: Unit twists at which scenarios are compared, before those that the nominal surface calls unstable are left out, and after.
+_TWISTS, _COMPARED = 4000, 400
+#: Rounds of adding the scenarios that the polygons of the others violate by more than this angle (rad), and how many each.
+_ROUNDS, _VIOLATION, _ADDED = 6, 1e-4, 6
+
+
+@dataclass(frozen=True, eq=False)
+class Scenarios:
+    """Draws of a problem.
+
+    Attributes
+    ----------
+    problem : PlanningProblem
+    surfaces : sequence of LimitSurface
+        Equally likely surfaces that scenarios are drawn from.
+    surface : array of int, shape (n,)
+        Which of them.
+    contact_mu : array, shape (n, contacts)
+        Friction of each contact.
+    place : array, shape (n, contacts)
+        How far (m) the fingers of each contact are off along the y axis of its frame.
+    center_of_mass : array, shape (n, 2)
+        In B (m).
+    start : array, shape (n, 3)
+        Start pose of the slider against the planned one, in B (m, rad).
+    """
+
+    problem: PlanningProblem
+    surfaces: Sequence[LimitSurface]
+    surface: np.ndarray
+    contact_mu: FloatArray
+    place: FloatArray
+    center_of_mass: FloatArray
+    start: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.surface)
+
+    def take(self, rows: np.ndarray) -> Scenarios:
+        """Return some of the scenarios."""
+        names = ("surface", "contact_mu", "place", "center_of_mass", "start")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+    def contact(self, scenario: int, number: int) -> PushContact:
+        """Return a contact as it is in a scenario, in B."""
+        nominal = self.problem.contacts[number]
+        aside = self.place[scenario, number] * _across(nominal)
+        return PushContact(nominal.points + aside, nominal.normals, self.contact_mu[scenario, number])
+
+    def margins(self, number: int, twists: FloatArray) -> FloatArray:
+        """Return the margins (n, k) in rad of body twists (k, 3) at a contact in all scenarios."""
+        facets = self._facets[number]
+        rho = self.surfaces[0].characteristic_length
+        result = np.empty((len(self), len(twists)))
+        for member in np.unique(self.surface):
+            rows = np.flatnonzero(self.surface == member)
+            turned = twists[None, :, 2:] * (self.center_of_mass[rows, None, ::-1] * (-1.0, 1.0))
+            moved = twists[None] + np.concatenate((turned, np.zeros((*turned.shape[:2], 1))), axis=-1)
+            loads = unit(normalize_wrench(self.surfaces[member].wrench(moved), rho))
+            heights = np.einsum("rfc,rkc->rkf", facets[rows], loads).min(axis=-1)
+            result[rows] = np.arcsin(np.clip(heights, -1.0, 1.0))
+        return result
+
+    @cached_property
+    def _facets(self) -> list[FloatArray]:
+        """Unit facet normals (n, f, 3) of the cones of each contact, about the true centres of mass."""
+        rho = self.surfaces[0].characteristic_length
+        found = []
+        for number, contact in enumerate(self.problem.contacts):
+            aside = self.place[:, number, None] * _across(contact) - self.center_of_mass
+            points, mu = contact.points + aside[:, None, :], self.contact_mu[:, number]
+            one_edge = len(points[0]) == 2 and np.abs(contact.normals[0] - contact.normals[1]).max() < 1e-9
+            if one_edge and mu.min() > 0 and abs(np.subtract(*contact.points) @ contact.normals[0]) < 1e-9:
+                found.append(_line_facets(points, contact.normals[0], mu, rho))
+            else:
+                cones = [PushContact(p, contact.normals, m).cone(rho).normals for p, m in zip(points, mu, strict=True)]
+                most = max(map(len, cones))
+                # a cone with fewer facets repeats one; one without any, the whole space, has margins of pi/2
+                padded = np.zeros((len(cones), max(1, most), 3))
+                for row, normals in zip(padded, cones, strict=True):
+                    if len(normals):
+                        row[:] = normals[np.minimum(np.arange(len(row)), len(normals) - 1)]
+                found.append(padded)
+        return found
+
+
+def draw_scenarios(problem: PlanningProblem, count: int, seed: int, stream: int = 0) -> Scenarios:
+    """Draw scenarios of a problem; ``stream``: draws of different streams share nothing, whatever the seed."""
+    rng = np.random.default_rng([seed, stream])
+    unknown, contacts = problem.uncertainty, len(problem.contacts)
+    surfaces = likely_surfaces(problem)
+    share, place = rng.uniform(size=(count, 1)), unknown.contact_place * rng.uniform(-1, 1, size=(count, contacts))
+    ranges = np.array([unknown.friction_range(contact.mu) for contact in problem.contacts])
+    deviations = np.array((unknown.start[0], unknown.start[0], unknown.start[1]))
+    start = deviations * rng.normal(size=(count, 3))
+    # the first push aligns the slider with the fingers: what stays of a displaced start is along the edge
+    aside = np.stack([_across(contact) for contact in problem.contacts], axis=1)
+    return Scenarios(
+        problem,
+        surfaces,
+        rng.integers(len(surfaces), size=count),
+        # fingers of one material: the same share of every range
+        ranges[:, 0] + share * (ranges[:, 1] - ranges[:, 0]),
+        place - start[:, :2] @ aside,
+        unknown.center_of_mass * rng.normal(size=(count, 2)),
+        start,
+    )
+
+
+def likely_surfaces(problem: PlanningProblem) -> Sequence[LimitSurface]:
+    """Return equally likely surfaces: the ensemble of a fit, a support that is known, else pressures under the outline."""
+    surface = problem.surface
+    if surface.members():
+        return surface.members()
+    if surface.point_loads is not None or problem.slider.support is not None:
+        return [surface]
+    drawn = PressureSampler(problem.slider.vertices, count=_PRESSURES).prior()
+    return [
+        IdealLimitSurface(SupportDistribution(points[shares > 0], shares[shares > 0]), 1.0, surface.characteristic_length)
+        for points, shares in zip(drawn.points, drawn.shares, strict=True)
+    ]
+
+
+def chosen_regions(scenarios: Scenarios, share: float) -> list[StableRegion]:
+    """Return for each contact the motions that are stable in all of a chosen share of the scenarios.
+
+    The same scenarios are left out for all contacts, one by one: those that alone rule out the most of the compared motions.
+    """
+    contacts = range(len(scenarios.problem.contacts))
+    compared = [_compared(scenarios.problem, number) for number in contacts]
+    stable = np.concatenate([scenarios.margins(k, compared[k]) >= -BOUNDARY_SLACK for k in contacts if len(compared[k])], axis=1)
+    kept = _kept(~stable, round(len(scenarios) * (1 - share)))
+    chosen = scenarios.take(kept)
+    return [_region(chosen, number, compared[number]) for number in contacts]
+
+
+def _compared(problem: PlanningProblem, number: int) -> FloatArray:
+    """Body twists (k, 3), spread evenly, that the nominal surface calls stable at a contact; some are translations."""
+    rho = problem.surface.characteristic_length
+    spread = np.random.default_rng(0).normal(size=(_TWISTS, 3))
+    spread[::8, 2] = 0.0
+    twists = unit(spread) / (1.0, 1.0, rho)
+    stable = twists[StabilityOracle(problem.surface, problem.contacts[number]).is_stable(twists)]
+    return stable[:_COMPARED]
+
+
+def _kept(violated: np.ndarray, discarded: int) -> np.ndarray:
+    """Rows (m,) of scenarios that stay, of a table (n, k) of the twists that each rules out."""
+    left = np.ones(len(violated), dtype=bool)
+    for _ in range(discarded):
+        count = violated[left].sum(axis=0)
+        # a twist that one scenario rules out is won by leaving that one out; one that many rule out is far away
+        worth = np.where(count > 0, np.maximum(count, 1.0) ** -4.0, 0.0)
+        gain = np.where(left, violated @ worth, -1.0)
+        left[int(np.argmax(gain))] = False
+    return np.flatnonzero(left)
+
+
+def _region(chosen: Scenarios, number: int, compared: FloatArray) -> StableRegion:
+    """The exact common region of a contact, from the scenarios that bound it: others are added as long as it violates them."""
+    margins = chosen.margins(number, compared) if len(compared) else np.zeros((len(chosen), 1))
+    # those that come nearest to ruling out what is compared
+    active = list(dict.fromkeys(np.argmin(margins, axis=0).tolist()))[: 2 * _ADDED]
+    for _ in range(_ROUNDS):
+        region = common_region([_case(chosen, row, number) for row in active], f"{len(chosen)} scenarios")
+        ends = [np.array((np.cos(a), np.sin(a), 0.0))[None] for interval in region.translation_intervals for a in interval]
+        border = np.concatenate([*region.boundary_twists(1), *region.boundary_twists(-1), *ends, np.zeros((0, 3))])
+        if not len(border):
+            break
+        worst = chosen.margins(number, border).min(axis=1)
+        added = [row for row in np.argsort(worst) if worst[row] < -_VIOLATION and row not in active][:_ADDED]
+        if not added:
+            break
+        active += added
+    return region
+
+
+def _case(scenarios: Scenarios, row: int, number: int) -> Case:
+    surface = scenarios.surfaces[scenarios.surface[row]]
+    return Case(surface, scenarios.contact(row, number), scenarios.center_of_mass[row])
+
+
+def _across(contact: PushContact) -> FloatArray:
+    """The y axis (2,) of the frame of a contact, in B."""
+    theta = contact.frame[2]
+    return np.array((-np.sin(theta), np.cos(theta)))
+
+
+def _line_facets(points: FloatArray, normal: FloatArray, mu: FloatArray, rho: float) -> FloatArray:
+    """Unit facet normals (n, 4, 3) of the cones of two points (n, 2, 2) on one edge, with friction (n,).
+
+    The force lies in the friction cone, ``mu n·f ± t·f >= 0``, and its line passes between the points: with ``p_a`` before
+    ``p_b`` along ``t``, ``tau <= p_a x f`` and ``tau >= p_b x f``.
+    """
+    tangent = np.array((-normal[1], normal[0]))
+    order = np.argsort(points @ tangent, axis=1)
+    a, b = (np.take_along_axis(points, order[:, k, None, None], axis=1)[:, 0] for k in (0, 1))
+    rows = np.zeros((len(points), 4, 3))
+    rows[:, 0, :2], rows[:, 1, :2] = mu[:, None] * normal - tangent, mu[:, None] * normal + tangent
+    rows[:, 2] = np.column_stack((-a[:, 1], a[:, 0], np.full(len(a), -rho)))
+    rows[:, 3] = np.column_stack((b[:, 1], -b[:, 0], np.full(len(b), rho)))
+    return unit(rows)

@@ -1,0 +1,99 @@
+"""The motions that are stable in each of several cases: surfaces, contacts and centres of mass that are not known exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from stablepush.core import BoolArray, FloatArray, read_only
+from stablepush.geometry import normalize_twist, unit
+from stablepush.objects import PushContact
+from stablepush.stability.kernels.chart import Rings, disc_from_twists, disc_polygons, only_polygons, rings_from_disc
+from stablepush.stability.region import EXTENT_RADII, StableRegion, common_intervals, stable_region
+from stablepush.surfaces import LimitSurface
+
+#: Turning (of a unit twist) that is none: such twists are translations.
+_STILL = 1e-9
+#: Slack (rad) at the ends of an interval of translations.
+_SLACK = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """A limit surface and a contact about a centre of mass that lies at ``origin`` (2,) in B (m).
+
+    The surface is in the frame that has its origin there and its axes along B; the contact is in B.
+    """
+
+    surface: LimitSurface
+    contact: PushContact
+    origin: FloatArray
+
+    def region(self) -> StableRegion:
+        """The stable region in that frame."""
+        contact = PushContact(self.contact.points - self.origin, self.contact.normals, self.contact.mu)
+        return stable_region(self.surface, contact)
+
+
+def common_region(cases: Sequence[Case], name: str = "common") -> StableRegion:
+    """Return the motions of B that are stable in every case: the intersection of the exact regions, as polygons on the sphere.
+
+    The twist of a frame at ``d`` is ``(vx - omega d_y, vy + omega d_x, omega)``. The map is linear, so it takes the great circles
+    of one region to those of another frame, and leaves translations as they are. Membership is by the polygons, to
+    :data:`~stablepush.stability.region.BOUNDARY_TOLERANCE`.
+
+    Raises as :func:`stablepush.stable_region` does.
+    """
+    rho = cases[0].surface.characteristic_length
+    regions = [case.region() for case in cases]
+    discs = []
+    for sense in (1, -1):
+        placed = [
+            disc_polygons(
+                [[_moved(ring, case.origin, rho) for ring in polygon] for polygon in region.motions.rings(sense)], sense
+            )
+            for case, region in zip(cases, regions, strict=True)
+        ]
+        discs.append(only_polygons(shapely.intersection_all(placed)))
+    intervals = common_intervals([region.translation_intervals for region in regions], len(regions))
+    reach = max(rho, *(case.contact.radius for case in cases))
+    motions = _Common(rho, discs[0], discs[1], np.reshape(intervals, (-1, 2)))
+    return StableRegion(name, rho, EXTENT_RADII * reach, tuple(intervals), motions)
+
+
+def _moved(ring: FloatArray, origin: FloatArray, rho: float) -> FloatArray:
+    """Unit normalised twists (n, 3) of a frame at ``origin``, as those of B."""
+    turned = ring[:, 2:] / rho * np.array((origin[1], -origin[0]))
+    return unit(ring + np.column_stack((turned, np.zeros(len(ring)))))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Common:
+    """Motions that polygons of the two charts hold, and translations of intervals (n, 2) of directions (rad)."""
+
+    rho: float
+    counter_clockwise: shapely.Geometry
+    clockwise: shapely.Geometry
+    intervals: FloatArray
+
+    def __post_init__(self) -> None:
+        shapely.prepare((self.counter_clockwise, self.clockwise))
+        read_only(self.intervals)
+
+    def accepts(self, twists: FloatArray) -> BoolArray:
+        v = unit(normalize_twist(twists, self.rho))
+        good = np.zeros(len(v), dtype=bool)
+        for sense, disc in ((1, self.counter_clockwise), (-1, self.clockwise)):
+            rows = np.flatnonzero(sense * v[:, 2] > _STILL)
+            good[rows] = shapely.contains_xy(disc, *disc_from_twists(v[rows], sense).T)
+        still = np.flatnonzero(np.abs(v[:, 2]) <= _STILL)
+        angles = np.arctan2(v[still, 1], v[still, 0])
+        for low, high in self.intervals:
+            good[still] |= np.mod(angles - low + _SLACK, 2 * np.pi) <= high - low + 2 * _SLACK
+        return good
+
+    def rings(self, sense: int) -> Rings:
+        return rings_from_disc(self.counter_clockwise if sense > 0 else self.clockwise, sense)
