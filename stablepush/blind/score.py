@@ -12,8 +12,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.stats import beta
 
+from stablepush.core import binomial_interval
 from stablepush.effects import CATALOGUE
 
 Row = dict[str, Any]
@@ -30,19 +30,11 @@ OF_SURFACE = {"pressure-shift", "pressure-spread", "anisotropy-object", "model-c
 BINS = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
 
 
-def interval(count: int, total: int) -> tuple[float, float]:
-    """Clopper and Pearson's 95 % interval of a share."""
-    if total == 0:
-        return 0.0, 1.0
-    low, high = beta.ppf((0.025, 0.975), (count, count + 1), (total - count + 1, total - count))
-    return (0.0 if count == 0 else float(low)), (1.0 if count == total else float(high))
-
-
 def share(count: int, total: int) -> str:
     """A share in words: of how many, and its interval."""
     if total == 0:
         return "none to judge"
-    low, high = interval(count, total)
+    low, high = binomial_interval(count, total)
     return f"{count} of {total}, {100 * count / total:.1f} % ({100 * low:.1f} to {100 * high:.1f} %)"
 
 

@@ -55,4 +55,5 @@ from .plausibility import (
 )
 from .plugins import load_plugin as load_plugin, plugin_names as plugin_names
 from .renamed import renamed as renamed, renamed_fields as renamed_fields
+from .shares import binomial_interval as binomial_interval
 from .words import Word as Word

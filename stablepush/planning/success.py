@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import binomtest
 
-from stablepush.core import BoolArray, FloatArray, StablepushError
+from stablepush.core import BoolArray, FloatArray, StablepushError, binomial_interval
 from stablepush.geometry import compose, inverse, transform_points, transport_twist, wrap_angle
 from stablepush.mechanics import Pusher, simulate_push
 from stablepush.objects import Slider
@@ -62,12 +61,12 @@ class Success:
         """
         total, stuck, _, rescued = self.counts
         lost, simulated = total - stuck, len(self.ends)
-        low, high = interval_of(round(self.arrival * total), total, level)
+        low, high = binomial_interval(round(self.arrival * total), total, level)
         if lost > simulated:
-            share, (least, most) = rescued / simulated, interval_of(rescued, simulated, level)
+            share, (least, most) = rescued / simulated, binomial_interval(rescued, simulated, level)
             low = self.arrival - math.hypot(self.arrival - low, lost / total * (share - least))
             high = self.arrival + math.hypot(high - self.arrival, lost / total * (most - share))
-        return interval_of(stuck, total, level), (max(low, 0.0), min(high, 1.0))
+        return binomial_interval(stuck, total, level), (max(low, 0.0), min(high, 1.0))
 
 
 def estimate_success(problem: PlanningProblem, result: PlanResult, count: int = SCENARIOS, seed: int = 0) -> Success:
@@ -100,12 +99,6 @@ def first_losses(scenarios: Scenarios, result: PlanResult) -> tuple[np.ndarray, 
         margins[:, at] = scenarios.margins(number, np.array([pushes[k].twist for k in at]))
     slips = margins < -BOUNDARY_SLACK
     return np.where(slips.any(axis=1), slips.argmax(axis=1), -1), margins
-
-
-def interval_of(successes: int, count: int, level: float = 0.95) -> Interval:
-    """Return the interval of a share of so many trials (Clopper and Pearson)."""
-    found = binomtest(successes, count).proportion_ci(level)
-    return float(found.low), float(found.high)
 
 
 def _aside(problem: PlanningProblem, result: PlanResult, scenarios: Scenarios) -> FloatArray:

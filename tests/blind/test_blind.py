@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from stablepush import InputError, read_pushlog
-from stablepush.blind.score import interval, outcome, score_of
+from stablepush.blind.score import outcome, score_of, share
 from stablepush.blind.seal import Ledger, complaint, digest, digest_of_folder, open_label
 from stablepush.blind.worlds import FORMS, Applied, draw
 from stablepush.effects.catalogue import CATALOGUE
@@ -263,7 +263,7 @@ def test_the_score_counts() -> None:
     assert lines["pairs: both named"].startswith("1 of 2")
     assert lines["out of the catalogue: named as an effect of it"].startswith("1 of 1")
     assert "refused" in lines["sets"]
-    assert interval(0, 100)[1] == pytest.approx(0.0362, abs=1e-4) and interval(0, 0) == (0.0, 1.0)
+    assert share(0, 100) == "0 of 100, 0.0 % (0.0 to 3.6 %)" and share(0, 0) == "none to judge"
 
 
 @pytest.mark.parametrize("stop", ["sealing", "between file and entry", "diagnosing", "scoring"])

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from matplotlib.figure import Figure
-from scipy.stats import beta
 
+from stablepush.core import binomial_interval
 from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE
 
 
@@ -20,11 +20,7 @@ def plot_calibration(bins: Sequence[tuple[float, float, int]], coverage: Sequenc
     left, right = figure.subplots(1, 2)
     left.plot((0, 1), (0, 1), color="#BBBBBB", linewidth=1)
     for reported, true, count in bins:
-        # Clopper and Pearson's interval of the share
-        acts = round(true * count)
-        low = float(beta.ppf(0.025, acts, count - acts + 1)) if acts else 0.0
-        high = float(beta.ppf(0.975, acts + 1, count - acts)) if acts < count else 1.0
-        left.plot((reported, reported), (low, high), color=COUNTER_CLOCKWISE, linewidth=1)
+        left.plot((reported, reported), binomial_interval(round(true * count), count), color=COUNTER_CLOCKWISE, linewidth=1)
         left.plot(reported, true, marker="o", color=COUNTER_CLOCKWISE)
         left.annotate(str(count), (reported, true), textcoords="offset points", xytext=(6, 4), fontsize=8)
     left.set(xlabel="reported probability", ylabel="share that acts", xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))
