@@ -39,7 +39,7 @@ def run(scene: str, planner: str, seed: int, seconds: float, refinement_budget: 
     sp.plan(sp.load_scene(SCENES / "open.json"), LATTICE, time_limit=60.0, refinement_budget=0.0)
     started = time.perf_counter()
     # what planners compete for is time: the quickest plan
-    result = sp.plan(problem, planner, time_limit=seconds, seed=seed, refinement_budget=refinement_budget, probability=0.0)
+    result = sp.plan(problem, planner, time_limit=seconds, seed=seed, refinement_budget=refinement_budget, success=0.0)
     taken = time.perf_counter() - started
     return {
         "scene": scene,

@@ -54,7 +54,7 @@ def scene(count: int, width: float, seed: int) -> sp.PlanningProblem:
 def timed(problem: sp.PlanningProblem, refinement_budget: float) -> tuple[float, sp.PlanResult]:
     """Plan, and say how long it took."""
     started = time.perf_counter()
-    result = sp.plan(problem, time_limit=120.0, refinement_budget=refinement_budget, probability=0.0)
+    result = sp.plan(problem, time_limit=120.0, refinement_budget=refinement_budget, success=0.0)
     return time.perf_counter() - started, result
 
 
@@ -83,7 +83,7 @@ def main() -> None:
         profile = cProfile.Profile()
         problem = scene(options.counts[-1], 6.0, 0)
         profile.enable()
-        sp.plan(problem, time_limit=120.0, probability=0.0)
+        sp.plan(problem, time_limit=120.0, success=0.0)
         profile.disable()
         stats = pstats.Stats(profile)
         total = stats.total_tt  # type: ignore[attr-defined]

@@ -44,7 +44,7 @@ def diagnosed(seed: int) -> list[float]:
 
 def planned(seed: int) -> list[float]:
     problem = sp.load_scene(SCENES / "clutter.json")
-    result = sp.plan(problem, "cor-lattice", seed=seed, refinement_budget=2000, probability=0.0, margin_weight=0.1 * seed)
+    result = sp.plan(problem, "cor-lattice", seed=seed, refinement_budget=2000, success=0.0, margin_weight=0.1 * seed)
     return [result.duration, result.length, result.min_margin]
 
 

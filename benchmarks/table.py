@@ -175,7 +175,7 @@ def worst_pressures() -> Iterator[Row]:
 
 def first_plan(problem: sp.PlanningProblem, planner: str = "cor-lattice") -> sp.PlanResult:
     """The quickest plan that is found first: what planners compete for."""
-    return sp.plan(problem, planner, time_limit=60, seed=0, refinement_budget=0, probability=0)
+    return sp.plan(problem, planner, time_limit=60, seed=0, refinement_budget=0, success=0)
 
 
 def planners() -> Iterator[Row]:

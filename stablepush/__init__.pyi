@@ -89,7 +89,6 @@ from .planning import (
     compare_regions as compare_regions,
     estimate_success as estimate_success,
     infeasibility as infeasibility,
-    least_probability as least_probability,
     load_plan as load_plan,
     load_rosbag as load_rosbag,
     load_scene as load_scene,

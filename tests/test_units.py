@@ -98,6 +98,7 @@ def test_plans(s):
         one.start * (s, s, 1), one.goal * (s, s, 1), [s * o for o in one.obstacles],
         None if one.bounds is None else s * one.bounds, None if one.pusher is None else s * one.pusher,
         tuple(np.array(one.tolerance) * (s, 1)), s * one.speed, one.switch_cost, one.min_margin,
+        sp.Uncertainty(contact_place=s * 0.002, center_of_mass=s * 0.001),
     )  # fmt: skip
     here, there = sp.plan(one, refinement_budget=0), sp.plan(other, refinement_budget=0)
     assert here.solved and there.solved and sp.check_plan(other, there).valid

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from stablepush.cli.plans import success_words
 from stablepush.demo import demo_pokes, demo_scene, demo_slider
 from stablepush.identify import fit_limit_surface
 from stablepush.io import load_model, read_pushlog, save_model, write_atomically, write_pushlog
-from stablepush.planning import check_plan, least_probability, load_plan, load_scene, plan, save_plan, save_scene
+from stablepush.planning import check_plan, load_plan, load_scene, plan, save_plan, save_scene
 from stablepush.stability import all_pressure_region, lynch_mason_region, probability_map, stable_region
 from stablepush.views import Section, plan_html, report_html
 from stablepush.views.plot import figure_png, plot_plan, plot_regions
@@ -48,11 +49,9 @@ def run_demo(folder: Path, seed: int) -> int:
     result = plan(scene, time_limit=60.0, seed=seed)
     save_plan(result, folder / "plan.json")
     report = check_plan(scene, load_plan(folder / "plan.json"))
-    least = least_probability(scene, result)
-    likely = "each stable with an unknown probability" if least is None else f"each stable with probability {least:.2f} or more"
     if result.solved:
         verdict = "check: valid" if report.valid else f"check: {report.objections[0]}"
-        print(f"{folder / 'plan.json'}: {len(result.pushes)} pushes, {likely}, {result.duration:.1f} s, {verdict}")
+        print(f"{folder / 'plan.json'}: {len(result.pushes)} pushes, {result.duration:.1f} s, {success_words(result)}; {verdict}")
     else:
         print(f"{folder / 'plan.json'}: {result.status}: {result.message}")
     plan_png = figure_png(plot_plan(scene, result))
@@ -96,7 +95,7 @@ def run_demo(folder: Path, seed: int) -> int:
                 ("duration", f"{result.duration:.1f} s; no plan can take less than {result.lower_bound or 0:.1f} s"),
                 ("length", f"{result.length:.2f} m"),
                 ("least margin", f"{np.degrees(result.min_margin):.2f}°"),
-                ("least probability that a push is stable", "unknown" if least is None else f"{least:.2f}"),
+                ("probability of success", success_words(result)),
                 ("planning time", f"{result.planning_time:.2f} s"),
                 ("independent check", "valid" if report.valid else "; ".join(report.objections)),
             ],

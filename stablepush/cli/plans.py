@@ -51,25 +51,21 @@ def plan(
     ] = 30.0,
     seed: Seed = 0,
     success: Annotated[
-        float | None,
+        float,
         typer.Option(
             parser=number,
             metavar="P",
-            help="Probability that the slider is to stick to the pusher over the whole path; the surest plan if there is none.",
+            help="Probability that the slider is to stick to the pusher over the whole path; the surest plan that is found if "
+            "there is none; 0: the quickest plan.",
         ),
-    ] = None,
+    ] = 0.98,
     require_success: Annotated[
         float, typer.Option(parser=number, metavar="P", help="A plan that is less likely to succeed is none.")
     ] = 0.0,
     region: Annotated[str, typer.Option(help="Rotation centres to use: model, all-pressure or conservative.")] = "model",
     probability: Annotated[
-        float | None,
-        typer.Option(
-            parser=number,
-            metavar="P",
-            help="Least probability that a push is stable, by the model's ensemble (0.98 if it has one; 0: the quickest plan).",
-        ),
-    ] = None,
+        float, typer.Option(parser=number, metavar="P", help="Deprecated. Least probability of each push, by the ensemble.")
+    ] = 0.0,
     margin_weight: Annotated[
         float, typer.Option(parser=number, metavar="W", help="How much more a push with no margin costs than the safest.")
     ] = 0.0,
@@ -90,7 +86,7 @@ def plan(
     """Plan a path of stable pushes."""
     from stablepush.core import check_number
     from stablepush.io import write_atomically
-    from stablepush.planning import least_probability, load_scene, plan as make_plan, save_plan
+    from stablepush.planning import load_scene, plan as make_plan, save_plan
 
     check_number(time_limit, "--time-limit", at_least=0.0)
     require_files(output, view, picture, read=(scene,))
@@ -123,7 +119,7 @@ def plan(
         from stablepush.views.plot import plot_plan, save_figure
 
         save_figure(plot_plan(problem, result), picture)
-    print(f"{output}: {_plan_line(result, least_probability(problem, result))}")
+    print(f"{output}: {_plan_line(result)}")
     if interrupted():
         raise InterruptedError(f"{output} holds the best plan found so far")
     raise typer.Exit(0 if result.solved else 1)
@@ -209,12 +205,13 @@ def trajectory(
     print(f"{output}: {len(samples.t)} samples over {samples.t[-1]:.2f} s")
 
 
-def _success_words(result: PlanResult) -> str:
+def success_words(result: PlanResult) -> str:
+    """How likely a plan is to succeed, in words."""
     if result.success_probability is None or result.success_interval is None or result.arrival_probability is None:
-        return ""
+        return "of unknown probability of success"
     low, high = result.success_interval
     words = (
-        f", sticks throughout with probability {result.success_probability:.3f} ({low:.3f} to {high:.3f}), "
+        f"sticks throughout with probability {result.success_probability:.3f} ({low:.3f} to {high:.3f}), "
         f"arrives with {result.arrival_probability:.3f}"
     )
     if result.success is not None and result.success.failures:
@@ -223,14 +220,12 @@ def _success_words(result: PlanResult) -> str:
     return words
 
 
-def _plan_line(result: PlanResult, probability: float | None) -> str:
+def _plan_line(result: PlanResult) -> str:
     if not result.solved:
         return f"{result.status}: {result.message}"
     bound = "" if result.lower_bound is None else f" (at least {result.lower_bound:.1f} s)"
     return (
         f"solved in {result.planning_time:.2f} s: {len(result.pushes)} pushes, {result.length:.3f} m, "
         f"{result.duration:.1f} s{bound}, {result.switches} changes of contact, "
-        f"least margin {math.degrees(result.min_margin):.2f} deg"
-        + _success_words(result)
-        + ("" if probability is None else f", each push stable with probability {probability:.2f} or more")
+        f"least margin {math.degrees(result.min_margin):.2f} deg, {success_words(result)}"
     )

@@ -4,7 +4,7 @@ from .comparison import RegionPlan as RegionPlan, certified_share as certified_s
 from .feasibility import infeasibility as infeasibility
 from .options import REGIONS as REGIONS, PlanOptions as PlanOptions
 from .problem import PlanningProblem as PlanningProblem, load_scene as load_scene, save_scene as save_scene
-from .registry import least_probability as least_probability, plan as plan, planner_names as planner_names
+from .registry import plan as plan, planner_names as planner_names
 from .result import (
     PlanResult as PlanResult,
     PlanStatus as PlanStatus,

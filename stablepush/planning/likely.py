@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,24 +11,26 @@ import numpy as np
 from stablepush.core import Deadline
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult
-from stablepush.planning.scenarios import CHOICE, chosen_regions, draw_scenarios
+from stablepush.planning.scenarios import CHOICE, Choice, draw_scenarios
 from stablepush.planning.success import first_losses
 from stablepush.stability import StableRegion
 
 #: Fresh scenarios on which a level counts as met.
 _TESTED = 1000
-#: Rounds of tightening, and of the last of them how many times more scenarios are all to hold.
-_ROUNDS, _MORE = 5, 2
+#: Scenarios that a choice always leaves too many: about as many bound a plan's motions, and its share is optimistic by them.
+_BOUNDING = 4
+#: Scenarios of which all are to hold, once it is not enough that the first do.
+_MORE = (600, 900)
 #: Shares of scenarios that are tried where there is no plan at the level, from the surest to the least.
 _LESS = (0.9, 0.75, 0.5, 0.25)
-#: Work on better plans while the share is being found.
-_EFFORT = 20_000.0
+#: Searches for better plans at the level, each in tighter regions.
+_REFINED = 3
 
 Attempt = Callable[[Sequence[StableRegion], Deadline, float], PlanResult]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Candidate:
+class _Candidate:
     """A plan, and the share of fresh scenarios that it holds in; negative without a plan."""
 
     result: PlanResult
@@ -40,57 +42,79 @@ def likely_plan(
 ) -> tuple[PlanResult, str]:
     """Return a plan that sticks throughout with the probability ``level``, or the surest that was found, and what falls short.
 
-    ``attempt(regions, deadline, effort)`` plans within regions of the contacts. Half of the time is kept for the surest plan
-    where there is none at the level.
+    ``attempt(regions, deadline, effort)`` plans within regions of the contacts, with so much work on better plans. Half of the
+    time is kept for the surest plan where there is none at the level.
     """
-    best, regions = _at_level(problem, level, attempt, deadline.reserving(limit / 2), min(effort, _EFFORT), seed)
-    if best.held >= level and effort > _EFFORT and not deadline.passed():
-        longer = _tested(problem, attempt(regions, deadline, effort), seed, 10 + _ROUNDS)
-        best = longer if longer.held >= level else best
+    search = _Search(problem, level, attempt, seed)
+    best = search.at_level(deadline.reserving(limit / 2), deadline, effort)
     if not best.result.solved and not deadline.stopped:
-        best = _surest(problem, level, attempt, deadline, min(effort, _EFFORT), seed)
+        best = search.surest(deadline)
     if not best.result.solved or best.held >= level:
         return best.result, ""
     return best.result, f"no plan was found that succeeds with probability {level:g}; this one does with about {best.held:.2g}"
 
 
-def _surest(problem: PlanningProblem, level: float, attempt: Attempt, deadline: Deadline, effort: float, seed: int) -> Candidate:
-    """The surest plan of those in the common sets of ever fewer scenarios; the quickest if there is none."""
-    # without a quickest plan there is none
-    best = _tested(problem, attempt((), deadline, effort), seed, 20)
-    for number, share in enumerate(_LESS):
-        if share >= level or deadline.passed() or not best.result.solved:
-            continue
-        chosen = chosen_regions(draw_scenarios(problem, CHOICE, seed), share)
-        tried = _tested(problem, attempt(chosen, deadline, effort), seed, 21 + number)
-        if tried.held > best.held:
-            return tried
-    return best
+class _Search:
+    def __init__(self, problem: PlanningProblem, level: float, attempt: Attempt, seed: int) -> None:
+        self._problem, self._level, self._attempt, self._seed = problem, level, attempt, seed
+        self._choice = Choice(problem, seed)
+        self._tests = 0
 
+    def at_level(self, first: Deadline, deadline: Deadline, effort: float) -> _Candidate:
+        """A plan that meets the level and has been refined, else the surest of those that were made on the way.
 
-def _at_level(
-    problem: PlanningProblem, level: float, attempt: Attempt, deadline: Deadline, effort: float, seed: int
-) -> tuple[Candidate, Sequence[StableRegion]]:
-    """The first plan that meets the level, else the surest of those that were made on the way, and its regions."""
-    scenarios, share = draw_scenarios(problem, CHOICE, seed), level
-    best, regions = Candidate(PlanResult("no-path", ""), -1.0), []
-    for number in range(_ROUNDS):
-        chosen = chosen_regions(scenarios, share)
-        tried = _tested(problem, attempt(chosen, deadline, effort), seed, 10 + number)
-        if tried.held > best.held or number == 0:
-            best, regions = tried, chosen
-        if not tried.result.solved or tried.held >= level or deadline.passed():
-            break
-        # halve what may fail; then all hold, then all of more scenarios
-        if share < 1:
-            share = 1 - math.floor((1 - share) * len(scenarios) / 2) / len(scenarios)
-        else:
-            scenarios = draw_scenarios(problem, _MORE * len(scenarios), seed)
-    return best, regions
+        A first plan is looked for until the deadline ``first``.
+        """
+        best, refined = _Candidate(PlanResult("no-path", ""), -1.0), 0
+        for count, left_out in self._choices():
+            regions = self._choice.regions(count, left_out)
+            tried = self._tested(regions, first, 0.0)
+            if not tried.result.solved and best.result.solved:
+                break
+            best = max(best, tried, key=self._worth)
+            if not tried.result.solved or deadline.passed():
+                break
+            if tried.held < self._level:
+                continue
+            if effort == 0:
+                break
+            # a better plan may lie nearer to the bounds
+            tried, refined = self._tested(regions, deadline, effort), refined + 1
+            best = max(best, tried, key=self._worth)
+            if tried.held >= self._level or refined == _REFINED or deadline.passed():
+                break
+        return best
 
+    def surest(self, deadline: Deadline) -> _Candidate:
+        """The surest plan of those in the common sets of ever fewer scenarios; the quickest if there is none."""
+        # without a quickest plan there is none
+        best = self._tested((), deadline, 0.0)
+        for share in _LESS:
+            if share >= self._level or deadline.passed() or not best.result.solved:
+                continue
+            tried = self._tested(self._choice.regions(CHOICE, round((1 - share) * CHOICE)), deadline, 0.0)
+            if tried.held > best.held:
+                return tried
+        return best
 
-def _tested(problem: PlanningProblem, result: PlanResult, seed: int, stream: int) -> Candidate:
-    if not result.solved or not result.pushes:
-        return Candidate(result, -1.0)
-    lost, _ = first_losses(draw_scenarios(problem, _TESTED, seed, stream), result)
-    return Candidate(result, float(np.mean(lost < 0)))
+    def _choices(self) -> Iterator[tuple[int, int]]:
+        """Of how many scenarios how many are left out, ever fewer."""
+        left_out = max(0, math.floor((1 - self._level) * CHOICE) - _BOUNDING)
+        while left_out:
+            yield CHOICE, left_out
+            left_out //= 2
+        for count in (CHOICE, *_MORE):
+            yield count, 0
+
+    def _worth(self, candidate: _Candidate) -> tuple[float, float]:
+        """What makes a plan better: that it meets the level, and then its time; else how often it holds."""
+        return min(candidate.held, self._level), -candidate.result.duration
+
+    def _tested(self, regions: Sequence[StableRegion], deadline: Deadline, effort: float) -> _Candidate:
+        result = self._attempt(regions, deadline, effort)
+        # each test has scenarios of its own
+        self._tests += 1
+        if not result.solved or not result.pushes:
+            return _Candidate(result, -1.0)
+        lost, _ = first_losses(draw_scenarios(self._problem, _TESTED, self._seed, 10 + self._tests), result)
+        return _Candidate(result, float(np.mean(lost < 0)))

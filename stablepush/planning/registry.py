@@ -31,11 +31,11 @@ from stablepush.planning.options import PlanOptions
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult
 from stablepush.planning.success import estimate_success
-from stablepush.stability import StabilityOracle, StableRegion
+from stablepush.stability import StableRegion
 
-#: Least probability of stability of each push that a plan has by default: the quickest plans lie on the edge of the stable set,
-#: and the least error of the surface makes them lose the object.
-DEFAULT_PROBABILITY = 0.98
+#: Probability of success that is looked for by default: the quickest plans lie on the edge of the stable set, and the least error
+#: of surface or friction makes them lose the object.
+DEFAULT_SUCCESS = 0.98
 _GROUP = "stablepush.planners"
 
 
@@ -69,10 +69,10 @@ def plan(
     time_limit: float = 30.0,
     seed: int | None = None,
     *,
-    success: float | None = None,
+    success: float = DEFAULT_SUCCESS,
     require_success: float = 0.0,
     region: str = "model",
-    probability: float | None = None,
+    probability: float = 0.0,
     margin_weight: float = 0.0,
     max_twist_rate: float = math.inf,
     refinement_budget: float = 20_000,
@@ -94,15 +94,13 @@ def plan(
     success : float, optional
         Probability that the plan is to succeed with: that the slider sticks to the pusher over the whole path, over the likely
         surfaces and ``problem.uncertainty`` together. Where no such plan is found the surest one that is comes with a
-        :class:`~stablepush.PlanWarning`. 0 gives the quickest plan. If not given, ``probability`` decides.
+        :class:`~stablepush.PlanWarning`. 0 gives the quickest plan. A surface that is no limit surface (a Gaussian process) has
+        no such probability: its plan is the quickest.
     require_success : float
         A plan that is less likely to succeed is none: the status is ``"no-path"``.
-    probability : float, optional
-        Least probability of stability of each push, by the surface's ensemble; 0 asks nothing. If neither this nor ``success`` is
-        given, :data:`DEFAULT_PROBABILITY` where the surface has an ensemble. Where there is no such plan, or none is found in
-        half of the time, the quickest one comes with a :class:`~stablepush.PlanWarning`: how likely its least certain push is.
-    region, margin_weight
-        What each push must be besides, or cost: see :class:`PlanOptions`.
+    region, margin_weight, probability
+        What each push must be besides, or cost: see :class:`PlanOptions`. ``probability`` is deprecated: it knows the surface
+        only, and each push by itself.
     max_twist_rate, refinement_budget
         How gradual and how good the plan is to be: see :class:`PlanOptions`.
     stop : callable, optional
@@ -120,13 +118,10 @@ def plan(
     started = time.perf_counter()
     limit = check_number(time_limit, "time_limit", at_least=0.0)
     least = check_share(require_success, "require_success")
-    level = None if success is None else check_share(success, "success")
-    if level is None and least > 0:
-        level = max(least, DEFAULT_PROBABILITY)
-    optional = probability is None and level is None and bool(problem.surface.members())
-    options = PlanOptions(
-        region, DEFAULT_PROBABILITY if optional else probability or 0.0, margin_weight, max_twist_rate, refinement_budget
-    )
+    level = max(least, check_share(success, "success"))
+    options = PlanOptions(region, probability, margin_weight, max_twist_rate, refinement_budget)
+    if probability:
+        warnings.warn("plan(probability=) is deprecated: success= counts all that is uncertain", DeprecationWarning, stacklevel=3)
     if planner not in planner_names():
         raise InputError("planner", f"expected one of {', '.join(planner_names()) or 'none installed'}", repr(planner))
     run: Planner = load_plugin(_GROUP, planner)
@@ -143,8 +138,6 @@ def plan(
 
         if level and problem.surface.is_dual:
             result, doubt = likely_plan(problem, level, attempt, deadline, limit, refinement_budget, number)
-        elif optional:
-            result, doubt = _stable_or_quickest(problem, options, run, deadline, limit, number, progress)
         else:
             result, doubt = attempt((), deadline, refinement_budget), ""
         if deadline.stopped and not result.solved:
@@ -153,7 +146,7 @@ def plan(
         objection = _objection(problem, result)
         if objection:
             result = PlanResult("rejected", planner, seed=result.seed, message=objection)
-    if result.solved and level is not None:
+    if result.solved and problem.surface.is_dual:
         result = _with_success(problem, result)
         if (result.success_probability or 0.0) < least:
             words = f"the surest plan that was found succeeds with probability {result.success_probability:.3g}"
@@ -162,42 +155,6 @@ def plan(
         warnings.warn(PlanWarning(doubt), stacklevel=3)
         result = replace(result, message="; ".join(filter(None, (result.message, doubt))))
     return replace(result, planning_time=time.perf_counter() - started)
-
-
-def least_probability(problem: PlanningProblem, result: PlanResult) -> float | None:
-    """Return the least probability of stability of any push of a plan, by the surface's ensemble; None without one."""
-    if not result.pushes or not problem.surface.members():
-        return None
-    least = 1.0
-    for number in {push.contact for push in result.pushes}:
-        twists = np.array([push.twist for push in result.pushes if push.contact == number])
-        shares = StabilityOracle(problem.surface, problem.contacts[number]).probability(twists)
-        least = min(least, 1.0 if shares is None else float(shares.min()))
-    return least
-
-
-def _stable_or_quickest(
-    problem: PlanningProblem,
-    options: PlanOptions,
-    run: Planner,
-    deadline: Deadline,
-    limit: float,
-    seed: int,
-    progress: Callable[[str], None] | None,
-) -> tuple[PlanResult, str]:
-    """A plan whose pushes have the default probability, else the quickest one, and how likely that is to fail."""
-    result = run(problem, deadline=deadline.reserving(limit / 2), seed=seed, options=options, progress=progress)
-    if result.solved or deadline.stopped:
-        return result, ""
-    late = f" in {limit / 2:.3g} s, half of the time," if result.status == "timeout" else ""
-    result = run(problem, deadline=deadline, seed=seed, options=replace(options, probability=0.0), progress=progress)
-    least = least_probability(problem, result)
-    if not result.solved or least is None or least >= options.probability:
-        return result, ""
-    return result, (
-        f"no plan was found{late} in which every push is stable with probability {options.probability:g}; "
-        f"the least certain push of this one has probability {least:.2g}"
-    )
 
 
 def _with_success(problem: PlanningProblem, result: PlanResult) -> PlanResult:

@@ -17,23 +17,27 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import shapely
 
 from stablepush.core import FloatArray
 from stablepush.geometry import normalize_wrench, unit
 from stablepush.identify import PressureSampler
-from stablepush.objects import PushContact, SupportDistribution
+from stablepush.objects import PushContact, Slider, SupportDistribution
 from stablepush.planning.problem import PlanningProblem
 from stablepush.stability import BOUNDARY_SLACK, Case, StabilityOracle, StableRegion, common_region
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
 #: Pressures that are drawn for a surface without an ensemble.
 _PRESSURES = 64
-#: Scenarios that a choice is made among.
-CHOICE = 200
+#: Share of the way to the outline that a centre of mass may be away.
+_INSIDE = 0.9
+#: Scenarios that a choice is made among, and the most that are drawn for one.
+CHOICE, MOST = 300, 900
 #: Unit twists at which scenarios are compared, before those that the nominal surface calls unstable are left out, and after.
-_TWISTS, _COMPARED = 4000, 400
-#: Rounds of adding the scenarios that the polygons of the others violate by more than this angle (rad), and how many each.
-_ROUNDS, _VIOLATION, _ADDED = 6, 1e-4, 6
+_TWISTS, _COMPARED = 4000, 250
+#: Rounds of adding the scenarios that the polygons of the others violate by more than this angle (rad), how many each, and which
+#: corner of the polygons is asked: one of so many, corners are dense.
+_ROUNDS, _VIOLATION, _ADDED, _THINNED = 6, 1e-4, 6, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,9 +138,19 @@ def draw_scenarios(problem: PlanningProblem, count: int, seed: int, stream: int 
         # fingers of one material: the same share of every range
         ranges[:, 0] + share * (ranges[:, 1] - ranges[:, 0]),
         place - start[:, :2] @ aside,
-        unknown.center_of_mass * rng.normal(size=(count, 2)),
+        _within(problem.slider, unknown.center_of_mass * rng.normal(size=(count, 2))),
         start,
     )
+
+
+def _within(slider: Slider, centers: FloatArray) -> FloatArray:
+    """Centres of mass (n, 2), those outside of the outline's hull drawn in towards the origin: a body has none there."""
+    hull = shapely.get_coordinates(shapely.orient_polygons(slider.polygon.convex_hull))
+    along = np.diff(hull, axis=0)
+    outward = np.column_stack((along[:, 1], -along[:, 0]))
+    # of the way to each edge
+    share = (centers @ outward.T / (hull[:-1] * outward).sum(axis=1)).max(axis=1)
+    return centers / np.maximum(1.0, share / _INSIDE)[:, None]
 
 
 def likely_surfaces(problem: PlanningProblem) -> Sequence[LimitSurface]:
@@ -153,17 +167,56 @@ def likely_surfaces(problem: PlanningProblem) -> Sequence[LimitSurface]:
     ]
 
 
-def chosen_regions(scenarios: Scenarios, share: float) -> list[StableRegion]:
-    """Return for each contact the motions that are stable in all of a chosen share of the scenarios.
+class Choice:
+    """Which scenarios a plan is to hold in, and the motions that are stable in all of them.
 
-    The same scenarios are left out for all contacts, one by one: those that alone rule out the most of the compared motions.
+    Scenarios are left out one by one: those that alone rule out the most of the compared motions. The same are left out for all
+    contacts. What one choice worked out serves the next.
     """
-    contacts = range(len(scenarios.problem.contacts))
-    compared = [_compared(scenarios.problem, number) for number in contacts]
-    stable = np.concatenate([scenarios.margins(k, compared[k]) >= -BOUNDARY_SLACK for k in contacts if len(compared[k])], axis=1)
-    kept = _kept(~stable, round(len(scenarios) * (1 - share)))
-    chosen = scenarios.take(kept)
-    return [_region(chosen, number, compared[number]) for number in contacts]
+
+    def __init__(self, problem: PlanningProblem, seed: int) -> None:
+        self._all = draw_scenarios(problem, MOST, seed)
+        self._contacts = range(len(problem.contacts))
+        self._compared = [_compared(problem, number) for number in self._contacts]
+        self._margins = [np.empty((0, len(twists))) for twists in self._compared]
+        self._cases: dict[tuple[int, int], Case] = {}
+
+    def regions(self, count: int, left_out: int = 0) -> list[StableRegion]:
+        """Return for each contact the motions that are stable in all of the first ``count`` scenarios but some."""
+        new = self._all.take(np.arange(len(self._margins[0]), count))
+        if len(new):
+            self._margins = [
+                np.concatenate((known, new.margins(number, self._compared[number]))) if known.shape[1] else np.empty((count, 0))
+                for number, known in enumerate(self._margins)
+            ]
+        table = np.concatenate([margins[:count] for margins in self._margins], axis=1)
+        kept = _kept(table < -BOUNDARY_SLACK, left_out)
+        return [self._region(kept, number) for number in self._contacts]
+
+    def _region(self, kept: np.ndarray, number: int) -> StableRegion:
+        """The exact common region of a contact, from the scenarios that bound it: others are added while it violates them."""
+        chosen, margins = self._all.take(kept), self._margins[number][kept]
+        # those that come nearest to ruling out what is compared
+        active = list(dict.fromkeys(np.argmin(margins, axis=0).tolist())) if margins.shape[1] else [0]
+        for _ in range(_ROUNDS):
+            region = common_region([self._case(int(kept[row]), number) for row in active], f"{len(kept)} scenarios")
+            ends = [np.array((np.cos(a), np.sin(a), 0.0))[None] for interval in region.translation_intervals for a in interval]
+            rings = [ring[::_THINNED] for sense in (1, -1) for ring in region.boundary_twists(sense)]
+            border = np.concatenate([*rings, *ends, np.zeros((0, 3))])
+            if not len(border):
+                break
+            worst = chosen.margins(number, border).min(axis=1)
+            added = [row for row in np.argsort(worst, kind="stable") if worst[row] < -_VIOLATION and row not in active][:_ADDED]
+            if not added:
+                break
+            active += added
+        return region
+
+    def _case(self, row: int, number: int) -> Case:
+        if (row, number) not in self._cases:
+            surface = self._all.surfaces[self._all.surface[row]]
+            self._cases[row, number] = Case(surface, self._all.contact(row, number), self._all.center_of_mass[row])
+        return self._cases[row, number]
 
 
 def _compared(problem: PlanningProblem, number: int) -> FloatArray:
@@ -176,40 +229,16 @@ def _compared(problem: PlanningProblem, number: int) -> FloatArray:
     return stable[:_COMPARED]
 
 
-def _kept(violated: np.ndarray, discarded: int) -> np.ndarray:
+def _kept(violated: np.ndarray, left_out: int) -> np.ndarray:
     """Rows (m,) of scenarios that stay, of a table (n, k) of the twists that each rules out."""
     left = np.ones(len(violated), dtype=bool)
-    for _ in range(discarded):
+    for _ in range(left_out):
         count = violated[left].sum(axis=0)
         # a twist that one scenario rules out is won by leaving that one out; one that many rule out is far away
         worth = np.where(count > 0, np.maximum(count, 1.0) ** -4.0, 0.0)
         gain = np.where(left, violated @ worth, -1.0)
         left[int(np.argmax(gain))] = False
     return np.flatnonzero(left)
-
-
-def _region(chosen: Scenarios, number: int, compared: FloatArray) -> StableRegion:
-    """The exact common region of a contact, from the scenarios that bound it: others are added as long as it violates them."""
-    margins = chosen.margins(number, compared) if len(compared) else np.zeros((len(chosen), 1))
-    # those that come nearest to ruling out what is compared
-    active = list(dict.fromkeys(np.argmin(margins, axis=0).tolist()))[: 2 * _ADDED]
-    for _ in range(_ROUNDS):
-        region = common_region([_case(chosen, row, number) for row in active], f"{len(chosen)} scenarios")
-        ends = [np.array((np.cos(a), np.sin(a), 0.0))[None] for interval in region.translation_intervals for a in interval]
-        border = np.concatenate([*region.boundary_twists(1), *region.boundary_twists(-1), *ends, np.zeros((0, 3))])
-        if not len(border):
-            break
-        worst = chosen.margins(number, border).min(axis=1)
-        added = [row for row in np.argsort(worst) if worst[row] < -_VIOLATION and row not in active][:_ADDED]
-        if not added:
-            break
-        active += added
-    return region
-
-
-def _case(scenarios: Scenarios, row: int, number: int) -> Case:
-    surface = scenarios.surfaces[scenarios.surface[row]]
-    return Case(surface, scenarios.contact(row, number), scenarios.center_of_mass[row])
 
 
 def _across(contact: PushContact) -> FloatArray:

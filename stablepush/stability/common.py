@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -21,7 +22,7 @@ _STILL = 1e-9
 _SLACK = 1e-9
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Case:
     """A limit surface and a contact about a centre of mass that lies at ``origin`` (2,) in B (m).
 
@@ -32,10 +33,25 @@ class Case:
     contact: PushContact
     origin: FloatArray
 
+    @cached_property
     def region(self) -> StableRegion:
         """The stable region in that frame."""
         contact = PushContact(self.contact.points - self.origin, self.contact.normals, self.contact.mu)
         return stable_region(self.surface, contact)
+
+    @cached_property
+    def discs(self) -> list[shapely.Geometry]:
+        """The stable motions of B in the charts of both senses, counter-clockwise first."""
+        return [
+            disc_polygons(
+                [
+                    [_moved(ring, self.origin, self.surface.characteristic_length) for ring in polygon]
+                    for polygon in self.region.motions.rings(sense)
+                ],
+                sense,
+            )
+            for sense in (1, -1)
+        ]
 
 
 def common_region(cases: Sequence[Case], name: str = "common") -> StableRegion:
@@ -48,19 +64,10 @@ def common_region(cases: Sequence[Case], name: str = "common") -> StableRegion:
     Raises as :func:`stablepush.stable_region` does.
     """
     rho = cases[0].surface.characteristic_length
-    regions = [case.region() for case in cases]
-    discs = []
-    for sense in (1, -1):
-        placed = [
-            disc_polygons(
-                [[_moved(ring, case.origin, rho) for ring in polygon] for polygon in region.motions.rings(sense)], sense
-            )
-            for case, region in zip(cases, regions, strict=True)
-        ]
-        discs.append(only_polygons(shapely.intersection_all(placed)))
-    intervals = common_intervals([region.translation_intervals for region in regions], len(regions))
+    left, right = (only_polygons(shapely.intersection_all([case.discs[k] for case in cases])) for k in (0, 1))
+    intervals = common_intervals([case.region.translation_intervals for case in cases], len(cases))
     reach = max(rho, *(case.contact.radius for case in cases))
-    motions = _Common(rho, discs[0], discs[1], np.reshape(intervals, (-1, 2)))
+    motions = _Common(rho, left, right, np.reshape(intervals, (-1, 2)))
     return StableRegion(name, rho, EXTENT_RADII * reach, tuple(intervals), motions)
 
 

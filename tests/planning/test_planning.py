@@ -427,18 +427,25 @@ def identified(pokes=8):
 def test_plans_of_an_identified_surface_are_likely_to_hold_by_default():
     problem = small_scene(surface=identified(), min_margin=0.0)
     default = sp.plan(problem, time_limit=60, refinement_budget=2000)
-    quickest = sp.plan(problem, time_limit=60, refinement_budget=2000, probability=0)
+    quickest = sp.plan(problem, time_limit=60, refinement_budget=2000, success=0)
     assert default.solved and quickest.solved
-    assert sp.least_probability(problem, default) >= 0.98
-    assert sp.least_probability(problem, quickest) < 0.9
+    assert default.success_probability >= 0.97
+    assert quickest.success_probability < 0.9
     assert quickest.duration < default.duration < 1.2 * quickest.duration
-    # without an ensemble there is nothing to count
-    plain = small_scene()
-    result = sp.plan(plain, time_limit=60, refinement_budget=0)
-    assert result.solved and sp.least_probability(plain, result) is None
 
 
-def test_without_a_likely_plan_the_quickest_comes_with_a_warning():
+def test_the_probability_of_each_push_is_deprecated():
+    """It still holds besides."""
+    problem = small_scene(surface=identified(), min_margin=0.0)
+    with pytest.warns(DeprecationWarning, match="success="):
+        result = sp.plan(problem, time_limit=60, refinement_budget=0, success=0, probability=0.9)
+    oracle = sp.StabilityOracle(problem.surface, problem.contacts[0])
+    assert (oracle.probability(np.array([p.twist for p in result.pushes])) >= 0.9 - 1e-9).all()
+    with pytest.warns(DeprecationWarning), pytest.raises(sp.InputError, match="ensemble"):
+        sp.plan(small_scene(), probability=0.5)
+
+
+def test_without_a_likely_plan_the_surest_comes_with_a_warning():
     surface = identified()
     # half of the surfaces are of a body whose feet are far to one side: what holds it does not hold the other
     aside = sp.IdealLimitSurface(sp.SupportDistribution(np.add(three_feet().points, (0.5, 0.0)), np.ones(3)), 5.0)
@@ -449,16 +456,13 @@ def test_without_a_likely_plan_the_quickest_comes_with_a_warning():
         surface.coefficients, 4, rho, ensemble=np.concatenate((surface.ensemble[:25], other.ensemble[:25]))
     )
     problem = small_scene(surface=skewed, min_margin=0.0)
-    with pytest.warns(sp.PlanWarning, match="no plan was found in which every push is stable") as told:
+    with pytest.warns(sp.PlanWarning, match="no plan was found that succeeds with probability 0.98") as told:
         result = sp.plan(problem, time_limit=60, refinement_budget=0)
     assert result.solved
-    least = sp.least_probability(problem, result)
-    assert least <= 0.5
-    assert f"the least certain push of this one has probability {least:.2g}" in str(told[0].message)
+    assert 0.2 < result.success_probability < 0.6
     assert str(told[0].message) in result.message
     with pytest.warns(sp.PlanWarning):
         assert sp.plan(problem, time_limit=60, refinement_budget=0).duration == result.duration
-    assert not sp.plan(problem, time_limit=60, refinement_budget=0, probability=0.98).solved
 
 
 def test_a_search_can_be_stopped():

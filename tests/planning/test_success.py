@@ -11,7 +11,7 @@ from conftest import RHO, one_line, small_scene, three_feet, triangle
 import stablepush as sp
 from stablepush.cli import main
 from stablepush.core import binomial_interval
-from stablepush.planning.scenarios import chosen_regions, draw_scenarios, likely_surfaces
+from stablepush.planning.scenarios import MOST, Choice, draw_scenarios, likely_surfaces
 from stablepush.planning.success import first_losses
 from stablepush.stability import Case, common_region
 
@@ -77,8 +77,10 @@ def test_the_common_region_is_what_every_case_calls_stable():
 
 
 def test_chosen_scenarios_all_hold_what_is_in_their_region():
-    scenarios = draw_scenarios(problem(), 100, seed=0)
-    all_hold, most_hold = (chosen_regions(scenarios, share)[0] for share in (1.0, 0.9))
+    choice = Choice(problem(), seed=0)
+    most_hold, all_hold, more_hold = (choice.regions(*asked)[0] for asked in ((100, 10), (100,), (200,)))
+    scenarios = draw_scenarios(problem(), MOST, seed=0).take(np.arange(100))
+    assert more_hold.solid_angle() < all_hold.solid_angle()
     assert 0 < all_hold.solid_angle() < most_hold.solid_angle()
     twists = np.concatenate([all_hold.boundary_twists(1)[0], all_hold.boundary_twists(-1)[0]])
     assert scenarios.margins(0, twists).min() > -2e-4

@@ -72,9 +72,13 @@ def dense(points: FloatArray) -> FloatArray:
     at, share = new_places(parts)
     angle = np.maximum(angles[at], 1e-9)
     between = unit(np.sin((1 - share) * angle)[:, None] * points[at] + np.sin(share * angle)[:, None] * points[at + 1])
-    for i in np.flatnonzero(along_rim):
-        begin, end = np.unwrap(np.arctan2(points[i : i + 2, 1], points[i : i + 2, 0]))
-        inner = _division(min(begin, end), max(begin, end))
+    begins = np.arctan2(points[:-1, 1], points[:-1, 0])
+    ends = begins + np.remainder(np.diff(np.arctan2(points[:, 1], points[:, 0])) + np.pi, 2 * np.pi) - np.pi
+    # a place of the division, but for rounding, is not between
+    lows, highs = np.minimum(begins, ends) + 1e-12, np.maximum(begins, ends) - 1e-12
+    for i in np.flatnonzero(along_rim & (np.ceil(highs / _GAP) > np.floor(lows / _GAP) + 1)):
+        begin, end = begins[i], ends[i]
+        inner = _division(lows[i], highs[i])
         inner = inner if end > begin else inner[::-1]
         at = np.append(at, np.full(len(inner), i))
         between = np.concatenate((between, np.stack((np.cos(inner), np.sin(inner), 0 * inner), axis=-1)))

@@ -1,0 +1,271 @@
+"""Do plans arrive? Random tasks, planned with what eight noisy pokes tell, carried out in the open in MuJoCo or Drake.
+
+Outlines, feet, pressures, friction at the fingers, their places and the centre of mass are random, within what the problem says
+is uncertain, and hidden from the planner. A plan arrives if the slider ends within 10 mm and 3 degrees of where the plan ends. It
+sticks if the slider never moves by 1 mm or more against the fingers. Needs the extra ``sim`` or ``drake``; the engines share
+nothing with planning, stability or simulation of the library. Tasks are those that ``success=0`` solves.
+
+    python examples/planning/arrive.py modes     [--tasks 500] [--engine mujoco] [-o rows.json]
+    python examples/planning/arrive.py levels    [--tasks 300]      stated probabilities of about 0.5, 0.7, 0.9 and 0.98
+    python examples/planning/arrive.py beyond    [--tasks 200]      friction 20 % off, fingers 4 mm off
+    python examples/planning/arrive.py --show rows.json
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import warnings
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+import stablepush as sp
+from stablepush.engines import Execution, Fingers, SliderOnFeet, executor
+
+#: Ways of planning by study and name. A level of success is one of the whole path.
+MODES: dict[str, dict[str, dict[str, Any]]] = {
+    "modes": {
+        "quickest": {"success": 0.0},
+        "default": {},
+        "all-pressure": {"success": 0.0, "region": "all-pressure"},
+        "STABLE": {"success": 0.0, "region": "conservative"},
+    },
+    "levels": {f"success={level}": {"success": level} for level in (0.5, 0.7, 0.9, 0.98)},
+    "beyond": {"default": {}},
+}
+#: What differs from the problem by more than it says: a factor of the friction at the fingers, and m along the edge.
+BEYOND: dict[str, dict[str, float]] = {
+    "as it says": {},
+    "friction 20 % less": {"friction": 0.8},
+    "friction 20 % more": {"friction": 1.2},
+    "fingers 4 mm aside": {"aside": 0.004},
+    "fingers 4 mm aside, other way": {"aside": -0.004},
+}
+#: Arrived: within so many m and rad. Stuck: moved against the fingers by less than so many m.
+NEAR, STUCK = (0.01, math.radians(3.0)), 1e-3
+#: Radius (m) of the fingers, rate (Hz) at which a plan is sampled.
+FINGER, RATE = 0.004, 100.0
+UNCERTAINTY = sp.Uncertainty()
+
+
+@dataclass(frozen=True)
+class Task:
+    """What the planner sees, and what is true.
+
+    Feet (k, 2) in B, their shares of the load, friction of table and fingers, and how far (m) the fingers are aside.
+    """
+
+    problem: sp.PlanningProblem
+    feet: np.ndarray
+    shares: np.ndarray
+    table_mu: float
+    contact_mu: float
+    aside: float
+
+
+def random_task(seed: int) -> Task:
+    """A convex outline, three to eight feet under it, a surface from eight pokes with 3 % noise, and a goal."""
+    rng = np.random.default_rng(seed)
+    corners = int(rng.integers(3, 7))
+    angles = 2 * np.pi * (np.arange(corners) + rng.uniform(-0.25, 0.25, corners)) / corners + rng.uniform(0, 2 * np.pi)
+    outline = rng.uniform(0.05, 0.09) * np.stack((np.cos(angles), rng.uniform(0.6, 1.0) * np.sin(angles)), axis=-1)
+    slider = sp.Slider.centered(outline, float(rng.uniform(0.5, 1.5)))
+    feet, shares = random_feet(slider, rng)
+    feet = feet + UNCERTAINTY.center_of_mass * rng.normal(size=2)
+    mu = float(rng.uniform(0.2, 0.4))
+    truth = sp.IdealLimitSurface(sp.SupportDistribution(feet, shares), mu * slider.mass * 9.81)
+    twists = rng.normal(size=(8, 3)) / (1, 1, slider.radius_of_gyration)
+    loads = truth.wrench(twists)
+    loads = loads * (1 + 0.03 * rng.normal(size=loads.shape))
+    surface = sp.fit_limit_surface(loads, twists, slider=slider, seed=0).surface
+    lengths = [float(np.linalg.norm(np.subtract(*slider.edge(k)))) for k in range(len(slider.vertices))]
+    edge = int(np.argmax(lengths))
+    start, end = slider.edge(edge)
+    # before the centre of mass, as far as the edge allows
+    foot = float(-start @ (end - start)) / lengths[edge]
+    width = min(0.05, 0.5 * lengths[edge])
+    middle = float(np.clip(foot, width / 2 + 0.006, lengths[edge] - width / 2 - 0.006))
+    nominal = float(rng.uniform(0.4, 0.8))
+    contact = sp.PushContact.on_edge(slider, edge, middle, width, nominal)
+    heading = float(contact.frame[2])
+    ahead, aside = rng.uniform(0.25, 0.5), rng.uniform(-0.2, 0.2)
+    c, s = math.cos(heading), math.sin(heading)
+    goal = (c * ahead - s * aside, s * ahead + c * aside, float(rng.uniform(-0.8, 0.8)))
+    problem = sp.PlanningProblem(
+        slider, surface, [contact], (0, 0, 0), goal, tolerance=(0.005, 0.02), speed=0.03, uncertainty=UNCERTAINTY
+    )
+    low, high = UNCERTAINTY.friction_range(nominal)
+    return Task(problem, feet, shares, mu, float(rng.uniform(low, high)), float(rng.uniform(-1, 1) * UNCERTAINTY.contact_place))
+
+
+def random_feet(slider: sp.Slider, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Feet (k, 2) under the outline and shares of the load whose mean is the origin."""
+    while True:
+        count = int(rng.integers(3, 9))
+        corners = slider.vertices[rng.integers(len(slider.vertices), size=(count, 2))]
+        feet = 0.9 * (corners * rng.dirichlet((1.0, 1.0), size=count)[:, :, None]).sum(axis=1)
+        shares = rng.dirichlet(np.ones(count))
+        # move the mean to the origin by an exponential tilt
+        tilt = np.zeros(2)
+        for _ in range(50):
+            q = shares * np.exp(feet @ tilt)
+            q /= q.sum()
+            mean = q @ feet
+            spread = (feet * q[:, None]).T @ feet - np.outer(mean, mean)
+            if np.linalg.cond(spread) > 1e6:
+                break
+            step = np.linalg.solve(spread, mean)
+            tilt -= step * min(1.0, 2.0 / max(1e-9, float(np.abs(feet @ step).max())))
+        if np.abs(mean).max() < 1e-9 and q.min() > 1e-3:
+            return feet, q
+
+
+def carried_out(task: Task, pushes: Sequence[sp.Push], engine: str) -> Execution:
+    """The fingers go where the plan has them, wherever the slider is."""
+    problem = task.problem
+    contact = problem.contacts[0]
+    x, y, theta = contact.frame
+    across = np.array((-math.sin(theta), math.cos(theta)))
+    # the frame of the fingers' centres, behind the contact points; the fingers are aside on it
+    docked = np.array((x - FINGER * math.cos(theta), y - FINGER * math.sin(theta), theta))
+    centers = np.array([(0.0, float((p - (x, y)) @ across) + task.aside) for p in contact.points])
+    body = SliderOnFeet(problem.slider.vertices, float(problem.slider.mass or 1.0), task.feet, task.shares, task.table_mu)
+    times, poses, now = [np.zeros(1)], [placed(np.array(problem.start)[None], docked)], 0.0
+    for push in pushes:
+        t = np.linspace(0.0, push.duration, 1 + math.ceil(push.duration * RATE))[1:]
+        times.append(now + t)
+        poses.append(placed(push.poses(t), docked))
+        now += push.duration
+    run = executor(engine, body, Fingers(centers, FINGER, task.contact_mu))
+    return run.follow(np.array(problem.start), np.concatenate(times), np.concatenate(poses))
+
+
+def placed(poses: np.ndarray, frame: np.ndarray) -> np.ndarray:
+    """Poses (n, 3) in W of a frame (3,) in B."""
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    return poses + np.stack((c * frame[0] - s * frame[1], s * frame[0] + c * frame[1], np.full(len(poses), frame[2])), axis=-1)
+
+
+def slipped(task: Task, done: Execution) -> float:
+    """Largest way (m) that the slider moves against the fingers after the first moment: at the two contact points."""
+    c, s = np.cos(done.pusher[:, 2]), np.sin(done.pusher[:, 2])
+    points = [placed(done.slider, np.array((*p, 0.0)))[:, :2] - done.pusher[:, :2] for p in task.problem.contacts[0].points]
+    ways = [np.stack((c * p[:, 0] + s * p[:, 1], c * p[:, 1] - s * p[:, 0]), axis=-1) for p in points]
+    return max(float(np.linalg.norm(way - way[min(50, len(way) - 1)], axis=1).max()) for way in ways)
+
+
+def rows_of(job: tuple[str, str, int, float]) -> list[dict[str, Any]]:
+    """All ways of planning a task, carried out; none if it has no quickest plan."""
+    study, engine, seed, budget = job
+    task = random_task(seed)
+    rows: list[dict[str, Any]] = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        quickest = sp.plan(task.problem, time_limit=30, refinement_budget=budget, success=0.0)
+        if not quickest.solved:
+            return []
+        for name, asked in MODES[study].items():
+            result = sp.plan(task.problem, time_limit=30, refinement_budget=budget, **asked)
+            for words, off in (BEYOND if study == "beyond" else {name: {}}).items():
+                row = {"seed": seed, "name": words, "solved": result.solved, "quickest": quickest.duration}
+                if result.solved:
+                    row |= judged(task, result, engine, off)
+                rows.append(row)
+    return rows
+
+
+def judged(task: Task, result: sp.PlanResult, engine: str, off: dict[str, float]) -> dict[str, Any]:
+    """What a plan says of itself, and what became of it."""
+    end = result.pushes[-1].end
+    # said of where the plan ends, as it is judged
+    problem = task.problem
+    about_end = sp.PlanningProblem(
+        problem.slider, problem.surface, problem.contacts, problem.start, end, tolerance=NEAR, uncertainty=UNCERTAINTY
+    )
+    said = sp.estimate_success(about_end, result, seed=1)
+    true = replace(task, contact_mu=task.contact_mu * off.get("friction", 1.0), aside=off.get("aside", task.aside))
+    done = carried_out(true, result.pushes, engine)
+    away = done.slider[-1] - end
+    distance, turn, slip = math.hypot(away[0], away[1]), abs(math.remainder(away[2], 2 * math.pi)), slipped(true, done)
+    return {
+        "duration": result.duration,
+        "planning_time": result.planning_time,
+        "sticking_said": said.probability,
+        "arrival_said": said.arrival,
+        "stuck": slip < STUCK,
+        "arrived": distance <= NEAR[0] and turn <= NEAR[1],
+        "distance": distance,
+        "turn": turn,
+        "slip": slip,
+    }
+
+
+def show(rows: list[dict[str, Any]]) -> None:
+    """Shares with 95 % intervals (Clopper and Pearson), by name."""
+    names = list(dict.fromkeys(row["name"] for row in rows))
+    everywhere = set.intersection(*({row["seed"] for row in rows if row["name"] == n and row["solved"]} for n in names))
+    for name in names:
+        own = [row for row in rows if row["name"] == name]
+        solved = [row for row in own if row["solved"]]
+        tried = own if name == "default" else solved
+        arrived, stuck = (sum(row[key] for row in solved) for key in ("arrived", "stuck"))
+        ratios = [row["duration"] / row["quickest"] for row in solved]
+        common = [row for row in solved if row["seed"] in everywhere]
+        longer = sum(row["duration"] for row in common) / sum(row["quickest"] for row in common)
+        said = {key: float(np.mean([row[key] for row in solved])) for key in ("sticking_said", "arrival_said")}
+        print(
+            f"{name:>30s}: arrived {share(arrived, len(tried))}, said {said['arrival_said']:.3f}; "
+            f"stuck {share(stuck, len(solved))}, said {said['sticking_said']:.3f}; {len(own) - len(solved)} without a plan; "
+            f"time {np.median(ratios):.3f} of the quickest (median), {longer:.3f} in total on {len(common)} common tasks"
+        )
+    for row in rows:
+        if row["solved"] and row["name"] != "quickest" and not row["arrived"] and "off" not in row:
+            print(
+                f"  lost: {row['seed']} {row['name']}: {1000 * row['distance']:.1f} mm, {math.degrees(row['turn']):.1f} deg, "
+                f"slip {1000 * row['slip']:.1f} mm, said {row['sticking_said']:.3f}, {row['arrival_said']:.3f}"
+            )
+
+
+def share(count: int, total: int) -> str:
+    low, high = binomtest(count, total).proportion_ci(0.95)
+    return f"{count} of {total}, {100 * count / total:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("study", nargs="?", choices=list(MODES), default="modes")
+    parser.add_argument("--tasks", type=int, default=20)
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--engine", choices=("mujoco", "drake"), default="mujoco")
+    parser.add_argument("--budget", type=float, default=2000, help="refinement budget")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("--show", type=Path, help="rows of an earlier run, to print again")
+    options = parser.parse_args()
+    if options.show:
+        show(json.loads(options.show.read_text()))
+        return
+    rows: list[dict[str, Any]] = []
+    seed, solved = options.first_seed, 0
+    with ProcessPoolExecutor(options.jobs) as pool:
+        while solved < options.tasks:
+            seeds = range(seed, seed + min(2 * options.jobs, options.tasks - solved))
+            for found in pool.map(rows_of, [(options.study, options.engine, k, options.budget) for k in seeds]):
+                rows += found
+                solved += bool(found)
+            seed = seeds.stop
+            print(f"{solved} of {options.tasks}, seeds up to {seed - 1}", flush=True)
+            if options.output:
+                options.output.write_text(json.dumps(rows))
+    show(rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,7 @@
+from .executor import (
+    Execution as Execution,
+    Executor as Executor,
+    Fingers as Fingers,
+    SliderOnFeet as SliderOnFeet,
+    executor as executor,
+)

@@ -1,0 +1,120 @@
+"""Pushes in Drake: feet on vertical slides as prismatic joints, contact by its convex SAP solver. Needs the extra ``drake``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import AddContactMaterial, Box, ProximityProperties, Sphere
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, DiscreteContactApproximation
+from pydrake.multibody.tree import FixedOffsetFrame, PlanarJoint, PrismaticJoint, SpatialInertia, UnitInertia
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from stablepush.engines.executor import FOOT, GRAVITY, HALF, HEAVY, HEIGHT, IN_FEET, Executor, Fingers, SliderOnFeet
+
+#: Step (s), stiffness (N/m) and relaxation time (s) of contacts, thickness (m) of the slider's walls, and of the table.
+_STEP, _STIFF, _RELAXATION, _WALL, _FLOOR = 2e-3, 2e5, 2e-3, 1e-3, 0.2
+
+
+class DrakeExecutor(Executor):
+    """A slider on feet and fingers in Drake."""
+
+    tick = _STEP
+
+    def __init__(self, slider: SliderOnFeet, fingers: Fingers) -> None:
+        builder = DiagramBuilder()
+        plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=_STEP)
+        plant.set_discrete_contact_approximation(DiscreteContactApproximation.kSap)
+        plant.mutable_gravity_field().set_gravity_vector((0.0, 0.0, -GRAVITY))
+        table, skin = _material(slider.friction), _material(fingers.friction)
+        plant.RegisterCollisionGeometry(
+            plant.world_body(), RigidTransform((0.0, 0.0, -_FLOOR / 2)), Box(6.0, 6.0, _FLOOR), "floor", table
+        )
+        small = (1 - IN_FEET) * slider.mass
+        turning = 1e-5 / small
+        body = plant.AddRigidBody("slider", SpatialInertia(small, np.zeros(3), UnitInertia(turning, turning, turning)))
+        self._slider = _planar(plant, "slider joint", body)
+        for k, (pose, box) in enumerate(_walls(slider.outline)):
+            plant.RegisterCollisionGeometry(body, pose, box, f"wall{k}", skin)
+        for k, ((a, b), share) in enumerate(zip(slider.feet, slider.shares, strict=True)):
+            foot = plant.AddRigidBody(
+                f"foot{k}", SpatialInertia(share * IN_FEET * slider.mass, np.zeros(3), UnitInertia(0, 0, 0))
+            )
+            frame = _frame(plant, body, RigidTransform((a, b, FOOT - HEIGHT)), f"foot{k}")
+            plant.AddJoint(PrismaticJoint(f"foot joint{k}", frame, foot.body_frame(), (0, 0, 1)))
+            plant.RegisterCollisionGeometry(foot, RigidTransform(), Sphere(FOOT), f"foot ball{k}", table)
+        mass = HEAVY * len(fingers.centers)
+        turning = float((0.4 * fingers.radius**2 + (fingers.centers**2).sum(axis=1)).mean())
+        pusher = plant.AddRigidBody("pusher", SpatialInertia(mass, np.zeros(3), UnitInertia(turning, turning, turning)))
+        self._pusher = _planar(plant, "pusher joint", pusher)
+        for k, (a, b) in enumerate(fingers.centers):
+            plant.RegisterCollisionGeometry(pusher, RigidTransform((a, b, 0.0)), Sphere(fingers.radius), f"finger{k}", skin)
+        plant.Finalize()
+        self._simulator = Simulator(builder.Build())
+        self._context = self._simulator.get_mutable_context()
+        self._own = plant.GetMyMutableContextFromRoot(self._context)
+        self._start = self._context.Clone()
+        self._ticks = 0
+
+    def _place(self, slider: np.ndarray, pusher: np.ndarray) -> np.ndarray:
+        self._context.SetTimeStateAndParametersFrom(self._start)
+        for joint, pose in ((self._slider, slider), (self._pusher, pusher)):
+            joint.set_pose(self._own, pose[:2], pose[2])
+        self._ticks = 0
+        self._simulator.Initialize()
+        return self._poses()
+
+    def _advance(self, rate: np.ndarray) -> np.ndarray:
+        self._pusher.set_translational_velocity(self._own, rate[:2])
+        self._pusher.set_angular_velocity(self._own, rate[2])
+        # the sum of many ticks would drift away from Drake's own
+        self._ticks += 1
+        self._simulator.AdvanceTo(self._ticks * _STEP)
+        return self._poses()
+
+    def _poses(self) -> np.ndarray:
+        return np.array(
+            [(*joint.get_translation(self._own), joint.get_rotation(self._own)) for joint in (self._slider, self._pusher)]
+        )
+
+
+EXECUTOR = DrakeExecutor
+
+
+def _material(mu: float) -> ProximityProperties:
+    properties = ProximityProperties()
+    AddContactMaterial(None, _STIFF, CoulombFriction(mu, mu), properties)
+    properties.AddProperty("material", "relaxation_time", _RELAXATION)
+    return properties
+
+
+def _planar(plant: Any, name: str, body: Any) -> Any:
+    """A joint that lets a body move in the plane, at its height."""
+    height = RigidTransform((0.0, 0.0, HEIGHT))
+    return plant.AddJoint(PlanarJoint(name, _frame(plant, plant.world_body(), height, name), body.body_frame()))
+
+
+def _frame(plant: Any, body: Any, pose: RigidTransform, name: str) -> Any:
+    return plant.AddFrame(FixedOffsetFrame(f"frame of {name}", body.body_frame(), pose))
+
+
+def _walls(outline: np.ndarray) -> list[tuple[RigidTransform, Box]]:
+    """Thin boxes behind the edges: of all shapes, contacts of balls with boxes are exact. They end where, at a sharp corner, they
+    would come out of the next edge."""
+    along = np.roll(outline, -1, axis=0) - outline
+    lengths = np.linalg.norm(along, axis=1)
+    along /= lengths[:, None]
+    # cosine and sine of the angle inside the corner at the start of each edge
+    back = -np.roll(along, 1, axis=0)
+    cosine, sine = (along * back).sum(axis=1), along[:, 0] * back[:, 1] - along[:, 1] * back[:, 0]
+    # where the outline goes in, the wall may reach the next edge
+    short = np.where(sine > 0, _WALL * np.maximum(0.0, cosine) / np.where(sine > 0, sine, 1.0), 0.0)
+    found = []
+    for k, (start, side) in enumerate(zip(outline, along, strict=True)):
+        first, last = short[k], lengths[k] - short[(k + 1) % len(outline)]
+        middle = start + (first + last) / 2 * side + _WALL / 2 * np.array((-side[1], side[0]))
+        pose = RigidTransform(RollPitchYaw(0.0, 0.0, float(np.arctan2(side[1], side[0]))), (*middle, 0.0))
+        found.append((pose, Box(last - first, _WALL, 2 * HALF)))
+    return found
