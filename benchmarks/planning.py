@@ -2,6 +2,10 @@
 
 Run: python benchmarks/planning.py [--seeds 5] [--seconds 10] [--long 30] [--jobs 2] [--scenes open maze] [-o planning.json]
      python benchmarks/planning.py --show planning.json
+     python benchmarks/planning.py --default [--scenes open maze]
+
+``--default`` plans with the default success and with none, side by side: times of the first plan and of the default effort
+(median of five), what the plans take, and how likely they are to succeed.
 
 The lattice with the default effort (deterministic) and less, and once until ``--seconds``; every OMPL planner with ``--seeds``
 seeds for ``--seconds`` each, and the best of them in a scene for ``--long``. Every plan passes the independent check, or counts
@@ -59,6 +63,39 @@ def run(scene: str, planner: str, seed: int, seconds: float, refinement_budget: 
     }
 
 
+def compare_defaults(scenes: list[str]) -> None:
+    """Print the default and the quickest plans of each scene, and what holds over all."""
+    rows = []
+    head = (
+        f"{'default quickest  ratio':>24s}",
+        f"{'default quickest':>17s}",
+        f"{'default quickest  ratio':>24s}",
+        "default quickest",
+    )
+    print(f"{'':>14s} {'first plan, s':>24s} | {'whole time, s':>17s} | {'plan takes, s':>24s} | success")
+    print(f"{'':>14s} {' | '.join(head)}")
+    for scene in scenes:
+        problem, row = sp.load_scene(SCENES / f"{scene}.json"), []
+        for effort in (0.0, EFFORTS[-1]):
+            times, plans = np.empty((5, 2)), []
+            for k in range(5):
+                for side, success in enumerate((0.98, 0.0)):
+                    started = time.perf_counter()
+                    plans.append(sp.plan(problem, time_limit=60.0, success=success, refinement_budget=effort))
+                    times[k, side] = time.perf_counter() - started
+            row += [*np.median(times, axis=0), plans[0], plans[1]]
+        if not row[2].solved:
+            continue
+        first, first_quickest, _, _, whole, whole_quickest, default, quickest = row
+        ratio, chances = default.duration / quickest.duration, (default.success_probability, quickest.success_probability)
+        rows.append((first, first_quickest, ratio, *chances))
+        words = f"{first:6.2f} {first_quickest:8.2f} {first / first_quickest:8.2f} | {whole:8.2f} {whole_quickest:8.2f} | "
+        words += f"{default.duration:7.2f} {quickest.duration:8.2f} {ratio:7.3f} | "
+        print(f"{scene:>14s} {words}{chances[0]:.4f} {chances[1]:.4f}", flush=True)
+    first, quick, ratio, *chances = np.median(rows, axis=0)
+    print(f"median: first plan {first:.2f} s, quickest {quick:.2f} s; {100 * (ratio - 1):.1f} % more time; success {chances}")
+
+
 def alone(*job: object) -> dict:
     """:func:`run` in a process of its own: OMPL takes one seed in a process."""
     done = subprocess.run([sys.executable, __file__, "--alone", json.dumps(job)], capture_output=True, text=True, check=True)
@@ -75,12 +112,17 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--show", type=Path, help="rows of an earlier run, to print again")
     parser.add_argument("--scheduler", help="Dask cluster that does the work instead; it has to have this file")
+    parser.add_argument("--default", action="store_true", help="the default success against none, and nothing else")
     parser.add_argument("--alone", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.alone:
         print(json.dumps(run(*json.loads(options.alone))))
         return
     scenes = options.scenes or sorted(file.stem for file in SCENES.glob("*.json") if file.stem != "triangle")
+    if options.default:
+        run(scenes[0], LATTICE, 0, 60.0, 0.0)
+        compare_defaults(scenes)
+        return
     others = [name for name in sp.planner_names() if name.startswith("ompl")]
     if options.show:
         rows = json.loads(options.show.read_text(encoding="utf-8"))

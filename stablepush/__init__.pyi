@@ -88,6 +88,7 @@ from .planning import (
     check_plan as check_plan,
     compare_regions as compare_regions,
     estimate_success as estimate_success,
+    finger_frame as finger_frame,
     infeasibility as infeasibility,
     load_plan as load_plan,
     load_rosbag as load_rosbag,

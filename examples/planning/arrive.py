@@ -6,8 +6,9 @@ sticks if the slider never moves by 1 mm or more against the fingers. Needs the 
 nothing with planning, stability or simulation of the library. Tasks are those that ``success=0`` solves.
 
     python examples/planning/arrive.py modes     [--tasks 500] [--engine mujoco] [-o rows.json]
+    python examples/planning/arrive.py guarantees [--tasks 300]
     python examples/planning/arrive.py levels    [--tasks 300]      stated probabilities of about 0.5, 0.7, 0.9 and 0.98
-    python examples/planning/arrive.py beyond    [--tasks 200]      friction 20 % off, fingers 4 mm off
+    python examples/planning/arrive.py beyond    [--tasks 200]      friction 20 % off, fingers 4 mm off, start 5 mm and 5 deg off
     python examples/planning/arrive.py --show rows.json
 """
 
@@ -37,17 +38,25 @@ MODES: dict[str, dict[str, dict[str, Any]]] = {
         "all-pressure": {"success": 0.0, "region": "all-pressure"},
         "STABLE": {"success": 0.0, "region": "conservative"},
     },
+    "guarantees": {
+        "all-pressure": {"success": 0.0, "region": "all-pressure"},
+        "STABLE": {"success": 0.0, "region": "conservative"},
+    },
     "levels": {f"success={level}": {"success": level} for level in (0.5, 0.7, 0.9, 0.98)},
     "beyond": {"default": {}},
 }
-#: What differs from the problem by more than it says: a factor of the friction at the fingers, and m along the edge.
+#: What differs from the problem by more than it says: a factor of the friction at the fingers, m along the edge, and how much of
+#: :data:`_START` the slider is displaced.
 BEYOND: dict[str, dict[str, float]] = {
     "as it says": {},
     "friction 20 % less": {"friction": 0.8},
     "friction 20 % more": {"friction": 1.2},
     "fingers 4 mm aside": {"aside": 0.004},
     "fingers 4 mm aside, other way": {"aside": -0.004},
+    "start 5 mm and 5 deg off": {"start": 1.0},
 }
+#: Displacement (m, m, rad) of the slider where the start is off, and how far (m) back the fingers begin then.
+_START, _BACK = np.array((0.0035, 0.0035, math.radians(5.0))), 0.02
 #: Arrived: within so many m and rad. Stuck: moved against the fingers by less than so many m.
 NEAR, STUCK = (0.01, math.radians(3.0)), 1e-3
 #: Radius (m) of the fingers, rate (Hz) at which a plan is sampled.
@@ -59,7 +68,8 @@ UNCERTAINTY = sp.Uncertainty()
 class Task:
     """What the planner sees, and what is true.
 
-    Feet (k, 2) in B, their shares of the load, friction of table and fingers, and how far (m) the fingers are aside.
+    Feet (k, 2) in B, their shares of the load, friction of table and fingers, how far (m) the fingers are aside, and how much of
+    :data:`_START` the slider is displaced.
     """
 
     problem: sp.PlanningProblem
@@ -68,6 +78,7 @@ class Task:
     table_mu: float
     contact_mu: float
     aside: float
+    displaced: float = 0.0
 
 
 def random_task(seed: int) -> Task:
@@ -144,7 +155,12 @@ def carried_out(task: Task, pushes: Sequence[sp.Push], engine: str) -> Execution
         poses.append(placed(push.poses(t), docked))
         now += push.duration
     run = executor(engine, body, Fingers(centers, FINGER, task.contact_mu))
-    return run.follow(np.array(problem.start), np.concatenate(times), np.concatenate(poses))
+    t, way, start = np.concatenate(times), np.concatenate(poses), np.array(problem.start)
+    if task.displaced:
+        start = placed(start[None], task.displaced * _START)[0]
+        back = way[0] - _BACK * np.array((math.cos(way[0, 2]), math.sin(way[0, 2]), 0.0))
+        t, way = np.append(0.0, t + _BACK / problem.speed), np.concatenate((back[None], way))
+    return run.follow(start, t, way)
 
 
 def placed(poses: np.ndarray, frame: np.ndarray) -> np.ndarray:
@@ -191,6 +207,7 @@ def judged(task: Task, result: sp.PlanResult, engine: str, off: dict[str, float]
     )
     said = sp.estimate_success(about_end, result, seed=1)
     true = replace(task, contact_mu=task.contact_mu * off.get("friction", 1.0), aside=off.get("aside", task.aside))
+    true = replace(true, displaced=off.get("start", 0.0))
     done = carried_out(true, result.pushes, engine)
     away = done.slider[-1] - end
     distance, turn, slip = math.hypot(away[0], away[1]), abs(math.remainder(away[2], 2 * math.pi)), slipped(true, done)

@@ -12,7 +12,7 @@ from stablepush.planning.kernels import push_is_free
 from stablepush_planners._connection import Connections, connect
 from stablepush_planners._goal import Goal, at_goal, guessed_time, least_time
 from stablepush_planners._heap import heap_pop, heap_push
-from stablepush_planners._transfer import NO_PUSHER, Bodies, Transfers, body_at, route_between
+from stablepush_planners._transfer import Bodies, Transfers, body_at, route_between
 from stablepush_planners.lattice import Lattice
 
 #: What :func:`expand` returns: it found the goal, everything is expanded, its quota is used up, the tree is full.
@@ -219,10 +219,7 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
                 there = tree.table[_find(tree, key)]
                 if there >= 0 and _settled(tree, there, total, weight):
                     continue
-                if (
-                    transfers.kind != NO_PUSHER
-                    and route_between(transfers, graph.bodies, world, contact, other, x, y, cos, sin) < 0
-                ):
+                if route_between(transfers, graph.bodies, world, contact, other, x, y, cos, sin) < 0:
                     continue
                 impossible = False
                 for n in range(denied.shape[0]):

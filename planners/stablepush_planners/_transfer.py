@@ -10,8 +10,8 @@ import numpy as np
 from stablepush.core import FloatArray, compiled, inner
 from stablepush.planning.kernels import Body, edges_near, line_is_free, pose_is_free, room_at
 
-#: How a change of contact is tested: the pusher takes no room; it takes one of the known paths; as if it could take any path.
-NO_PUSHER, KNOWN_WAYS, ANY_WAY = 0, 1, 2
+#: How a change of contact is tested: the pusher takes one of the known paths; as if it could take any path.
+KNOWN_WAYS, ANY_WAY = 0, 1
 
 
 class Bodies(NamedTuple):
@@ -25,13 +25,13 @@ class Bodies(NamedTuple):
 
 
 class Transfers(NamedTuple):
-    """Changes of contact: time (s), how they are tested (:data:`NO_PUSHER` and so on), the pusher in its frame, its docked poses
-    (contacts, 3) in B, how far it backs off (m), and two paths round the slider in B for every pair of contacts."""
+    """Changes of contact: time (s), how they are tested (:data:`KNOWN_WAYS`), the pusher in its frame as it is at each contact,
+    radius (m) of a disc that holds it, its docked poses (contacts, 3) in B, how far it backs off (m), and two paths round the
+    slider in B for every pair of contacts."""
 
     cost: float
     kind: int
-    edges: FloatArray
-    corners: FloatArray
+    pushers: Bodies
     radius: float
     docks: FloatArray
     retreats: FloatArray
@@ -103,7 +103,7 @@ def route_is_free(transfers, world, route, x, y, cos, sin):  # type: ignore[no-u
 @inner
 def can_back_off(transfers, world, contact, x, y, cos, sin):  # type: ignore[no-untyped-def]
     """Whether the docked pusher can back off straight, as far as obstacles and bounds go."""
-    pusher = Body(transfers.edges, transfers.corners, transfers.radius)
+    pusher = body_at(transfers.pushers, contact)
     dock = transfers.docks[contact]
     c, s = math.cos(dock[2]), math.sin(dock[2])
     c, s = cos * c - sin * s, sin * c + cos * s

@@ -11,17 +11,26 @@ import numpy as np
 from stablepush.core import ConvergenceError, Deadline, FloatArray, InputError, OutOfTimeError, UnsupportedContactError
 from stablepush.geometry import compose, exp
 from stablepush.planning import PlanningProblem, PlanOptions, PlanResult, Push, SweptBody, Transfer, body_of, world_of
+from stablepush.planning.kernels import Body
 from stablepush_planners._connection import Connections, connect
 from stablepush_planners._goal import Goal, at_goal, least_time, unobstructed_times
 from stablepush_planners._search import Graph
-from stablepush_planners._transfer import ANY_WAY, KNOWN_WAYS, NO_PUSHER, Bodies, Transfers, route_between
+from stablepush_planners._transfer import ANY_WAY, KNOWN_WAYS, Bodies, Transfers, route_between
 from stablepush_planners.blend import blended
 from stablepush_planners.distance_field import DistanceField
 from stablepush_planners.lattice import Lattice
 from stablepush_planners.shorten import LEAST_WAY, TimedTwist, merged, shorten
 from stablepush_planners.stable_set import StableSet
 from stablepush_planners.steering import Steering, steering
-from stablepush_planners.transfers import Routes, backed_off, docking_path, path_among_obstacles, route_path, routes_of
+from stablepush_planners.transfers import (
+    Routes,
+    backed_off,
+    docking_path,
+    path_among_obstacles,
+    room_of,
+    route_path,
+    routes_of,
+)
 
 #: A stretch of a path: its contact, and the pushes there.
 ContactSegment = tuple[int, list[TimedTwist]]
@@ -60,7 +69,7 @@ class PlanningContext:
         self.bodies = [SweptBody(problem, contact, self.world) for contact in problem.contacts]
         self.field = DistanceField(problem)
         self.routes: Routes | None = None
-        if problem.pusher is not None and len(problem.contacts) > 1:
+        if len(problem.contacts) > 1:
             self.routes = routes_of(problem)
         if len(problem.contacts) > _MOST_CONTACTS:
             raise InputError("contacts", f"expected at most {_MOST_CONTACTS}", len(problem.contacts))
@@ -79,7 +88,7 @@ class PlanningContext:
             found = steering(problem, stable)
             if found is not None:
                 self.steerings[i] = found
-        self._docked = self._docked_bodies()
+        self._docked = _bodies([body.body for body in self.bodies])
         self.goal, self.connections, self.transfers = self._goal(), self._connections(), self._transfers()
         x, y, theta = problem.start
         self.bound = float(least_time(self.goal, x, y, math.cos(theta), math.sin(theta)))
@@ -114,16 +123,6 @@ class PlanningContext:
             at=np.zeros(2, dtype=np.int64),
         )
 
-    def _docked_bodies(self) -> Bodies:
-        bodies = [body.body for body in self.bodies]
-        return Bodies(
-            edge_first=np.cumsum([0] + [len(b.edges) for b in bodies]),
-            edges=np.concatenate([b.edges for b in bodies]),
-            corner_first=np.cumsum([0] + [len(b.corners) for b in bodies]),
-            corners=np.concatenate([b.corners for b in bodies]),
-            radii=np.array([b.radius for b in bodies]),
-        )
-
     def _connections(self) -> Connections:
         problem, contacts = self.problem, len(self.problem.contacts)
         frames, radii = np.zeros((contacts, 3)), np.zeros((contacts, len(RADII)))
@@ -139,13 +138,11 @@ class PlanningContext:
 
     def _transfers(self) -> Transfers:
         problem, contacts, routes = self.problem, len(self.problem.contacts), self.routes
-        pusher = None if problem.pusher is None else body_of([problem.pusher])
         return Transfers(
             cost=problem.switch_cost,
-            kind=NO_PUSHER if problem.pusher is None else KNOWN_WAYS,
-            edges=np.zeros((0, 4)) if pusher is None else pusher.edges,
-            corners=np.zeros((0, 2)) if pusher is None else pusher.corners,
-            radius=0.0 if pusher is None else pusher.radius,
+            kind=KNOWN_WAYS,
+            pushers=_bodies([body_of(room_of(problem, contact)) for contact in problem.contacts]),
+            radius=0.0 if routes is None else routes.radius,
             docks=np.zeros((contacts, 3)) if routes is None else routes.docks,
             retreats=np.full(contacts, -1.0) if routes is None else routes.retreats,
             first=np.zeros(2 * contacts**2 + 1, dtype=np.int64) if routes is None else routes.first,
@@ -224,10 +221,9 @@ class PlanningContext:
     def transfer_path(self, source: int, target: int, pose: FloatArray) -> FloatArray | None:
         """Return poses (n, 3) of the pusher's frame in W from one contact to another of a slider at ``pose``, or None.
 
-        Empty where the pusher takes no room; close round the slider where that is free, else any path among the obstacles.
+        Close round the slider where that is free, else any path among the obstacles.
         """
-        if self.routes is None:
-            return np.empty((0, 3))
+        assert self.routes is not None
         at = (pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2]))
         route = int(route_between(self.transfers, self._docked, self.world, source, target, *at))
         if route >= 0:
@@ -255,6 +251,16 @@ class PlanningContext:
             if length > 0 and at_goal(self.goal, *end) and self.bodies[0].push_is_free(problem.start, twist, duration):
                 return [(0, [(twist, duration)])]
         return None
+
+
+def _bodies(bodies: Sequence[Body]) -> Bodies:
+    return Bodies(
+        edge_first=np.cumsum([0] + [len(b.edges) for b in bodies]),
+        edges=np.concatenate([b.edges for b in bodies]),
+        corner_first=np.cumsum([0] + [len(b.corners) for b in bodies]),
+        corners=np.concatenate([b.corners for b in bodies]),
+        radii=np.array([b.radius for b in bodies]),
+    )
 
 
 def end_of(pose: FloatArray, pushes: Sequence[TimedTwist]) -> FloatArray:

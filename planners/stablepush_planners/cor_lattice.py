@@ -19,7 +19,7 @@ from stablepush.geometry import compose
 from stablepush.planning import PlanningProblem, PlanOptions, PlanResult
 from stablepush_planners import _search
 from stablepush_planners._search import Graph, Tree
-from stablepush_planners._transfer import ANY_WAY, KNOWN_WAYS, Transfers
+from stablepush_planners._transfer import ANY_WAY, Transfers
 from stablepush_planners.context import ContactSegment, PlanningContext, end_of
 from stablepush_planners.lattice import Lattice, make_lattice
 
@@ -93,7 +93,7 @@ class _Planner:
             self._take(nudge, "the start is within tolerance")
             return ""
         useful = self._climb(refinement_budget, context.transfers)
-        if self.best is None and context.transfers.kind == KNOWN_WAYS and context.routes is not None:
+        if self.best is None and context.routes is not None:
             # the pusher may still reach another contact on a path that does not hug the slider
             self._progress("any path of the pusher round the slider")
             self._climb(refinement_budget, context.transfers._replace(kind=ANY_WAY))
@@ -150,13 +150,10 @@ class _Planner:
                 raise OutOfTimeError("search: the deadline has passed")
 
     def _planted(self, graph: Graph, weight: float, limit: float) -> Tree:
-        """Return a tree with nothing but the start; without a pusher outline, at every contact."""
-        context, tree = self._context, _empty_tree(_FIRST_SIZE)
-        for contact in context.stable:
-            if contact == 0 or context.problem.pusher is None:
-                cost = 0.0 if contact == 0 else graph.transfers.cost
-                key = _search.key_of(contact, 0, 0, 0)
-                _search.reach(graph.lattice, graph.goal, tree, key, cost, -1, _search.START, weight, limit)
+        """Return a tree with nothing but the start."""
+        tree = _empty_tree(_FIRST_SIZE)
+        key = _search.key_of(0, 0, 0, 0)
+        _search.reach(graph.lattice, graph.goal, tree, key, 0.0, -1, _search.START, weight, limit)
         return tree
 
     def _impossible_change(self, graph: Graph, tree: Tree, node: int) -> tuple[int, int] | None:

@@ -12,7 +12,7 @@ from stablepush.stability import StabilityOracle, all_pressure_region, lynch_mas
 _INSIDE = 1e-7
 #: Twists asked at a time, between looks at the clock.
 _BLOCK = 4096
-#: Regions that hold for every pressure, in addition to the surface's own.
+#: Regions that hold for every pressure, friction of the contact and place of the fingers, in addition to the surface's own.
 _PROMISED = {"all-pressure": all_pressure_region, "conservative": lynch_mason_region}
 #: Slack of a share of surfaces: k of n must pass for p = k/n.
 _SLACK = 1e-9
@@ -34,7 +34,8 @@ class StableSet:
         self._problem, self._least, self._deadline = problem, max(0.0, problem.min_margin) + _INSIDE, deadline or Deadline()
         self._within = [asked.regions[contact]] if asked.regions else []
         if asked.region in _PROMISED:
-            self._within.append(_PROMISED[asked.region](problem.slider, problem.contacts[contact]))
+            worst = problem.uncertainty.worst_contact(problem.contacts[contact])
+            self._within.append(_PROMISED[asked.region](problem.slider, worst))
         self._members: list[StabilityOracle] = []
         self._votes = asked.probability
         if asked.probability > 0:

@@ -11,12 +11,15 @@ import shapely
 
 from stablepush.core import FloatArray, first_least, order_with_ties
 from stablepush.geometry import compose, transform_points, wrap_angle
-from stablepush.planning import PlanningProblem, body_of, world_of
+from stablepush.objects import PushContact
+from stablepush.planning import PlanningProblem, body_of, disc_outlines, world_of
 from stablepush.planning.kernels import line_is_free
 
 if TYPE_CHECKING:
     import networkx as nx
 
+#: Radius of fingers that are points, where they go round the slider, in radii of the slider.
+_POINT = 0.02
 #: The pusher keeps this far (m) from what it goes round.
 CLEARANCE = 2e-6
 #: Paths whose lengths (m) differ by no more are as long as each other.
@@ -55,15 +58,15 @@ class Routes:
 
 
 def routes_of(problem: PlanningProblem) -> Routes:
-    """Return the paths round the slider between all contacts of a problem whose pusher takes room."""
-    assert problem.pusher is not None
+    """Return the paths round the slider between all contacts of a problem."""
     docks = np.array([contact.frame for contact in problem.contacts])
-    radius = float(np.linalg.norm(problem.pusher, axis=1).max())
+    outlines = [room_of(problem, contact) for contact in problem.contacts]
+    radius = max(float(np.linalg.norm(np.concatenate(shape), axis=1).max()) for shape in outlines)
     around = _widened(problem.slider.polygon, radius).convex_hull
     alone = PlanningProblem(
         problem.slider, problem.surface, problem.contacts, problem.start, problem.goal, obstacles=[problem.slider.vertices]
     )
-    world, pusher = world_of(alone), body_of([problem.pusher])
+    world, pushers = world_of(alone), [body_of(shape) for shape in outlines]
     retreats = np.full(len(docks), -1.0)
     for i, dock in enumerate(docks):
         ahead = np.array((math.cos(dock[2]), math.sin(dock[2])))
@@ -71,7 +74,7 @@ def routes_of(problem: PlanningProblem) -> Routes:
         clear = ~shapely.contains_xy(around, *(dock[:2] - sides[:, None] * ahead).T)
         if clear.any():
             route = float(sides[np.argmax(clear)])
-            if line_is_free(world, pusher, dock[0], dock[1], ahead[0], ahead[1], -route * ahead[0], -route * ahead[1]):
+            if line_is_free(world, pushers[i], dock[0], dock[1], ahead[0], ahead[1], -route * ahead[0], -route * ahead[1]):
                 retreats[i] = route
     first, points = [0], [np.zeros((0, 2))]
     for i in range(len(docks)):
@@ -86,12 +89,17 @@ def routes_of(problem: PlanningProblem) -> Routes:
     return Routes(radius, docks, retreats, np.array(first), np.ascontiguousarray(np.concatenate(points)))
 
 
+def room_of(problem: PlanningProblem, contact: PushContact) -> list[FloatArray]:
+    """Return what the pusher fills in its frame (m) at a contact; points go round the slider as small fingers would."""
+    return problem.pusher_outlines(contact) or disc_outlines(contact, _POINT * problem.slider.radius)
+
+
 def contact_graph(problem: PlanningProblem) -> nx.DiGraph:
     """Return the contacts of a problem and the changes between them, without obstacles, as a graph.
 
     Nodes are numbers of contacts, with ``frame`` (3,), the docked pose of the pusher in B. An edge has the ``length`` (m) of the
-    shorter path round the slider and ``path`` (n, 3), the poses of the pusher's frame in B; both are zero and empty where the
-    pusher takes no room. Contacts that the pusher cannot leave straight backwards have no edges.
+    shorter path round the slider and ``path`` (n, 3), the poses of the pusher's frame in B. Contacts that the pusher
+    cannot leave straight backwards have no edges.
     """
     # not needed by plans, and slow to import
     import networkx as nx
@@ -99,12 +107,10 @@ def contact_graph(problem: PlanningProblem) -> nx.DiGraph:
     graph = nx.DiGraph()
     contacts = range(len(problem.contacts))
     graph.add_nodes_from((i, {"frame": problem.contacts[i].frame}) for i in contacts)
-    routes = None if problem.pusher is None else routes_of(problem)
+    routes = routes_of(problem)
     for i in contacts:
         for j in contacts:
-            if i != j and routes is None:
-                graph.add_edge(i, j, length=0.0, path=np.zeros((0, 3)))
-            elif i != j and routes is not None:
+            if i != j:
                 first = routes.first[2 * (i * len(contacts) + j) :]
                 sides = [routes.points[first[side] : first[side + 1]] for side in (0, 1)]
                 paths = [docking_path((routes.docks[i], routes.docks[j]), route) for route in sides if len(route)]

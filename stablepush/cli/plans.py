@@ -189,20 +189,38 @@ def trajectory(
     plan_file: Annotated[Path, typer.Argument(metavar="PLAN", help="plan/1 file.")],
     output: Output,
     rate: Annotated[float, typer.Option(parser=number, metavar="HZ", help="Samples a second.")] = 50.0,
+    speed: Annotated[
+        float, typer.Option(parser=number, metavar="M/S", help="Largest speed of any point; inf: as the plan has it.")
+    ] = math.inf,
     acceleration: Annotated[
-        float | None,
-        typer.Option(parser=number, metavar="M/S2", help="Start and end every push at rest, with no point faster to speed up."),
+        float, typer.Option(parser=number, metavar="M/S2", help="Largest acceleration along the path; inf: at once.")
+    ] = 0.1,
+    jerk: Annotated[float, typer.Option(parser=number, metavar="M/S3", help="Largest jerk along the path; inf: at once.")] = 1.0,
+    standoff: Annotated[
+        float, typer.Option(parser=number, metavar="METRES", help="Way of approach and retract, as far as there is room.")
+    ] = 0.02,
+    height: Annotated[
+        float | None, typer.Option(parser=number, metavar="METRES", help="Also SE(3) poses of a tool: height of the pusher.")
+    ] = None,
+    tool: Annotated[
+        tuple[str, str, str, str, str, str, str] | None,
+        typer.Option(metavar="X Y Z QX QY QZ QW", help="Also SE(3) poses of a tool: its pose in the pusher's frame."),
     ] = None,
 ) -> None:
-    """Sample a plan in time: poses of slider and pusher as CSV."""
+    """Sample a plan in time, from rest to rest: poses and velocities of slider and pusher as CSV."""
+    from stablepush.cli.common import numbers
     from stablepush.planning import load_plan, load_scene, sample_plan, save_trajectory
 
     require_files(output, read=(scene, plan_file))
+    place = None if tool is None else numbers("--tool", ("X", "Y", "Z", "QX", "QY", "QZ", "QW"), tool)
     problem, result = load_scene(scene), load_plan(plan_file)
-    with about(plan_file, options=options_of("rate", "acceleration")):
-        samples = sample_plan(problem, result, rate, acceleration)
-    save_trajectory(samples, output)
-    print(f"{output}: {len(samples.t)} samples over {samples.t[-1]:.2f} s")
+    with about(plan_file, options=options_of("rate", "speed", "acceleration", "jerk", "standoff", "height", "tool")):
+        samples = sample_plan(problem, result, rate, acceleration, jerk=jerk, speed=speed, standoff=standoff)
+        tool_poses = None
+        if height is not None or place is not None:
+            tool_poses = samples.tool_poses(height or 0.0, (0, 0, 0, 0, 0, 0, 1) if place is None else place)
+    save_trajectory(samples, output, tool_poses)
+    print(f"{output}: {len(samples.t)} samples over {samples.t[-1]:.2f} s, the plan takes {result.duration:.2f} s")
 
 
 def success_words(result: PlanResult) -> str:

@@ -46,7 +46,10 @@ def simulate(
     ] = None,
     seed: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of noise and scatter.")] = 0,
     rows: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Rows of a push.")] = 7,
-    finger_radius: Annotated[float, typer.Option(parser=number, metavar="METRES", help="Nominal radius of the fingers.")] = 0.005,
+    finger_radius: Annotated[
+        float | None,
+        typer.Option(parser=number, metavar="METRES", help="Nominal radius of the fingers; the scene's if not given."),
+    ] = None,
     mu: Annotated[
         float | None,
         typer.Option(
@@ -81,8 +84,8 @@ def simulate(
     deviations = numbers("--noise", ("N", "M", "RAD"), noise)
     if min(deviations) < 0:
         raise InputError("--noise", "expected numbers >= 0", f"{' '.join(noise)}")
-    check_number(finger_radius, "--finger-radius", at_least=0.0)
-    note_finger(finger_radius, "--finger-radius")
+    if finger_radius is not None:
+        note_finger(check_number(finger_radius, "--finger-radius", at_least=0.0), "--finger-radius")
     note_friction(mu or 0.0, "--support-mu")
     note_noise(deviations[1], deviations[2], "--noise")
     effects = [parse_effect(text) for text in effect or []]
@@ -95,15 +98,15 @@ def simulate(
     if listed and replan is not None:
         raise InputError("--replan", "expected a plan to follow, not a list of pushes")
     problem = load_scene(scene)
-    contact = problem.contacts[0]
+    contact, radius = problem.contacts[0], problem.finger_radius if finger_radius is None else finger_radius
     spread = Noise(*deviations) if any(deviations) else None
     given = options_of("outliers", "scatter", "rows", "seed", support_friction="support-mu", tolerance="replan")
     with about(scene, options=given):
         require_contacts(problem)
-        pusher = Pusher.of_contact(contact, finger_radius)
+        pusher = Pusher.of_contact(contact, radius)
         rig = VirtualRig(problem.slider, problem.surface, contact.mu, pusher, effects, spread, outliers, scatter, mu)
     if listed:
-        commands = read_commands(plan_file, problem, finger_radius)
+        commands = read_commands(plan_file, problem, radius)
         with about(plan_file, options=given), Progress("simulate") as step:
             execution = rig.execute(commands, rows=rows, seed=seed, progress=step.to)
         result = None

@@ -26,7 +26,7 @@ from stablepush.core import ConvergenceError, FloatArray, InputError, check_arra
 from stablepush.geometry import cor_from_twist, unit
 from stablepush.mechanics.kernels.inertia import Body
 from stablepush.objects import Slider
-from stablepush.surfaces import LimitSurface
+from stablepush.surfaces import LimitSurface, check_surface
 
 #: Turns of the body that are followed: each takes some 25 ms on support points, twice that on a polynomial.
 _MOST_TURNS = 200
@@ -131,7 +131,7 @@ def simulate_free_sliding(
 
     if variant not in VARIANTS:
         raise InputError("variant", f"expected {' or '.join(VARIANTS)}", repr(variant))
-    body = Body(surface, slider, mu, gravity)
+    body = Body(check_surface(surface, "surface"), slider, mu, gravity)
     first = check_array(twist, "twist", (3,))
     start = check_array(pose, "pose", (3,))
     check_count(samples, "samples", least=2, most=1_000_000)

@@ -3,7 +3,12 @@ from .collision import SweptBody as SweptBody, body_of as body_of, world_of as w
 from .comparison import RegionPlan as RegionPlan, certified_share as certified_share, compare_regions as compare_regions
 from .feasibility import infeasibility as infeasibility
 from .options import REGIONS as REGIONS, PlanOptions as PlanOptions
-from .problem import PlanningProblem as PlanningProblem, load_scene as load_scene, save_scene as save_scene
+from .problem import (
+    PlanningProblem as PlanningProblem,
+    disc_outlines as disc_outlines,
+    load_scene as load_scene,
+    save_scene as save_scene,
+)
 from .registry import plan as plan, planner_names as planner_names
 from .result import (
     PlanResult as PlanResult,
@@ -18,7 +23,9 @@ from .scenarios import Scenarios as Scenarios, draw_scenarios as draw_scenarios
 from .success import Success as Success, estimate_success as estimate_success
 from .trajectory import (
     PASSES as PASSES,
+    PHASES as PHASES,
     Trajectory as Trajectory,
+    finger_frame as finger_frame,
     load_trajectory as load_trajectory,
     pusher_in_transfer as pusher_in_transfer,
     sample_plan as sample_plan,

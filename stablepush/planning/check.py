@@ -140,9 +140,7 @@ def _check_push(problem: PlanningProblem, push: Push, place: str) -> list[str]:
 def _bodies(problem: PlanningProblem, contact: int) -> list[tuple[str, FloatArray]]:
     """Outlines (n, 2) in B that move during a push."""
     bodies = [("slider", problem.slider.vertices)]
-    if problem.pusher is not None:
-        bodies.append(("pusher", transform_points(problem.contacts[contact].frame, problem.pusher)))
-    return bodies
+    return bodies + [("pusher", outline) for outline in problem.docked_outlines(problem.contacts[contact])]
 
 
 def _check_sweep(problem: PlanningProblem, outline: FloatArray, push: Push, place: str) -> list[str]:
@@ -174,18 +172,23 @@ def _check_transfer(problem: PlanningProblem, transfer: Transfer, pose: FloatArr
         ]
     path = transfer.pusher_path
     if not len(path):
-        return found if problem.pusher is None else [*found, f"{place}: expected a path for the pusher"]
+        takes_room = bool(problem.pusher_outlines(problem.contacts[transfer.source]))
+        return [*found, f"{place}: expected a path for the pusher"] if takes_room else found
     for name, contact, end in (("first", transfer.source, path[0]), ("last", transfer.target, path[-1])):
         error = _pose_difference(end, compose(pose, problem.contacts[contact].frame))
         if error > TOLERANCE:
             found.append(f"{place}: the {name} pusher pose differs from the docked one by {error:.2g}")
-    if problem.pusher is None:
+    shapes = [problem.pusher_outlines(problem.contacts[k]) for k in (transfer.source, transfer.target)]
+    if not shapes[0]:
         return found
-    radius = float(np.linalg.norm(problem.pusher, axis=1).max())
+    radius = float(np.linalg.norm(np.concatenate(shapes[0] + shapes[1]), axis=1).max())
+    leaving, coming = ([ring for outline in shape for ring in _shrunk(outline)] for shape in shapes)
     obstacles = [shapely.Polygon(o) for o in (*problem.obstacles, transform_points(pose, problem.slider.vertices))]
     blocked = shapely.union_all(obstacles)
-    rings = _shrunk(problem.pusher)
     for i, (a, b) in enumerate(pairwise(path)):
+        # fingers leave one contact as they stand there and come to the other as they do there; between, both ways count
+        first, last = i == 0, i == len(path) - 2
+        rings = leaving if first and not last else coming if last and not first else leaving + coming
         step = np.array((*(b[:2] - a[:2]), float(wrap_angle(b[2] - a[2]))))
         # motions of less than this (m) are rounding
         if np.hypot(*step[:2]) < _STILL:
@@ -193,7 +196,7 @@ def _check_transfer(problem: PlanningProblem, transfer: Transfer, pose: FloatArr
         if abs(step[2]) * radius < _STILL:
             step[2] = 0.0
         if step[:2].any() and step[2]:
-            clear = _motion_is_clear(problem, blocked, a, step, radius)
+            clear = _motion_is_clear(problem, blocked, a, step, radius, rings)
         else:
             # straight, or turning on the spot: exact, also where the pusher slides along something
             sweep = _Sweep(a[:2] if step[2] else None, float(step[2]), step[:2])
@@ -206,11 +209,14 @@ def _check_transfer(problem: PlanningProblem, transfer: Transfer, pose: FloatArr
 
 
 def _motion_is_clear(
-    problem: PlanningProblem, blocked: shapely.Geometry, start: FloatArray, step: FloatArray, radius: float
+    problem: PlanningProblem,
+    blocked: shapely.Geometry,
+    start: FloatArray,
+    step: FloatArray,
+    radius: float,
+    rings: list[FloatArray],
 ) -> bool:
     """Halve the motion until every part is clear by more than it moves, or some pose overlaps."""
-    assert problem.pusher is not None
-    rings = _shrunk(problem.pusher)
     parts = [(0.0, 1.0)]
     travel = float(np.hypot(step[0], step[1]) + radius * abs(step[2]))
     while parts:

@@ -10,7 +10,6 @@ import shapely
 from numpy.typing import ArrayLike
 
 from stablepush.core import BoolArray, FloatArray
-from stablepush.geometry import transform_points
 from stablepush.objects import PushContact
 from stablepush.planning.kernels.sweep import Body, World, list_edges, poses_are_free, pushes_are_free
 from stablepush.planning.problem import PlanningProblem
@@ -81,8 +80,8 @@ class SweptBody:
 
     def __init__(self, problem: PlanningProblem, contact: PushContact | None = None, world: World | None = None) -> None:
         outlines = [problem.slider.vertices]
-        if problem.pusher is not None and contact is not None:
-            outlines.append(transform_points(contact.frame, problem.pusher))
+        if contact is not None:
+            outlines += problem.docked_outlines(contact)
         self.world = world_of(problem) if world is None else world
         self.body = body_of(outlines)
 

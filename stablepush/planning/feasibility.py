@@ -57,8 +57,8 @@ class _Body:
 
     def __init__(self, problem: PlanningProblem, contact: PushContact | None, walls: shapely.Geometry) -> None:
         self.outlines = [problem.slider.vertices]
-        if problem.pusher is not None and contact is not None:
-            self.outlines.append(transform_points(contact.frame, problem.pusher))
+        if contact is not None:
+            self.outlines += problem.docked_outlines(contact)
         self._shape = shapely.union_all([shapely.Polygon(outline) for outline in self.outlines])
         self._corners = np.concatenate(self.outlines)
         self._bounds, self._walls = problem.bounds, walls
@@ -102,7 +102,7 @@ def _goal(problem: PlanningProblem, alone: _Body, bodies: list[_Body]) -> str:
     near = "" if max(problem.tolerance) < 1e-6 else "; every other pose within the tolerance is in collision or out of bounds too"
     if _never_free(problem, alone):
         return f"goal: the slider {_collision(problem, alone, problem.goal)}{near}"
-    if problem.pusher is not None and all(_never_free(problem, body) for body in bodies):
+    if problem.pusher_outlines(problem.contacts[0]) and all(_never_free(problem, body) for body in bodies):
         which = "docked at contact 0" if len(bodies) == 1 else "docked at any contact"
         return f"goal: the pusher, {which}, is in collision or out of bounds{near}"
     return ""

@@ -116,5 +116,6 @@ class _Search:
         self._tests += 1
         if not result.solved or not result.pushes:
             return _Candidate(result, -1.0)
-        lost, _ = first_losses(draw_scenarios(self._problem, _TESTED, self._seed, 10 + self._tests), result)
+        fresh = draw_scenarios(self._problem, _TESTED, self._seed, 10 + self._tests, result.pushes[0])
+        lost, _ = first_losses(fresh, result)
         return _Candidate(result, float(np.mean(lost < 0)))

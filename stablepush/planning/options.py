@@ -21,7 +21,8 @@ class PlanOptions:
     ----------
     region : {"model", "all-pressure", "conservative"}
         Which CORs may be used: those the limit surface calls stable, or only those of these that hold for every pressure
-        distribution, all of them or what Lynch and Mason's STABLE finds of them.
+        distribution, all of them or what Lynch and Mason's STABLE finds of them, with every friction and place of the fingers
+        that the problem's ``uncertainty`` allows (:meth:`Uncertainty.worst_contact`). They take the centre of mass as exact.
     probability : float
         Least share of the surface's ensemble that must call each push stable (a chance constraint for each arc); 0 asks nothing.
     margin_weight : float

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from stablepush.core import (
     check_array,
     check_number,
     note_distance,
+    note_finger,
     note_heading,
     note_margin,
     note_part,
@@ -24,6 +25,7 @@ from stablepush.core import (
     note_tolerance,
     read_only,
 )
+from stablepush.geometry import inverse, transform_points
 from stablepush.io import (
     contact_from_node,
     contact_to_json,
@@ -37,7 +39,11 @@ from stablepush.io import (
 )
 from stablepush.objects import PushContact, Slider, check_simple_polygon
 from stablepush.planning.uncertainty import Uncertainty, uncertainty_from_node
-from stablepush.surfaces import LimitSurface
+from stablepush.surfaces import LimitSurface, check_surface
+
+#: Corners of a polygon round a disc, as angles (rad) from the middle of a side, and how near its sides come, in radii of it.
+_CORNERS = (np.arange(16) + 0.5) * (2 * np.pi / 16)
+_ROUND = float(np.cos(np.pi / 16))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,6 +75,8 @@ class PlanningProblem:
         Least margin (rad) that every push must have.
     uncertainty : Uncertainty, optional
         How far the rig may differ from all this.
+    finger_radius : float
+        Radius (m) of the fingers: discs behind the contact points. What takes room is the pusher's outline, if one is given.
     """
 
     slider: Slider
@@ -84,6 +92,7 @@ class PlanningProblem:
     switch_cost: float
     min_margin: float
     uncertainty: Uncertainty
+    finger_radius: float
 
     def __init__(
         self,
@@ -100,6 +109,7 @@ class PlanningProblem:
         switch_cost: float = 0.0,
         min_margin: float = 0.0,
         uncertainty: Uncertainty | None = None,
+        finger_radius: float = 0.0,
     ) -> None:
         if len(contacts) == 0:
             raise InputError("contacts", "expected at least one contact")
@@ -115,7 +125,7 @@ class PlanningProblem:
         polygons = tuple(read_only(check_simple_polygon(outline, f"obstacles[{i}]")) for i, outline in enumerate(obstacles))
         outline = None if pusher is None else read_only(check_simple_polygon(pusher, "pusher.outline"))
         object.__setattr__(self, "slider", slider)
-        object.__setattr__(self, "surface", surface)
+        object.__setattr__(self, "surface", check_surface(surface, "surface"))
         object.__setattr__(self, "contacts", tuple(contacts))
         object.__setattr__(self, "start", read_only(check_array(start, "start", (3,))))
         object.__setattr__(self, "goal", read_only(check_array(goal, "goal", (3,))))
@@ -127,6 +137,7 @@ class PlanningProblem:
         object.__setattr__(self, "switch_cost", check_number(switch_cost, "switch_cost", at_least=0.0))
         object.__setattr__(self, "min_margin", check_number(min_margin, "min_margin"))
         object.__setattr__(self, "uncertainty", Uncertainty() if uncertainty is None else uncertainty)
+        object.__setattr__(self, "finger_radius", check_number(finger_radius, "finger_radius", at_least=0.0))
         self._doubt()
 
     def _doubt(self) -> None:
@@ -144,11 +155,31 @@ class PlanningProblem:
         note_tolerance(self.tolerance[1], "tolerance[1]")
         note_push_speed(self.speed, "speed")
         note_margin(self.min_margin, "min_margin")
+        note_finger(self.finger_radius, "finger_radius")
         for i, contact in enumerate(self.contacts):
             note_part(contact.points, self.slider.radius, f"contacts[{i}].points")
         if self.pusher is not None:
             note_part(self.pusher, self.slider.radius, "pusher.outline")
         note_part([(self.surface.characteristic_length, 0.0)], self.slider.radius, "model.characteristic_length")
+
+    def starting_at(self, start: ArrayLike) -> PlanningProblem:
+        """Return the same problem with another start pose (3,)."""
+        names = [field.name for field in fields(self)]
+        return PlanningProblem(**{name: getattr(self, name) for name in names} | {"start": start})
+
+    def pusher_outlines(self, contact: PushContact) -> list[FloatArray]:
+        """Return polygons (n, 2) that the pusher fills, in its own frame (m), docked at a contact; none if it is points.
+
+        The pusher's outline, or discs of ``finger_radius`` behind the contact points, as polygons round them that touch the edge
+        with a side.
+        """
+        if self.pusher is not None:
+            return [self.pusher]
+        return disc_outlines(contact, self.finger_radius) if self.finger_radius > 0 else []
+
+    def docked_outlines(self, contact: PushContact) -> list[FloatArray]:
+        """Return the same in B (m)."""
+        return [transform_points(contact.frame, outline) for outline in self.pusher_outlines(contact)]
 
     def push_speed(self, twists: ArrayLike) -> FloatArray:
         """Return the speed (...) in m/s of the fastest point of the slider's outline at body twists (..., 3)."""
@@ -157,9 +188,20 @@ class PlanningProblem:
         return np.asarray(np.hypot(v[..., 0] - v[..., 2] * p[:, 1], v[..., 1] + v[..., 2] * p[:, 0]).max(axis=-1))
 
 
+def disc_outlines(contact: PushContact, radius: float) -> list[FloatArray]:
+    """Return polygons (n, 2) round discs behind the points of a contact, in its frame (m)."""
+    at = inverse(contact.frame)
+    centers = transform_points(at, contact.points - radius * contact.normals)
+    toward = np.arctan2(contact.normals[:, 1], contact.normals[:, 0]) + at[2]
+    return [
+        center + radius / _ROUND * np.stack((np.cos(angle + _CORNERS), np.sin(angle + _CORNERS)), axis=-1)
+        for center, angle in zip(centers, toward, strict=True)
+    ]
+
+
 _OF_SCENE = (
     *("format", "slider", "model", "contacts", "pusher", "obstacles", "bounds", "start", "goal"),
-    *("tolerance", "speed", "switch_cost", "min_margin", "uncertainty"),
+    *("tolerance", "speed", "switch_cost", "min_margin", "uncertainty", "finger_radius"),
 )
 
 
@@ -193,6 +235,8 @@ def load_scene(path: str | Path) -> PlanningProblem:
     speed = root["speed"].number(positive=True)
     switch_cost = root["switch_cost"].number(at_least=0.0)
     min_margin = root["min_margin"].number()
+    radius = root.get("finger_radius")
+    finger_radius = 0.0 if radius is None else radius.number(at_least=0.0)
     unknown = root.get("uncertainty")
     uncertainty = None if unknown is None else uncertainty_from_node(unknown)
     return root.built(
@@ -210,6 +254,7 @@ def load_scene(path: str | Path) -> PlanningProblem:
             switch_cost,
             min_margin,
             uncertainty,
+            finger_radius,
         )
     )
 
@@ -243,5 +288,6 @@ def save_scene(problem: PlanningProblem, path: str | Path) -> None:
             "switch_cost": problem.switch_cost,
             "min_margin": problem.min_margin,
             "uncertainty": problem.uncertainty.to_json(),
+            "finger_radius": problem.finger_radius,
         },
     )

@@ -24,12 +24,15 @@ from stablepush.core import (
     renamed,
     within,
 )
+from stablepush.planning.alignment import aligns
 from stablepush.planning.check import check_plan
+from stablepush.planning.collision import SweptBody
 from stablepush.planning.feasibility import infeasibility
 from stablepush.planning.likely import likely_plan
 from stablepush.planning.options import PlanOptions
 from stablepush.planning.problem import PlanningProblem
-from stablepush.planning.result import PlanResult
+from stablepush.planning.result import PlanResult, Push
+from stablepush.planning.scenarios import alignment_push
 from stablepush.planning.success import estimate_success
 from stablepush.stability import StableRegion
 
@@ -132,14 +135,20 @@ def plan(
         if reason:
             return PlanResult("no-path", planner, seed=number, message=reason, planning_time=time.perf_counter() - started)
 
+        aligning, alone, doubts = _alignment(problem)
+        if alone is None:
+            return PlanResult("no-path", planner, seed=number, message=doubts, planning_time=time.perf_counter() - started)
+
         def attempt(regions: Sequence[StableRegion], until: Deadline, effort: float) -> PlanResult:
             asked = replace(options, regions=tuple(regions), refinement_budget=effort)
-            return run(problem, deadline=until, seed=number, options=asked, progress=progress)
+            found = run(alone, deadline=until, seed=number, options=asked, progress=progress)
+            return found if aligning is None or not found.solved else _preceded(found, aligning)
 
         if level and problem.surface.is_dual:
             result, doubt = likely_plan(problem, level, attempt, deadline, limit, refinement_budget, number)
         else:
             result, doubt = attempt((), deadline, refinement_budget), ""
+        doubt = "; ".join(filter(None, (doubts, doubt)))
         if deadline.stopped and not result.solved:
             result = PlanResult("interrupted", planner, seed=number, message="stopped before a path was found")
     if result.solved:
@@ -151,10 +160,52 @@ def plan(
         if (result.success_probability or 0.0) < least:
             words = f"the surest plan that was found succeeds with probability {result.success_probability:.3g}"
             result, doubt = PlanResult("no-path", planner, seed=number, message=f"{words}, {least:g} is required"), ""
+    if result.solved and region != "model":
+        result = replace(result, message="; ".join(filter(None, (result.message, _assumptions(problem)))))
     if result.solved and doubt:
         warnings.warn(PlanWarning(doubt), stacklevel=3)
         result = replace(result, message="; ".join(filter(None, (result.message, doubt))))
     return replace(result, planning_time=time.perf_counter() - started)
+
+
+def _alignment(problem: PlanningProblem) -> tuple[Push | None, PlanningProblem | None, str]:
+    """The push that aligns a slider whose start is uncertain, if any, the problem after it, and what is wrong.
+
+    No problem where there is no room for it.
+    """
+    if not any(problem.uncertainty.start):
+        return None, problem, ""
+    push = alignment_push(problem)
+    if push is None:
+        why = (
+            "its straight pushes are not stable" if aligns(problem.contacts[0]) else "it does not have two fingers on one normal"
+        )
+        return None, problem, f"the start is uncertain, and contact 0 does not align the slider: {why}"
+    if not SweptBody(problem, problem.contacts[0]).push_is_free(push.start, push.twist, push.duration):
+        return (
+            None,
+            None,
+            f"start: no room for the straight push of {1000 * push.length:.3g} mm that aligns the slider with the fingers",
+        )
+    return push, problem.starting_at(push.end), ""
+
+
+def _preceded(result: PlanResult, push: Push) -> PlanResult:
+    """A plan with a push before it. What bounds the time of the rest does not bound that of plans without the push."""
+    return PlanResult.from_segments(
+        [push, *result.segments], planner=result.planner, seed=result.seed, message=result.message, lower_bound=None
+    )
+
+
+def _assumptions(problem: PlanningProblem) -> str:
+    """What a plan of motions that hold for every pressure takes for granted."""
+    ranges = [problem.uncertainty.friction_range(contact.mu) for contact in problem.contacts]
+    low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
+    return (
+        f"holds for every pressure under the slider, contact friction from {low:.3g} to {high:.3g}, and fingers up to "
+        f"{1000 * problem.uncertainty.contact_place:.3g} mm along their edge from their places; takes the centre of mass, the "
+        "outline and the start under the pusher as exact"
+    )
 
 
 def _with_success(problem: PlanningProblem, result: PlanResult) -> PlanResult:

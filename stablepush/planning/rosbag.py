@@ -9,13 +9,15 @@ import numpy as np
 
 from stablepush.core import FloatArray, InputError, UnavailableError, read_only
 from stablepush.io import whole_folder
-from stablepush.planning.trajectory import Trajectory
+from stablepush.planning.trajectory import PHASES, Trajectory
 
-#: Topics: paths of the slider's body frame and of the pusher's, and segments followed by contacts, one each a pose.
-SLIDER, PUSHER, CONTACT = "/stablepush/slider_path", "/stablepush/pusher_path", "/stablepush/segment_and_contact"
+#: Topics: paths of the slider's body frame, of the pusher's and of the tool's, velocities of the pusher in W (three numbers a
+#: pose), and segments followed by contacts and phases (numbers of ``PHASES``), one each a pose.
+SLIDER, PUSHER, TOOL = "/stablepush/slider_path", "/stablepush/pusher_path", "/stablepush/tool_path"
+VELOCITY, STATE = "/stablepush/pusher_velocity", "/stablepush/segment_contact_and_phase"
 
 
-def save_rosbag(trajectory: Trajectory, path: str | Path, frame_id: str = "map") -> None:
+def save_rosbag(trajectory: Trajectory, path: str | Path, frame_id: str = "map", tool_poses: FloatArray | None = None) -> None:
     """Write a trajectory as a ROS 2 bag: a ``nav_msgs/Path`` each for slider and pusher, stamped from zero.
 
     Parameters
@@ -24,6 +26,8 @@ def save_rosbag(trajectory: Trajectory, path: str | Path, frame_id: str = "map")
         Folder to write; one that is there is replaced.
     frame_id : str
         Name of the world frame.
+    tool_poses : array, shape (n, 7), optional
+        As :meth:`Trajectory.tool_poses` gives them: one path more.
 
     Raises
     ------
@@ -37,20 +41,24 @@ def save_rosbag(trajectory: Trajectory, path: str | Path, frame_id: str = "map")
     def path_of(poses: FloatArray) -> Any:
         header = types["std_msgs/msg/Header"]
         found = []
-        for stamp, (x, y, theta) in zip(stamps, poses, strict=True):
-            position = types["geometry_msgs/msg/Point"](x=float(x), y=float(y), z=0.0)
-            turn = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=float(np.sin(theta / 2)), w=float(np.cos(theta / 2)))
-            pose = types["geometry_msgs/msg/Pose"](position=position, orientation=turn)
+        for stamp, (x, y, z, *turn) in zip(stamps, poses.tolist(), strict=True):
+            position = types["geometry_msgs/msg/Point"](x=x, y=y, z=z)
+            orientation = types["geometry_msgs/msg/Quaternion"](x=turn[0], y=turn[1], z=turn[2], w=turn[3])
+            pose = types["geometry_msgs/msg/Pose"](position=position, orientation=orientation)
             found.append(types["geometry_msgs/msg/PoseStamped"](header=header(stamp=stamp, frame_id=frame_id), pose=pose))
         return types["nav_msgs/msg/Path"](header=header(stamp=_stamp(types, 0.0), frame_id=frame_id), poses=found)
 
-    numbers = np.concatenate((trajectory.segment, trajectory.contact)).astype(np.int32)
     layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    phases = np.array([PHASES.index(word) for word in trajectory.phase])
+    numbers = np.concatenate((trajectory.segment, trajectory.contact, phases)).astype(np.int32)
     messages = {
-        SLIDER: path_of(trajectory.slider),
-        PUSHER: path_of(trajectory.pusher),
-        CONTACT: types["std_msgs/msg/Int32MultiArray"](layout=layout, data=numbers),
+        SLIDER: path_of(_spatial(trajectory.slider)),
+        PUSHER: path_of(_spatial(trajectory.pusher)),
+        VELOCITY: types["std_msgs/msg/Float64MultiArray"](layout=layout, data=np.array(trajectory.velocity).ravel()),
+        STATE: types["std_msgs/msg/Int32MultiArray"](layout=layout, data=numbers),
     }
+    if tool_poses is not None:
+        messages[TOOL] = path_of(np.asarray(tool_poses))
     with whole_folder(path) as folder:
         with writer_class(folder / "bag", version=9) as bag:
             for topic, message in messages.items():
@@ -72,7 +80,7 @@ def load_rosbag(path: str | Path) -> Trajectory:
                 found[connection.topic] = store.deserialize_cdr(data, connection.msgtype)
     except Exception as error:
         raise InputError("", f"expected a ROS 2 bag: {error}", file=path) from None
-    for topic in (SLIDER, PUSHER, CONTACT):
+    for topic in (SLIDER, PUSHER, VELOCITY, STATE):
         if topic not in found:
             raise InputError("", f"expected the topic {topic}, found {', '.join(sorted(found)) or 'none'}", file=path)
 
@@ -84,12 +92,25 @@ def load_rosbag(path: str | Path) -> Trajectory:
         return read_only(np.array(rows).reshape(-1, 3))
 
     stamps = [p.header.stamp for p in found[SLIDER].poses]
-    numbers = np.asarray(found[CONTACT].data, dtype=np.float64)
-    half = len(stamps)
-    if not len(found[PUSHER].poses) == half or len(numbers) != 2 * half:
-        raise InputError("", f"expected as many poses of the pusher, segments and contacts as of the slider, {half}", file=path)
-    t = read_only(np.array([s.sec + 1e-9 * s.nanosec for s in stamps]))
-    return Trajectory(t, read_only(numbers[:half]), read_only(numbers[half:]), poses(found[SLIDER]), poses(found[PUSHER]))
+    numbers, rates = np.asarray(found[STATE].data, dtype=np.int64), np.asarray(found[VELOCITY].data, dtype=np.float64)
+    count = len(stamps)
+    if not len(found[PUSHER].poses) == count or len(numbers) != 3 * count or len(rates) != 3 * count:
+        raise InputError("", f"expected as many poses and velocities of the pusher as poses of the slider, {count}", file=path)
+    segment, contact, phase = numbers.reshape(3, count)
+    if not ((phase >= 0) & (phase < len(PHASES))).all():
+        raise InputError("", f"{STATE}: expected phases from 0 to {len(PHASES) - 1}", file=path)
+    t = np.array([s.sec + 1e-9 * s.nanosec for s in stamps])
+    parts = (
+        t, poses(found[SLIDER]), poses(found[PUSHER]), rates.reshape(count, 3), np.array(PHASES)[phase],
+        segment.astype(np.float64), contact.astype(np.float64),
+    )  # fmt: skip
+    return Trajectory(*parts)
+
+
+def _spatial(poses: FloatArray) -> FloatArray:
+    """Planar poses (n, 3) as positions and quaternions (n, 7)."""
+    nothing, half = np.zeros(len(poses)), poses[:, 2] / 2
+    return np.column_stack((poses[:, :2], nothing, nothing, nothing, np.sin(half), np.cos(half)))
 
 
 def _stamp(types: Any, t: float) -> Any:

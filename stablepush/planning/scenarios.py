@@ -19,16 +19,20 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from stablepush.core import FloatArray
+from stablepush.core import BoolArray, FloatArray
 from stablepush.geometry import normalize_wrench, unit
 from stablepush.identify import PressureSampler
 from stablepush.objects import PushContact, Slider, SupportDistribution
+from stablepush.planning.alignment import after_first_push, aligns, clearance, straight_push
 from stablepush.planning.problem import PlanningProblem
+from stablepush.planning.result import Push
 from stablepush.stability import BOUNDARY_SLACK, Case, StabilityOracle, StableRegion, common_region
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
 #: Pressures that are drawn for a surface without an ensemble.
 _PRESSURES = 64
+#: Lengths of an alignment push that are tried, in what the start may be off, on how many scenarios, and what is enough.
+_LENGTHS, _TRIED, _NEARLY_ALL = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0), 200, 0.995
 #: Share of the way to the outline that a centre of mass may be away.
 _INSIDE = 0.9
 #: Scenarios that a choice is made among, and the most that are drawn for one.
@@ -58,7 +62,9 @@ class Scenarios:
     center_of_mass : array, shape (n, 2)
         In B (m).
     start : array, shape (n, 3)
-        Start pose of the slider against the planned one, in B (m, rad).
+        What is left of an uncertain start after the first push: the pose of the slider in its planned one (m, rad).
+    flush : array of bool, shape (n,)
+        Whether the slider then stands square to the fingers.
     """
 
     problem: PlanningProblem
@@ -68,13 +74,14 @@ class Scenarios:
     place: FloatArray
     center_of_mass: FloatArray
     start: FloatArray
+    flush: BoolArray
 
     def __len__(self) -> int:
         return len(self.surface)
 
     def take(self, rows: np.ndarray) -> Scenarios:
         """Return some of the scenarios."""
-        names = ("surface", "contact_mu", "place", "center_of_mass", "start")
+        names = ("surface", "contact_mu", "place", "center_of_mass", "start", "flush")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def contact(self, scenario: int, number: int) -> PushContact:
@@ -120,8 +127,16 @@ class Scenarios:
         return found
 
 
-def draw_scenarios(problem: PlanningProblem, count: int, seed: int, stream: int = 0) -> Scenarios:
-    """Draw scenarios of a problem; ``stream``: draws of different streams share nothing, whatever the seed."""
+def draw_scenarios(problem: PlanningProblem, count: int, seed: int, stream: int = 0, first: Push | None = None) -> Scenarios:
+    """Draw scenarios of a problem; ``stream``: draws of different streams share nothing, whatever the seed.
+
+    Where the start is uncertain, each is simulated through the first push of a plan, :func:`alignment_push` if none is given.
+    """
+    drawn = _draw(problem, count, seed, stream)
+    return _aligned(drawn, first or alignment_push(problem)) if any(problem.uncertainty.start) else drawn
+
+
+def _draw(problem: PlanningProblem, count: int, seed: int, stream: int) -> Scenarios:
     rng = np.random.default_rng([seed, stream])
     unknown, contacts = problem.uncertainty, len(problem.contacts)
     surfaces = likely_surfaces(problem)
@@ -129,18 +144,52 @@ def draw_scenarios(problem: PlanningProblem, count: int, seed: int, stream: int 
     ranges = np.array([unknown.friction_range(contact.mu) for contact in problem.contacts])
     deviations = np.array((unknown.start[0], unknown.start[0], unknown.start[1]))
     start = deviations * rng.normal(size=(count, 3))
-    # the first push aligns the slider with the fingers: what stays of a displaced start is along the edge
-    aside = np.stack([_across(contact) for contact in problem.contacts], axis=1)
     return Scenarios(
         problem,
         surfaces,
         rng.integers(len(surfaces), size=count),
         # fingers of one material: the same share of every range
         ranges[:, 0] + share * (ranges[:, 1] - ranges[:, 0]),
-        place - start[:, :2] @ aside,
+        place,
         _within(problem.slider, unknown.center_of_mass * rng.normal(size=(count, 2))),
         start,
+        np.ones(count, dtype=bool),
     )
+
+
+def alignment_push(problem: PlanningProblem) -> Push | None:
+    """Return the straight push at the first contact that makes a slider flush whose start is uncertain.
+
+    It is the shortest of a few that does so in nearly all of some scenarios: a finger near the centre of mass turns the slider
+    slowly. None where the start is certain, the contact does not align, or no straight push is stable.
+    """
+    least = clearance(problem)
+    if least == 0 or not aligns(problem.contacts[0]):
+        return None
+    drawn = _draw(problem, _TRIED, seed=0, stream=1)
+    best, most = None, -1.0
+    for factor in _LENGTHS:
+        push = straight_push(problem, factor * least)
+        if push is None:
+            return None
+        share = float(_aligned(drawn, push).flush.mean())
+        if share > most:
+            best, most = push, share
+        if share >= _NEARLY_ALL:
+            break
+    return best
+
+
+def _aligned(drawn: Scenarios, first: Push | None) -> Scenarios:
+    """What a first push leaves of an uncertain start: it moves the fingers in B, for all contacts alike."""
+    problem, start, flush = drawn.problem, drawn.start.copy(), np.zeros(len(drawn), dtype=bool)
+    for row in range(len(drawn)):
+        if first is None:
+            break
+        surface, contact = drawn.surfaces[drawn.surface[row]], drawn.contact(row, 0)
+        start[row], flush[row] = after_first_push(problem, first, surface, contact, drawn.center_of_mass[row], start[row])
+    aside = np.stack([_across(contact) for contact in problem.contacts], axis=1)
+    return replace(drawn, place=drawn.place - start[:, :2] @ aside, start=start, flush=flush)
 
 
 def _within(slider: Slider, centers: FloatArray) -> FloatArray:
@@ -175,7 +224,9 @@ class Choice:
     """
 
     def __init__(self, problem: PlanningProblem, seed: int) -> None:
-        self._all = draw_scenarios(problem, MOST, seed)
+        drawn = draw_scenarios(problem, MOST, seed)
+        # no push holds a slider that is not flush
+        self._all = drawn.take(drawn.flush) if drawn.flush.any() else drawn
         self._contacts = range(len(problem.contacts))
         self._compared = [_compared(problem, number) for number in self._contacts]
         self._margins = [np.empty((0, len(twists))) for twists in self._compared]
@@ -183,6 +234,7 @@ class Choice:
 
     def regions(self, count: int, left_out: int = 0) -> list[StableRegion]:
         """Return for each contact the motions that are stable in all of the first ``count`` scenarios but some."""
+        count = min(count, len(self._all))
         new = self._all.take(np.arange(len(self._margins[0]), count))
         if len(new):
             self._margins = [

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stablepush.core import BoolArray, FloatArray, StablepushError, binomial_interval
-from stablepush.geometry import compose, inverse, transform_points, transport_twist, wrap_angle
+from stablepush.geometry import compose, inverse, transport_twist, wrap_angle
 from stablepush.mechanics import Pusher, simulate_push
 from stablepush.objects import Slider
+from stablepush.planning.alignment import STEP, about
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult, Push
 from stablepush.planning.scenarios import Scenarios, draw_scenarios
@@ -21,8 +22,6 @@ from stablepush.surfaces import LimitSurface
 SCENARIOS = 2000
 #: Scenarios that lose the slider of which the end is simulated: the others are taken to end like these.
 _SIMULATED = 40
-#: Steps of these simulations, over the radius of the slider: final poses are right to 1 mm.
-_STEP = 1 / 25
 
 Interval = tuple[float, float]
 
@@ -74,7 +73,7 @@ def estimate_success(problem: PlanningProblem, result: PlanResult, count: int = 
 
     All of ``problem.uncertainty`` and the likely surfaces count together, over the whole path.
     """
-    scenarios = draw_scenarios(problem, count, seed, stream=2)
+    scenarios = draw_scenarios(problem, count, seed, stream=2, first=result.pushes[0])
     lost, margins = first_losses(scenarios, result)
     sticks = lost < 0
     arrives = np.zeros(count, dtype=bool)
@@ -98,11 +97,12 @@ def first_losses(scenarios: Scenarios, result: PlanResult) -> tuple[np.ndarray, 
         at = [k for k, push in enumerate(pushes) if push.contact == number]
         margins[:, at] = scenarios.margins(number, np.array([pushes[k].twist for k in at]))
     slips = margins < -BOUNDARY_SLACK
+    slips[:, 0] |= ~scenarios.flush
     return np.where(slips.any(axis=1), slips.argmax(axis=1), -1), margins
 
 
 def _aside(problem: PlanningProblem, result: PlanResult, scenarios: Scenarios) -> FloatArray:
-    """Final poses (n, 3) of a slider that sticks: the planned one, but for what alignment leaves of a displaced start."""
+    """Final poses (n, 3) of a slider that sticks: the planned one, but for what is left along the edge of an uncertain start."""
     last = result.pushes[-1]
     theta = problem.contacts[last.contact].frame[2]
     across = np.array((-math.sin(theta), math.cos(theta)))
@@ -122,10 +122,16 @@ def _end(scenarios: Scenarios, row: int, result: PlanResult, first: int) -> Floa
     offset = np.array((*center, 0.0))
     surface = scenarios.surfaces[scenarios.surface[row]]
     # the surface is about the true centre of mass
-    slider = _about(problem.slider, center)
-    pose = compose(result.pushes[first].start, offset)
-    for push in result.pushes[first:]:
+    slider = about(problem.slider, center)
+    at, pushes = result.pushes[first].start, result.pushes[first:]
+    if not scenarios.flush[row]:
+        # where its first push left it; fingers and slider are then where they are
+        scenarios = replace(scenarios, place=scenarios.place * 0)
+        at, pushes = compose(pushes[0].end, scenarios.start[row]), pushes[1:]
+    pose = compose(at, offset)
+    for push in pushes:
         pose = _pushed(scenarios, row, surface, slider, push, pose)
+    # a slider that is flush is where the plan has it, displaced along the edge by what moved the fingers in B the other way
     return compose(pose, inverse(offset))
 
 
@@ -137,17 +143,12 @@ def _pushed(scenarios: Scenarios, row: int, surface: LimitSurface, slider: Slide
     motion = [(transport_twist(push.twist, inverse(docked)), push.duration)]
     try:
         trace = simulate_push(
-            surface, slider, pusher, contact.mu, pose, compose(push.start, docked), motion, step=_STEP * slider.radius
+            surface, slider, pusher, contact.mu, pose, compose(push.start, docked), motion, step=STEP * slider.radius
         )
     except StablepushError:
         # the pusher would land on the slider: it is lost where it lies
         return pose
     return trace.poses[-1]
-
-
-def _about(slider: Slider, center: FloatArray) -> Slider:
-    """The slider with its origin at another centre of mass."""
-    return Slider(transform_points((-center[0], -center[1], 0.0), slider.vertices), slider.mass)
 
 
 def _failures(
@@ -169,7 +170,9 @@ def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
         "centre of mass, x": (1000 * scenarios.center_of_mass[:, 0], " mm"),
         "centre of mass, y": (1000 * scenarios.center_of_mass[:, 1], " mm"),
     }
-    best, words = 0.0, "the limit surface"
+    if 2 * np.count_nonzero(~scenarios.flush[rows]) > len(rows):
+        return "the slider is not square to the fingers after the first push"
+    best, words = 0.0, "another limit surface"
     for name, (values, unit_of) in everything.items():
         scatter = float(values.std())
         shift = (float(values[rows].mean()) - float(values.mean())) / scatter if scatter > 0 else 0.0

@@ -1,23 +1,38 @@
-"""A plan in time: poses of slider and pusher at a fixed rate, under a limit on speed and on acceleration; as CSV."""
+"""A plan in time: poses and velocities of slider and pusher at a uniform step, from rest to rest, as CSV.
+
+Scenes and plans place a pusher by the frame of its contact points; trajectories and logs by that of the centres of its fingers,
+which lies behind it by the radius of the fingers: ``pusher = docked * (-finger_radius, 0, 0)``. Both are on the slider's pose:
+``docked = slider * contact.frame`` (:func:`finger_frame`).
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import shapely
+from numpy.typing import ArrayLike
 
-from stablepush.core import FloatArray, InputError, check_number, read_only
-from stablepush.geometry import compose, normalize_twist, unit, wrap_angle
+from stablepush.core import FloatArray, InputError, check_array, check_number
+from stablepush.geometry import compose, normalize_twist, transform_points, unit, wrap_angle
 from stablepush.io import read_table, table_text, write_atomically
+from stablepush.objects import PushContact
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult, Push, Transfer
 
 #: Unit twists of pushes in a row that differ by no more than this (rad) are passed without a stop.
 PASSES = 0.1
+#: What the pusher does: it comes to the first contact, pushes, changes the contact, and goes back from the last.
+PHASES = ("approach", "push", "transfer", "retract")
+#: Shares of the standoff that are tried, the first that is free counts.
+_SHARES = (1.0, 0.75, 0.5, 0.25, 0.1)
 
-_COLUMNS = ("t", "segment", "contact", "x", "y", "theta", "px", "py", "ptheta")
+_NUMBERS = ("t", "x", "y", "theta", "px", "py", "ptheta", "pvx", "pvy", "pomega")
+_TOOL = ("tx", "ty", "tz", "qx", "qy", "qz", "qw")
 #: Samples that a trajectory may have.
 _MOST_SAMPLES = 5_000_000
 
@@ -26,110 +41,275 @@ _MOST_SAMPLES = 5_000_000
 class Trajectory:
     """Samples of a plan.
 
-    ``t`` (n,) in s from its start; ``segment`` and ``contact`` (n,): numbers of the segment and of the contact at which the
-    pusher is docked, -1 in transfer between two; ``slider`` (n, 3): poses of B in W; ``pusher`` (n, 3): poses of its frame in W.
+    ``t`` (n,) in s, a uniform step; ``slider`` (n, 3): poses of B in W; ``pusher`` (n, 3): poses of the frame of the fingers'
+    centres in W; ``velocity`` (n, 3): of that frame, in W (m/s, rad/s); ``phase`` (n,): words of :data:`PHASES`; ``segment`` and
+    ``contact`` (n,): numbers of the segment and of the contact at which the pusher is docked, -1 where it is not.
     """
 
     t: FloatArray
-    segment: FloatArray
-    contact: FloatArray
     slider: FloatArray
     pusher: FloatArray
+    velocity: FloatArray
+    phase: np.ndarray
+    segment: FloatArray
+    contact: FloatArray
+
+    def __post_init__(self) -> None:
+        for column in fields(self):
+            getattr(self, column.name).setflags(write=False)
+
+    def tool_poses(self, height: float = 0.0, tool: ArrayLike = (0, 0, 0, 0, 0, 0, 1)) -> FloatArray:
+        """Return poses (n, 7) in W, ``x, y, z`` in m and a quaternion ``x, y, z, w``, of a frame that is fixed to the pusher.
+
+        Parameters
+        ----------
+        height : float
+            Of the pusher's frame above the table, in m.
+        tool : array-like, shape (7,)
+            Pose of the wanted frame (a flange, a tool centre point) in that of the pusher, whose z axis points up.
+        """
+        # slow to import, and needed here only
+        from scipy.spatial.transform import Rotation
+
+        place = check_array(tool, "tool", (7,))
+        if not place[3:].any():
+            raise InputError("tool", "expected a quaternion that is not zero, after x, y, z")
+        turn = Rotation.from_euler("z", self.pusher[:, 2:])
+        origin = np.column_stack((self.pusher[:, :2], np.full(len(self.t), check_number(height, "height"))))
+        return np.column_stack((origin + turn.apply(place[:3]), (turn * Rotation.from_quat(place[3:])).as_quat()))
+
+
+def finger_frame(contact: PushContact, finger_radius: float) -> FloatArray:
+    """Return the pose (3,) in B of the frame of the fingers' centres: behind the frame of the contact points."""
+    return compose(contact.frame, np.array((-finger_radius, 0.0, 0.0)))
 
 
 def sample_plan(
-    problem: PlanningProblem, result: PlanResult, rate: float = 50.0, acceleration: float | None = None
+    problem: PlanningProblem,
+    result: PlanResult,
+    rate: float = 50.0,
+    acceleration: float = 0.1,
+    *,
+    jerk: float = 1.0,
+    speed: float = math.inf,
+    standoff: float = 0.02,
 ) -> Trajectory:
-    """Return the poses of slider and pusher over time.
+    """Return the poses and velocities of slider and pusher over time.
 
-    Without an acceleration the pushes run at the speed limit from end to end, as the plan has them. With one, the slider starts
-    and ends at rest, and rests where the unit twist jumps by more than :data:`PASSES`: blended corners are passed. No point of
-    its outline then speeds up along its path by more than ``acceleration`` (m/s²), nor exceeds the speed limit. A push is
-    quasi-static where that is small against ``mu g`` of the support.
+    The pusher comes straight to the first contact, and goes straight back from the last. It rests where the unit twist of the
+    slider jumps by more than :data:`PASSES`, and at the corners of its path in a change of contact; blended corners are passed.
+    Between, the way of the fastest point, of the slider's outline and the pusher's frame, is the quickest motion from rest to
+    rest within the limits (Ruckig, Berscheid and Kroeger 2021). So the clock may run longer than the plan's.
 
     Parameters
     ----------
     rate : float
-        Samples a second; the ends of the segments are samples too.
-    acceleration : float, optional
+        Samples a second.
+    acceleration, jerk : float
+        Largest acceleration (m/s²) and jerk (m/s³) along that way; infinite: at once. A push is quasi-static where the
+        acceleration is small against ``mu g`` of the support.
+    speed : float
+        Largest speed (m/s) of that point; the plan's if that is less.
+    standoff : float
+        Way (m) of approach and retract; less where obstacles or bounds leave no room.
 
     Raises
     ------
     InputError
-        If the plan is not solved, or not one for this problem.
+        If the plan is not solved, is not one for this problem, or has a change of contact without a path.
     """
     if not result.solved:
         raise InputError("plan", f"expected a solved plan, its status is {result.status}")
     _require_fit(problem, result)
     hertz = check_number(rate, "rate", positive=True)
-    limit = None if acceleration is None else check_number(acceleration, "acceleration", positive=True)
-    law = _TimeLaw(problem, result, limit)
-    if law.ends[-1] * hertz > _MOST_SAMPLES:
+    asked = {"acceleration": acceleration, "jerk": jerk, "speed": speed}
+    limits = {name: value if value == math.inf else check_number(value, name, positive=True) for name, value in asked.items()}
+    away = check_number(standoff, "standoff", at_least=0.0)
+    legs = list(_legs(problem, result, away))
+    laws = [_rest_to_rest(leg.length, min(leg.speed, limits["speed"]), limits) for leg in legs]
+    ends = np.cumsum([law[0] for law in laws] + _waits(result, legs, [law[0] for law in laws]))
+    if ends[-1] * hertz > _MOST_SAMPLES:
         raise InputError("rate", f"expected at most {_MOST_SAMPLES} samples in all, at {hertz:g} a second there are more")
-    pose, begin = problem.start, 0.0
-    parts: list[FloatArray] = []
+    # a whole number of steps, also when it is more by rounding
+    t = np.arange(math.ceil(ends[-1] * hertz - 1e-9) + 1) / hertz
+    # the end is of the last leg that takes time
+    which = np.minimum(np.searchsorted(ends, t, side="right"), np.searchsorted(ends, ends[-1]))
+    table = np.empty((len(t), 9))
+    numbers = np.empty((len(t), 2))
+    for k in np.unique(which):
+        rows = np.flatnonzero(which == k)
+        begin = float(ends[k - 1]) if k else 0.0
+        done, pace = np.array([laws[k][1](now - begin) for now in t[rows]]).T
+        table[rows, :3], table[rows, 3:6], table[rows, 6:], numbers[rows] = legs[k].states(done, pace)
+    table[:, 2], table[:, 5] = wrap_angle(table[:, 2]), wrap_angle(table[:, 5])
+    phase = np.array([legs[k].phase for k in which])
+    return Trajectory(t, table[:, :3], table[:, 3:6], table[:, 6:], phase, numbers[:, 0], numbers[:, 1])
+
+
+States = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Leg:
+    """A motion from rest to rest in segment ``number``: ``length`` (m) of the way of its fastest point, ``speed`` (m/s) at most.
+
+    ``states`` gives poses of slider and pusher, velocities of the pusher and numbers of segment and contact, after ways (n,) at
+    paces (n,) in m/s.
+    """
+
+    phase: str
+    number: int
+    length: float
+    speed: float
+    states: Callable[[FloatArray, FloatArray], States]
+
+
+def _rest_to_rest(length: float, speed: float, limits: dict[str, float]) -> tuple[float, Callable[[float], tuple[float, float]]]:
+    """How long (s) a way takes, and way and pace at a time."""
+    import ruckig
+
+    if length <= 0:
+        return 0.0, lambda _: (0.0, 0.0)
+    asked, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
+    asked.current_position, asked.target_position = [0.0], [length]
+    asked.max_velocity, asked.max_acceleration, asked.max_jerk = [speed], [limits["acceleration"]], [limits["jerk"]]
+    ruckig.Ruckig(1).calculate(asked, found)
+
+    def at(now: float) -> tuple[float, float]:
+        if now >= found.duration:
+            return length, 0.0
+        way, pace, _ = found.at_time(max(now, 0.0))
+        return min(max(way[0], 0.0), length), max(pace[0], 0.0)
+
+    return found.duration, at
+
+
+def _waits(result: PlanResult, legs: Sequence[_Leg], times: Sequence[float]) -> FloatArray:
+    """Times (s) that the pusher rests after each leg: a change of contact takes what the plan says, or longer."""
+    waits = np.zeros(len(legs))
     for number, segment in enumerate(result.segments):
-        end = float(law.ends[number])
-        # a whole number of steps, also when it is more by rounding
-        samples = max(1, math.ceil((end - begin) * hertz - 1e-9))
-        # the first sample of a segment is the last of the one before
-        t = np.linspace(begin, end, samples + 1)[0 if number == 0 else 1 :]
-        rows = np.empty((len(t), 9))
-        rows[:, 0], rows[:, 1] = t, number
+        rows = [k for k, leg in enumerate(legs) if leg.number == number and leg.phase == "transfer"]
+        if isinstance(segment, Transfer) and rows:
+            waits[rows[-1]] = max(0.0, segment.duration - sum(times[k] for k in rows))
+    return waits
+
+
+def _legs(problem: PlanningProblem, result: PlanResult, standoff: float) -> Iterator[_Leg]:
+    pose, first = problem.start, result.segments[0]
+    contact = first.contact if isinstance(first, Push) else first.source
+    yield _straight(problem, pose, contact, standoff, "approach", 0)
+    for run in _runs(problem, result):
+        segment = result.segments[run[0]]
         if isinstance(segment, Push):
-            done = np.clip(law.behind(number, t), 0.0, segment.duration)
-            done[-1] = segment.duration
-            rows[:, 2], rows[:, 3:6] = segment.contact, segment.poses(done)
-            rows[:, 6:9] = compose(rows[:, 3:6], problem.contacts[segment.contact].frame)
-            pose = segment.end
+            pushes = [s for s in result.segments[run[0] : run[-1] + 1] if isinstance(s, Push)]
+            yield _pushing(problem, run[0], pushes)
+            pose, contact = pushes[-1].end, segment.contact
         else:
-            rows[:, 2], rows[:, 3:6] = -1, pose
-            share = (t - begin) / (end - begin) if end > begin else np.ones(len(t))
-            rows[:, 6:9] = pusher_in_transfer(problem, segment, pose, share)
-            rows[-1, 2] = segment.target
-        parts.append(rows)
-        begin = end
-    table = np.concatenate(parts)
-    table[:, 5], table[:, 8] = wrap_angle(table[:, 5]), wrap_angle(table[:, 8])
-    return _trajectory(table.T)
+            yield from _transfer(problem, run[0], segment, pose)
+            contact = segment.target
+    yield _straight(problem, pose, contact, standoff, "retract", len(result.segments) - 1)
 
 
-class _TimeLaw:
-    """When the segments of a plan end, and how far each is at a time."""
+def _runs(problem: PlanningProblem, result: PlanResult) -> list[list[int]]:
+    """Numbers of segments that are passed without a stop."""
+    rho, runs = problem.surface.characteristic_length, [[0]]
+    for number in range(1, len(result.segments)):
+        before, segment = result.segments[number - 1 : number + 1]
+        passes = False
+        if isinstance(segment, Push) and isinstance(before, Push) and before.contact == segment.contact:
+            u, v = (unit(normalize_twist(s.twist, rho)) for s in (before, segment))
+            passes = float(np.linalg.norm(u - v)) <= PASSES
+        if passes:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return runs
 
-    def __init__(self, problem: PlanningProblem, result: PlanResult, limit: float | None) -> None:
-        self._durations = np.array([segment.duration for segment in result.segments])
-        self._limit = limit
-        #: first and last of the segments that are passed without a stop, by segment, and the speed (m/s) of the fastest point
-        self._runs: list[tuple[int, int]] = []
-        self._speeds = [float(problem.push_speed(s.twist)) if isinstance(s, Push) else 0.0 for s in result.segments]
-        rho = problem.surface.characteristic_length
-        for number, segment in enumerate(result.segments):
-            before = result.segments[number - 1] if number else None
-            first = number
-            if isinstance(segment, Push) and isinstance(before, Push) and before.contact == segment.contact:
-                u, v = (unit(normalize_twist(s.twist, rho)) for s in (before, segment))
-                if float(np.linalg.norm(u - v)) <= PASSES:
-                    first = self._runs[-1][0]
-            self._runs = [(a, number) if a == first else (a, b) for a, b in self._runs] + [(first, number)]
-        self.ends = np.cumsum(self._durations)
-        if limit is not None:
-            now = 0.0
-            for first, last in dict.fromkeys(self._runs):
-                behind = np.cumsum(self._durations[first : last + 1])
-                if isinstance(result.segments[first], Push):
-                    behind = ramp_times(behind, float(behind[-1]), max(self._speeds[first : last + 1]), limit)
-                self.ends[first : last + 1] = now + behind
-                now = float(self.ends[last])
 
-    def behind(self, number: int, t: FloatArray) -> FloatArray:
-        """Return what of a push, as time (n,) at full speed, is behind at times (n,)."""
-        first, last = self._runs[number] if self._limit is not None else (number, number)
-        begin = float(self.ends[first - 1]) if first else 0.0
-        if self._limit is None:
-            return np.asarray(t - begin)
-        total, before = float(self._durations[first : last + 1].sum()), float(self._durations[first:number].sum())
-        return ramp(t - begin, total, max(self._speeds[first : last + 1]), self._limit) - before
+def _pushing(problem: PlanningProblem, first: int, pushes: Sequence[Push]) -> _Leg:
+    docked = finger_frame(problem.contacts[pushes[0].contact], problem.finger_radius)
+    twists = np.array([push.twist for push in pushes])
+    fingers = np.hypot(twists[:, 0] - twists[:, 2] * docked[1], twists[:, 1] + twists[:, 2] * docked[0])
+    speeds = np.maximum(problem.push_speed(twists), fingers)
+    ends = np.cumsum(speeds * [push.duration for push in pushes])
+
+    def states(done: FloatArray, pace: FloatArray) -> States:
+        which = np.minimum(np.searchsorted(ends, done, side="right"), len(pushes) - 1)
+        slider, velocity = np.empty((len(done), 3)), np.empty((len(done), 3))
+        for k in np.unique(which):
+            rows = np.flatnonzero(which == k)
+            behind = done[rows] - (ends[k - 1] if k else 0.0)
+            slider[rows] = pushes[k].poses(np.minimum(behind / speeds[k], pushes[k].duration))
+            slider[rows[behind >= ends[k] - (ends[k - 1] if k else 0.0)]] = pushes[k].end
+            # of B, turned into W
+            vx, vy, omega = pushes[k].twist / speeds[k]
+            c, s = np.cos(slider[rows, 2]), np.sin(slider[rows, 2])
+            velocity[rows] = pace[rows, None] * np.column_stack((c * vx - s * vy, s * vx + c * vy, np.full(len(rows), omega)))
+        pusher = compose(slider, docked)
+        arm = pusher[:, :2] - slider[:, :2]
+        velocity[:, :2] += velocity[:, 2:] * np.column_stack((-arm[:, 1], arm[:, 0]))
+        numbers = np.column_stack((first + which, np.full(len(done), pushes[0].contact)))
+        return slider, pusher, velocity, numbers
+
+    return _Leg("push", first, float(ends[-1]), float(speeds.min()), states)
+
+
+def _line(problem: PlanningProblem, pose: FloatArray, a: FloatArray, b: FloatArray, phase: str, number: int) -> _Leg:
+    """A straight way of the docked frame from one pose (3,) to another while the slider rests; the heading turns evenly."""
+    step = np.array((*(b[:2] - a[:2]), float(wrap_angle(b[2] - a[2]))))
+    length = float(np.hypot(*step[:2])) + _turning_radius(problem) * abs(float(step[2]))
+    behind = np.array((-problem.finger_radius, 0.0, 0.0))
+
+    def states(done: FloatArray, pace: FloatArray) -> States:
+        share = (done / length if length else np.ones(len(done)))[:, None]
+        docked = a + share * step
+        pusher = compose(docked, behind)
+        velocity = (pace / length if length else np.zeros(len(done)))[:, None] * step
+        arm = pusher[:, :2] - docked[:, :2]
+        velocity[:, :2] += velocity[:, 2:] * np.column_stack((-arm[:, 1], arm[:, 0]))
+        return np.tile(pose, (len(done), 1)), pusher, velocity, np.tile((number, -1.0), (len(done), 1))
+
+    return _Leg(phase, number, length, problem.speed, states)
+
+
+def _straight(problem: PlanningProblem, pose: FloatArray, contact: int, standoff: float, phase: str, number: int) -> _Leg:
+    docked = compose(pose, problem.contacts[contact].frame)
+    ahead = np.array((math.cos(docked[2]), math.sin(docked[2]), 0.0))
+    away = docked - _free_way(problem, pose, contact, ahead[:2], standoff) * ahead
+    return _line(problem, pose, *((away, docked) if phase == "approach" else (docked, away)), phase, number)
+
+
+def _free_way(problem: PlanningProblem, pose: FloatArray, contact: int, ahead: FloatArray, standoff: float) -> float:
+    """How far (m), up to the standoff, the docked pusher can go back without hitting anything."""
+    points = problem.contacts[contact].points - problem.finger_radius * problem.contacts[contact].normals
+    if problem.pusher is not None:
+        points = transform_points(problem.contacts[contact].frame, problem.pusher)
+    placed, radius = transform_points(pose, points), 0.0 if problem.pusher is not None else problem.finger_radius
+    # what only touches does not hit
+    obstacles = shapely.buffer(shapely.union_all([shapely.Polygon(o) for o in problem.obstacles]), -1e-6)
+    for share in _SHARES:
+        both = np.concatenate((placed, placed - share * standoff * ahead))
+        swept = shapely.buffer(shapely.convex_hull(shapely.MultiPoint(both)), radius)
+        inside = problem.bounds is None or shapely.box(*problem.bounds).buffer(1e-6).covers(swept)
+        if inside and not shapely.intersects(swept, obstacles):
+            return share * standoff
+    return 0.0
+
+
+def _transfer(problem: PlanningProblem, number: int, segment: Transfer, pose: FloatArray) -> Iterator[_Leg]:
+    path = segment.pusher_path
+    if not len(path):
+        raise InputError(f"segments[{number}].pusher_path", "expected a path: the pusher would jump from contact to contact")
+    for a, b in pairwise(path):
+        yield _line(problem, pose, a, b, "transfer", number)
+
+
+def _turning_radius(problem: PlanningProblem) -> float:
+    """Of the point (m) of the pusher that turning about the docked frame moves most."""
+    corners = [problem.finger_radius, *(np.hypot(*(contact.points - contact.frame[:2]).T).max() for contact in problem.contacts)]
+    if problem.pusher is not None:
+        corners.append(np.hypot(*problem.pusher.T).max())
+    return max(float(max(corners)), 1e-3 * problem.slider.radius)
 
 
 def _require_fit(problem: PlanningProblem, result: PlanResult) -> None:
@@ -154,37 +334,6 @@ def _require_fit(problem: PlanningProblem, result: PlanResult) -> None:
             pose = segment.end
 
 
-def ramped_duration(duration: float, speed: float, acceleration: float) -> float:
-    """Return how long (s) a motion of ``duration`` at ``speed`` takes from rest to rest.
-
-    ``d + v/a``, or ``2 sqrt(v d/a)`` if it is too short to reach the speed.
-    """
-    rise = speed / acceleration
-    return duration + rise if duration >= rise else 2 * math.sqrt(rise * duration)
-
-
-def ramp_times(done: FloatArray, duration: float, speed: float, acceleration: float) -> FloatArray:
-    """Return the times (n,) at which travels (n,), as times at full speed, are behind: the inverse of :func:`ramp`."""
-    rise = speed / acceleration
-    total = ramped_duration(duration, speed, acceleration)
-    up = min(rise, total / 2)
-    early = np.minimum(done, duration - done)
-    slow = up**2 / (2 * rise)
-    t = np.where(early <= slow, np.sqrt(2 * rise * np.maximum(early, 0.0)), up + (early - slow) * rise / up)
-    return np.asarray(np.where(done <= duration / 2, t, total - t))
-
-
-def ramp(t: FloatArray, duration: float, speed: float, acceleration: float) -> FloatArray:
-    """Return the travel (n,), as time at full speed, that is behind at times ``t`` (n,) of a motion from rest to rest."""
-    rise = speed / acceleration
-    total = ramped_duration(duration, speed, acceleration)
-    up = min(rise, total / 2)
-    # mirrored in the middle: the second half is the first, backwards
-    early = np.minimum(t, total - t)
-    done = np.where(early <= up, early**2 / (2 * rise), up**2 / (2 * rise) + (early - up) * up / rise)
-    return np.asarray(np.where(t <= total / 2, done, duration - done))
-
-
 def pusher_in_transfer(problem: PlanningProblem, transfer: Transfer, pose: FloatArray, share: FloatArray) -> FloatArray:
     """Return the poses (n, 3) of the pusher at shares (n,) of its path; a path that is not given jumps at its end."""
     path = transfer.pusher_path
@@ -200,18 +349,30 @@ def pusher_in_transfer(problem: PlanningProblem, transfer: Transfer, pose: Float
     return np.stack([np.interp(at, along, column) for column in (path[:, 0], path[:, 1], heading)], axis=-1)
 
 
-def save_trajectory(trajectory: Trajectory, path: str | Path) -> None:
-    """Write a trajectory as CSV: ``t, segment, contact, x, y, theta`` of the slider and ``px, py, ptheta`` of the pusher."""
-    values = (trajectory.t, trajectory.segment, trajectory.contact, *trajectory.slider.T, *trajectory.pusher.T)
-    write_atomically(Path(path), table_text(dict(zip(_COLUMNS, values, strict=True))))
+def save_trajectory(trajectory: Trajectory, path: str | Path, tool_poses: FloatArray | None = None) -> None:
+    """Write a trajectory as CSV.
+
+    Columns: ``t``, ``x, y, theta`` of the slider, ``px, py, ptheta`` of the pusher, ``pvx, pvy, pomega`` of the pusher in W,
+    ``phase``, ``segment``, ``contact``; with :meth:`Trajectory.tool_poses` also ``tx, ty, tz, qx, qy, qz, qw``.
+    """
+    values = (trajectory.t, *trajectory.slider.T, *trajectory.pusher.T, *trajectory.velocity.T)
+    table = dict(zip(_NUMBERS, values, strict=True))
+    table |= {
+        "phase": trajectory.phase.astype(object),
+        "segment": trajectory.segment.astype(int),
+        "contact": trajectory.contact.astype(int),
+    }
+    if tool_poses is not None:
+        table |= dict(zip(_TOOL, tool_poses.T, strict=True))
+    write_atomically(Path(path), table_text(table))
 
 
 def load_trajectory(path: str | Path) -> Trajectory:
     """Read a trajectory that :func:`save_trajectory` wrote."""
-    table, _ = read_table(Path(path), required=_COLUMNS, numbers=_COLUMNS, filled=_COLUMNS)
-    return _trajectory(np.array([np.asarray(table[name], dtype=np.float64) for name in _COLUMNS]))
-
-
-def _trajectory(columns: FloatArray) -> Trajectory:
-    t, segment, contact = (read_only(c.copy()) for c in columns[:3])
-    return Trajectory(t, segment, contact, read_only(columns[3:6].T.copy()), read_only(columns[6:].T.copy()))
+    numbers = (*_NUMBERS, "segment", "contact")
+    table, _ = read_table(Path(path), required=(*numbers, "phase"), numbers=numbers, filled=numbers)
+    columns = np.array([np.asarray(table[name], dtype=np.float64) for name in numbers])
+    phase = np.asarray(table["phase"], dtype=str)
+    for row in np.flatnonzero(~np.isin(phase, PHASES))[:1]:
+        raise InputError(f"line {row + 2}, column phase", f"expected {', '.join(PHASES)}", repr(str(phase[row])), file=path)
+    return Trajectory(columns[0], columns[1:4].T, columns[4:7].T, columns[7:10].T, phase, columns[10], columns[11])

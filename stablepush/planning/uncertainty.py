@@ -6,7 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stablepush.core import InputError, Node, check_array, check_number
+from stablepush.core import InputError, Node, UnsupportedContactError, check_array, check_number
+from stablepush.objects import PushContact
+
+#: Normals that differ by less are one.
+_SAME = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +28,8 @@ class Uncertainty:
     center_of_mass : float
         Standard deviation (m) of the centre of mass along each axis of B.
     start : pair of floats
-        Standard deviations of the slider's start pose under the pusher: of each coordinate in m, of the heading in rad.
+        Standard deviations of the slider's start pose under the pusher: of each coordinate in m, of the heading in rad. Plans
+        then begin with a straight push that aligns the slider with two fingers.
     """
 
     contact_friction: float | tuple[float, float] = 0.1
@@ -55,6 +60,33 @@ class Uncertainty:
         if isinstance(self.contact_friction, tuple):
             return self.contact_friction
         return mu * (1 - self.contact_friction), mu * (1 + self.contact_friction)
+
+    def worst_contact(self, contact: PushContact) -> PushContact:
+        """Return a contact whose wrench cone lies in the cones of all contacts that a nominal one may be.
+
+        Friction at the lower end of its range, and two fingers on one edge nearer to each other by the half-width of their place
+        on each side. The cone of a line contact is ``mu n·f >= |t·f|`` and ``p_b x f <= tau <= p_a x f``. Less friction
+        shrinks it, and moving both points by ``s`` along ``t`` adds ``s (t x f)``, of one sign for all ``n·f > 0``, to both
+        bounds. So what holds here holds for every friction and place within them.
+
+        Raises
+        ------
+        UnsupportedContactError
+            If the places are uncertain and the contact is not two fingers on one edge that stay two.
+        """
+        mu, side = self.friction_range(contact.mu)[0], self.contact_place
+        if side == 0:
+            return PushContact(contact.points, contact.normals, mu)
+        line = len(contact.points) == 2 and bool(np.abs(contact.normals[0] - contact.normals[1]).max() < _SAME)
+        along = np.subtract(*contact.points) if line else np.zeros(2)
+        width = float(np.linalg.norm(along))
+        if not line or abs(float(along @ contact.normals[0])) > _SAME or width <= 2 * side:
+            raise UnsupportedContactError(
+                "guarantee: expected two fingers on one edge, farther apart than their places are uncertain; "
+                "uncertainty.contact_place=0 takes the places as exact"
+            )
+        inward = along * (side / width)
+        return PushContact(contact.points + ((-1.0,), (1.0,)) * inward, contact.normals, mu)
 
     def to_json(self) -> dict[str, object]:
         """Return the ``uncertainty`` of a ``scene/1``."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from stablepush.core import FloatArray, InputError, check_number
+from stablepush.core import InputError, check_number
 from stablepush.geometry import transform_points
 from stablepush.planning import PlanningProblem, PlanResult, plan, planner_names
 from stablepush.rig.commands import Command, contact_push
@@ -90,21 +90,12 @@ def execute_closed_loop(
             return replace(session.done(), plans=number)
         if number > attempts:
             break
-        here = replace_start(problem, pose)
+        here = problem.starting_at(pose)
         again = plan(here, planner, seed=seed)
         if not again.solved or not again.pushes:
             return replace(session.done(), plans=number, stop_reason=f"no plan from where the slider was left: {again.status}")
         followed = again
     return replace(session.done(), plans=attempts + 1, stop_reason=f"off the plan still after {attempts} new ones")
-
-
-def replace_start(problem: PlanningProblem, start: FloatArray) -> PlanningProblem:
-    """Return a problem that starts elsewhere."""
-    p = problem
-    return PlanningProblem(
-        p.slider, p.surface, p.contacts, start, p.goal, p.obstacles, p.bounds, p.pusher, p.tolerance, p.speed, p.switch_cost,
-        p.min_margin, p.uncertainty
-    )  # fmt: skip
 
 
 def require_contacts(problem: PlanningProblem) -> None:

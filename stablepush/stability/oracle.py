@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from stablepush.core import BoolArray, FloatArray
 from stablepush.geometry import normalize_wrench, twist_from_cor
 from stablepush.objects import PushContact, WrenchCone
-from stablepush.surfaces import LimitSurface
+from stablepush.surfaces import LimitSurface, check_surface
 
 #: Stable sets are closed; a margin (rad) this far below zero is on the boundary, to the accuracy of H_inv.
 BOUNDARY_SLACK = 1e-9
@@ -29,7 +29,7 @@ class StabilityOracle:
     cone: WrenchCone
 
     def __init__(self, surface: LimitSurface, contact: PushContact) -> None:
-        object.__setattr__(self, "surface", surface)
+        object.__setattr__(self, "surface", check_surface(surface, "surface"))
         object.__setattr__(self, "contact", contact)
         object.__setattr__(self, "cone", contact.cone(surface.characteristic_length))
 

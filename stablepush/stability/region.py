@@ -44,7 +44,7 @@ from stablepush.stability.kernels.chart import (
     twists_from_homogeneous,
 )
 from stablepush.stability.oracle import StabilityOracle
-from stablepush.surfaces import LimitSurface
+from stablepush.surfaces import LimitSurface, check_surface
 
 #: Largest angle (rad) on the sphere of unit twists between the boundary and the polygon that stands for it.
 BOUNDARY_TOLERANCE = 2e-5
@@ -246,7 +246,7 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
         If the wrench cone holds a line but not every wrench (opposed fingers without friction, and another): its region ends in
         opposite motions.
     """
-    if not surface.is_dual:
+    if not check_surface(surface, "surface").is_dual:
         raise InputError(
             "surface",
             f"expected a limit surface; the slip and the loads of a {type(surface).__name__} do not agree, "

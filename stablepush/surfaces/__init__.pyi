@@ -11,5 +11,5 @@ from .monomials import (
     substitution as substitution,
 )
 from .polynomial import FORCE_UNITS as FORCE_UNITS, PolynomialLimitSurface as PolynomialLimitSurface
-from .protocol import LimitSurface as LimitSurface
+from .protocol import LimitSurface as LimitSurface, check_surface as check_surface
 from .registry import surface_kinds as surface_kinds, surface_of_kind as surface_of_kind

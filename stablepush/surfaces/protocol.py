@@ -73,3 +73,10 @@ class LimitSurface(ABC):
     @abstractmethod
     def from_json(cls, node: Node) -> Self:
         """Read the value of a ``model/1`` of this kind; raises :class:`InputError` with file and key."""
+
+
+def check_surface(surface: object, name: str) -> LimitSurface:
+    """Return what is a limit surface; another raises an :class:`InputError` that names the argument."""
+    if not isinstance(surface, LimitSurface):
+        raise InputError(name, "expected a limit surface, a LimitSurface", type(surface).__name__)
+    return surface

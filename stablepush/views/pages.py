@@ -283,15 +283,16 @@ def _plan_data(problem: PlanningProblem, result: PlanResult) -> dict[str, Any]:
             shares = np.linspace(0.0, 1.0, _TRANSFER_POSES)
             entry["way"] = pusher_in_transfer(problem, segment, pose, shares).tolist()
         segments.append(entry)
-    docked = [None if problem.pusher is None else transform_points(c.frame, problem.pusher).tolist() for c in problem.contacts]
+    docked = [[outline.tolist() for outline in problem.docked_outlines(contact)] for contact in problem.contacts]
     return {
         "status": result.status,
         "slider": problem.slider.vertices.tolist(),
         "contacts": [c.points.tolist() for c in problem.contacts],
         "docked": docked,
-        "pusher": None if problem.pusher is None else problem.pusher.tolist(),
+        "pusher": [[outline.tolist() for outline in problem.pusher_outlines(contact)] for contact in problem.contacts],
         "obstacles": [o.tolist() for o in problem.obstacles],
         "bounds": None if problem.bounds is None else problem.bounds.tolist(),
+        "ends": [] if result.success is None else result.success.ends.tolist(),
         "first": problem.start.tolist(),
         "last": problem.goal.tolist(),
         "frame": _frame(problem, result).tolist(),

@@ -186,8 +186,20 @@ def test_plans_are_compared_and_sampled(rig, tmp_path, capsys):
     arguments = [str(rig / "scene.json"), str(tmp_path / "p.json")]
     assert main(["plan", *arguments[:1], "--refinement-budget", "0", "--margin-weight", "1", "-o", arguments[1]]) == 0
     assert main(["trajectory", *arguments, "--rate", "10", "--acceleration", "0.1", "-o", str(tmp_path / "t.csv")]) == 0
-    assert (tmp_path / "t.csv").read_text().startswith("t,segment,contact,x,y,theta,px,py,ptheta\n")
-    for bad in (["--rate", "0"], ["--rate", "nan"], ["--acceleration", "-1"]):
+    assert (tmp_path / "t.csv").read_text().startswith("t,x,y,theta,px,py,ptheta,pvx,pvy,pomega,phase,segment,contact\n")
+    assert "the plan takes" in capsys.readouterr().out
+    tool = ["--height", "0.01", "--tool", "0", "0", "0.1", "1", "0", "0", "0"]
+    assert main(["trajectory", *arguments, "--jerk", "inf", "--speed", "0.01", *tool, "-o", str(tmp_path / "t.csv")]) == 0
+    assert (tmp_path / "t.csv").read_text().splitlines()[0].endswith(",contact,tx,ty,tz,qx,qy,qz,qw")
+    for bad in (
+        ["--rate", "0"],
+        ["--rate", "nan"],
+        ["--acceleration", "-1"],
+        ["--jerk", "0"],
+        ["--standoff", "-1"],
+        ["--tool", "0", "0", "0", "0", "0", "0", "x"],
+        ["--tool", "0", "0", "0", "0", "0", "0", "0"],
+    ):
         capsys.readouterr()
         assert main(["trajectory", *arguments, *bad, "-o", str(tmp_path / "none.csv")]) == 2
         assert capsys.readouterr().err.count("\n") == 1

@@ -176,7 +176,8 @@ def test_the_contact_graph_holds_paths_round_the_slider():
     path = compose((0.5, 0.5, 0.3), graph.edges[0, 1]["path"])
     for end, contact in ((0, 0), (-1, 1)):
         np.testing.assert_allclose(path[end, :2], compose((0.5, 0.5, 0.3), problem.contacts[contact].frame)[:2])
-    assert contact_graph(two_edges(pusher=None)).edges[0, 1]["length"] == 0
+    # fingers that are points go round, too
+    assert contact_graph(two_edges(pusher=None)).edges[0, 1]["length"] > 0.05
 
 
 @pytest.mark.parametrize("corners", (3, 5, 7, 11, 12, 30))

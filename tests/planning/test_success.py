@@ -174,3 +174,43 @@ BAD = (
     ({"center_of_mass": "1 mm"}, "number"),
     ({"friction": 0.1}, "friction"),
 )
+
+
+def test_the_worst_contact_lies_in_all_that_a_contact_may_be():
+    """Guarantees hold with every friction and place: against the cones of contacts within the uncertainty."""
+    slider = triangle()
+    nominal = sp.PushContact.on_edge(slider, 1, 0.1, 0.05, 0.6)
+    unknown = sp.Uncertainty(contact_friction=0.2, contact_place=0.004)
+    worst = unknown.worst_contact(nominal)
+    assert worst.mu == pytest.approx(0.48)
+    assert np.linalg.norm(np.subtract(*worst.points)) == pytest.approx(0.042)
+    rng = np.random.default_rng(0)
+    along = np.array((-nominal.normals[0][1], nominal.normals[0][0]))
+    rays = worst.rays(RHO)
+    # on the boundary of the worst cone some contact is at its own: it is not smaller than it must be
+    touched = np.zeros(len(worst.cone(RHO).normals), dtype=bool)
+    for _ in range(300):
+        mu, aside = (0.48, 0.72)[rng.integers(2)], 0.004 * rng.choice((-1, 1, rng.uniform(-1, 1)))
+        cone = sp.PushContact(nominal.points + aside * along, nominal.normals, mu).cone(RHO)
+        assert (rays @ cone.normals.T).min() > -1e-9
+        near = np.abs(worst.cone(RHO).normals @ cone.normals.T - 1).min(axis=1) < 1e-9
+        touched |= near
+    assert touched.all()
+    finger = sp.PushContact.on_edge(slider, 1, 0.1, 0.0, 0.6)
+    with pytest.raises(sp.UnsupportedContactError, match="two fingers"):
+        unknown.worst_contact(finger)
+    assert sp.Uncertainty(contact_place=0.0).worst_contact(finger).mu == pytest.approx(0.54)
+
+
+def test_plans_for_every_pressure_hold_for_every_friction_and_place_and_say_what_they_assume():
+    asked = problem()
+    result = sp.plan(asked, success=0, region="all-pressure", time_limit=60, refinement_budget=0)
+    assert result.solved
+    assert "contact friction from 0.45 to 0.55" in result.message and "centre of mass" in result.message
+    twists = np.array([push.twist for push in result.pushes])
+    for mu in (0.45, 0.55):
+        for aside in (-0.002, 0.002):
+            contact = asked.contacts[0]
+            along = np.array((-contact.normals[0][1], contact.normals[0][0]))
+            moved = sp.PushContact(contact.points + aside * along, contact.normals, mu)
+            assert sp.all_pressure_region(asked.slider, moved).contains_twists(twists).all()

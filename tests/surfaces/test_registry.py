@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from conftest import triangle
+from conftest import small_scene, triangle
 
 import stablepush as sp
 from stablepush.core import plugins
@@ -79,3 +79,25 @@ def test_regions_planners_and_slides_take_it(installed):
 def test_simulation_says_what_it_lacks(installed):
     with pytest.raises(sp.InputError, match="surface: expected a surface of support points or a polynomial one, got Ellipsoid"):
         sp.push_twist(installed, sp.PushContact(((0, -0.05),), (0, 1), 0.5), (0, 0.01, 0))
+
+
+def test_what_is_no_limit_surface_is_refused_at_once():
+    """One that only has the methods, too: regions and planners would ask it for more later."""
+
+    class Duck:
+        characteristic_length = 0.05
+
+        def wrench(self, twists):
+            return twists
+
+    contact = small_scene().contacts[0]
+    known = small_scene()
+    for surface in (Duck(), None, "poly4-cvx"):
+        for attempt in (
+            lambda surface=surface: sp.StabilityOracle(surface, contact),
+            lambda surface=surface: sp.stable_region(surface, contact),
+            lambda surface=surface: sp.PlanningProblem(known.slider, surface, [contact], (0, 0, 0), (1, 0, 0)),
+            lambda surface=surface: sp.simulate_free_sliding(surface, known.slider, (1, 0, 0), mu=0.3),
+        ):
+            with pytest.raises(sp.InputError, match="surface: expected a limit surface"):
+                attempt()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 #: Colours that stay apart for colour-blind readers and in grey (Okabe and Ito 2008).
 COUNTER_CLOCKWISE, CLOCKWISE = "#0072B2", "#E69F00"
-SLIDER, PUSHER, OBSTACLE, START, GOAL = "#999999", "#D55E00", "#4D4D4D", "#0072B2", "#009E73"
+SLIDER, PUSHER, OBSTACLE, START, GOAL, LOST = "#999999", "#D55E00", "#4D4D4D", "#0072B2", "#009E73", "#CC3311"
 SENSES = ((1, "counter-clockwise", COUNTER_CLOCKWISE), (-1, "clockwise", CLOCKWISE))
 
 

@@ -10,7 +10,19 @@ import shapely
 from stablepush.core import FloatArray
 from stablepush.geometry import cor_from_twist, transform_points
 from stablepush.planning import PlanningProblem, PlanResult, Push, Transfer
-from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, GOAL, OBSTACLE, PUSHER, SLIDER, START, canvas, fill, legend
+from stablepush.views.plot.canvas import (
+    CLOCKWISE,
+    COUNTER_CLOCKWISE,
+    GOAL,
+    LOST,
+    OBSTACLE,
+    PUSHER,
+    SLIDER,
+    START,
+    canvas,
+    fill,
+    legend,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,6 +47,10 @@ def plot_plan(problem: PlanningProblem, result: PlanResult, title: str | None = 
         axes.plot(track[:, 0], track[:, 1], color="black", linewidth=1.3, label="path of the centre of mass")
         end = result.pushes[-1]
         _outline(axes, problem, end.end, end.contact, alpha=0.5)
+    for i, pose in enumerate(() if result.success is None else result.success.ends):
+        ring = shapely.Polygon(transform_points(pose, problem.slider.vertices))
+        label = "_" if i else "ends after a slip, simulated"
+        fill(axes, ring, facecolor="none", edgecolor=LOST, linewidth=0.7, alpha=0.5, label=label)
     _draw_centers(axes, result)
     changes = [s.pusher_path for s in result.segments if isinstance(s, Transfer) and len(s.pusher_path)]
     for i, path in enumerate(changes):
@@ -55,8 +71,7 @@ def plot_plan(problem: PlanningProblem, result: PlanResult, title: str | None = 
 def _outline(axes: Axes, problem: PlanningProblem, pose: FloatArray, contact: int, alpha: float) -> None:
     ring = shapely.Polygon(transform_points(pose, problem.slider.vertices))
     fill(axes, ring, facecolor=SLIDER, edgecolor="black", linewidth=0.7, alpha=alpha)
-    if problem.pusher is not None:
-        docked = transform_points(problem.contacts[contact].frame, problem.pusher)
+    for docked in problem.docked_outlines(problem.contacts[contact]):
         fill(axes, shapely.Polygon(transform_points(pose, docked)), facecolor=PUSHER, edgecolor="none", alpha=alpha)
 
 
@@ -89,6 +104,14 @@ def _plan_title(result: PlanResult) -> str:
     if not result.solved:
         return f"{result.planner}: {result.status}"
     pushes = [s for s in result.segments if isinstance(s, Push)]
-    return (
+    words = (
         f"{len(pushes)} pushes, {result.length:.2f} m, {result.duration:.1f} s, least margin {np.degrees(result.min_margin):.2f}°"
     )
+    if result.success_probability is None or result.arrival_probability is None:
+        return words
+    chance = f"sticks throughout with probability {result.success_probability:.3f}, arrives with {result.arrival_probability:.3f}"
+    first = ""
+    if result.success is not None and result.success.failures:
+        number, _, cause = result.success.failures[0]
+        first = f"\nfails first in push {number + 1}: {cause}"
+    return f"{words}\n{chance}{first}"

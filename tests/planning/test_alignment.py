@@ -1,0 +1,121 @@
+"""Where the start is uncertain a straight push aligns the slider; what it leaves is simulated."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from conftest import small_scene, three_feet, triangle
+
+import stablepush as sp
+from stablepush.geometry import compose, inverse
+from stablepush.planning.alignment import after_first_push, clearance
+from stablepush.planning.scenarios import alignment_push, draw_scenarios
+
+START = (0.002, 0.03)
+
+
+def uncertain(start=START, **changes):
+    known = small_scene(pusher=None, **changes)
+    names = ("slider", "surface", "contacts", "start", "goal", "obstacles", "bounds", "tolerance", "speed")
+    given = {name: getattr(known, name) for name in names}
+    return sp.PlanningProblem(**given, uncertainty=sp.Uncertainty(start=start), finger_radius=0.004)
+
+
+def test_plans_begin_with_a_straight_push_that_is_long_enough():
+    problem = uncertain()
+    result = sp.plan(problem, time_limit=60, refinement_budget=0)
+    assert result.solved and sp.check_plan(problem, result).valid
+    first = result.pushes[0]
+    assert first.twist[2] == 0
+    # three deviations of position, and of heading times the fingers' distance, or more
+    assert first.length >= 3 * (0.002 + 0.03 * 0.05) - 1e-9
+    assert result.success_probability > 0.95 and result.lower_bound is None
+    # after a shorter one the slider may not be square to the fingers
+    short = sp.Push.from_start(0, first.twist, 0.003 / problem.speed, problem.start, first.margin)
+    found = sp.estimate_success(problem, sp.PlanResult.from_segments([short], planner="hand"), 300)
+    assert found.probability < 0.8 and "square" in found.failures[0][2]
+
+
+def test_what_is_left_after_alignment_lies_along_the_edge():
+    problem = uncertain()
+    drawn = draw_scenarios(problem, 200, seed=3)
+    assert drawn.flush.mean() > 0.98
+    contact = problem.contacts[0]
+    left = drawn.start[drawn.flush]
+    assert np.abs(left[:, :2] @ contact.normals[0]).max() < 5e-4
+    assert np.abs(left[:, 2]).max() < 5e-3
+    along = np.array((-contact.normals[0][1], contact.normals[0][0]))
+    # about as far as it was off, a little more for the slide
+    assert 0.0015 < (left[:, :2] @ along).std() < 0.004
+    # and it moves the fingers in B the other way
+    assert np.corrcoef(drawn.place[drawn.flush, 0], left[:, :2] @ along)[0, 1] < -0.8
+
+
+def test_arrival_counts_what_is_left():
+    sharp = sp.PlanningProblem(
+        **{
+            name: getattr(uncertain(), name) for name in ("slider", "surface", "contacts", "start", "goal", "obstacles", "bounds")
+        },
+        tolerance=(0.003, 0.05),
+        uncertainty=sp.Uncertainty(start=(0.003, 0.0)),
+    )
+    result = sp.plan(sharp, time_limit=60, refinement_budget=0)
+    assert result.arrival_probability < result.success_probability - 0.1
+
+
+def test_another_engine_agrees_on_what_is_left():
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    from stablepush.engines import Fingers, SliderOnFeet, executor
+
+    problem = uncertain()
+    push, contact = alignment_push(problem), problem.contacts[0]
+    feet = three_feet()
+    docked = sp.finger_frame(contact, 0.004)
+    half = np.linalg.norm(np.diff(contact.points, axis=0)) / 2
+    body = SliderOnFeet(problem.slider.vertices, 1.0, feet.points, feet.weights, 0.3)
+    fingers = Fingers(np.array(((0.0, half), (0.0, -half))), 0.004, contact.mu)
+    for error in ((0.002, 0.001, 0.04), (-0.001, -0.002, -0.03)):
+        predicted, flush = after_first_push(problem, push, problem.surface, contact, np.zeros(2), np.array(error))
+        assert flush
+        back = clearance(problem) + 1e-3
+        theta = contact.frame[2] + problem.start[2]
+        begin = compose(problem.start, docked) - (back * math.cos(theta), back * math.sin(theta), 0)
+        t = np.array((0.0, back / problem.speed, back / problem.speed + push.duration))
+        poses = np.array((begin, compose(problem.start, docked), compose(push.end, docked)))
+        done = executor("mujoco", body, fingers).follow(compose(problem.start, error), t, poses)
+        found = compose(inverse(push.end), done.slider[-1])
+        np.testing.assert_allclose(found[:2], predicted[:2], atol=5e-4)
+        assert abs(math.remainder(found[2] - predicted[2], 2 * math.pi)) < 0.01
+
+
+def test_one_finger_does_not_align_and_that_is_said():
+    known = uncertain()
+    finger = sp.PushContact.on_edge(triangle(), 0, 0.05, 0.0, 0.9)
+    problem = sp.PlanningProblem(
+        known.slider, known.surface, [finger], known.start, (0.2, 0.5, 0.0), uncertainty=sp.Uncertainty(start=START)
+    )
+    assert alignment_push(problem) is None
+    twist = problem.speed * np.array((0.0, 1.0, 0.0))
+    push = sp.Push.from_start(0, twist, 4.0, problem.start, 0.0)
+    found = sp.estimate_success(problem, sp.PlanResult.from_segments([push], planner="hand"), 50)
+    assert found.probability == 0.0 and "square" in found.failures[0][2]
+
+
+def test_no_room_to_align_is_no_path():
+    problem = uncertain()
+    theta = problem.contacts[0].frame[2] + problem.start[2]
+    ahead = problem.start[:2] + np.array((math.cos(theta), math.sin(theta))) * (0.1 + 0.001)
+    wall = [ahead + d for d in ((-0.3, 0.0), (0.3, 0.0), (0.3, 0.01), (-0.3, 0.01))]
+    blocked = uncertain(obstacles=[np.array(wall)], bounds=(-1, -1, 2, 2))
+    result = sp.plan(blocked, time_limit=60, refinement_budget=0)
+    assert result.status == "no-path" and "no room for the straight push" in result.message
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        certain = replace_uncertainty(blocked)
+        assert "straight push" not in sp.plan(certain, time_limit=20, refinement_budget=0).message
+
+
+def replace_uncertainty(problem):
+    names = ("slider", "surface", "contacts", "start", "goal", "obstacles", "bounds", "tolerance", "speed")
+    return sp.PlanningProblem(**{name: getattr(problem, name) for name in names})
