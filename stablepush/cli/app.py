@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from stablepush import __version__
-from stablepush.cli import blind, diagnosis, identification, plans, regions, simulation
+from stablepush.cli import blind, diagnosis, effects, identification, plans, regions, simulation
 from stablepush.cli.common import require_folder, whole_number
 
 app = typer.Typer(
@@ -58,4 +58,5 @@ app.command()(plans.trajectory)
 app.command()(simulation.simulate)
 app.command()(simulation.slide)
 app.command()(diagnosis.diagnose)
+app.command()(effects.effects)
 app.command()(blind.blind)

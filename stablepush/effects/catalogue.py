@@ -51,11 +51,13 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class EffectKind:
-    """An entry of the catalogue; ``acts`` is ``"support"``, ``"inertia"``, ``"contact"`` or ``"sensing"``."""
+    """An entry of the catalogue; ``acts`` is ``"support"``, ``"inertia"``, ``"contact"`` or ``"sensing"``; ``needs``: what a log
+    must hold to show it."""
 
     id: str
     what: str
     acts: str
+    needs: str
     parameters: tuple[Parameter, ...]
 
 
@@ -67,91 +69,112 @@ def _kinds() -> tuple[EffectKind, ...]:
             "anisotropy-world",
             "support friction depends on direction over the table",
             "support",
+            "headings of the slider over the table that vary, and forces, or pushes that slip",
             (ratio, Parameter("direction", "rad in W", 0.0, -half, half)),
         ),
         EffectKind(
             "anisotropy-object",
             "support friction depends on direction, fixed in the slider",
             "support",
+            "pushes in many directions of the slider, and forces, or pushes that slip",
             (ratio, Parameter("direction", "rad in B", 0.0, -half, half)),
         ),
         EffectKind(
             "speed-dependence",
             "support friction depends on speed",
             "support",
+            "forces at speeds that vary by a factor of three or more",
             (Parameter("slope", "1 per e-fold of speed", 0.0, -0.15, 0.15),),
         ),
         EffectKind(
             "spatial-variation",
             "support friction differs over the table",
             "support",
+            "places on the table that vary, and forces",
             (Parameter("gradient", "1/m in W", 0.0, -1.0, 1.0, 2),),
         ),
         EffectKind(
             "drift",
             "support friction changes over the log",
             "support",
+            "forces over many trials, in random order",
             (Parameter("rate", "1, first to last trial", 0.0, -0.3, 0.3, least=-1.0, above=True),),
         ),
         EffectKind(
             "pressure-shift",
             "centre of pressure away from the nominal",
             "support",
+            "pushes beside the centre of mass, with forces or motions of the slider",
             (Parameter("offset", "m in B", 0.0, -0.01, 0.01, 2),),
         ),
         EffectKind(
             "pressure-spread",
             "pressure nearer to or farther from its centre",
             "support",
+            "turns and straight pushes, with forces or motions of the slider",
             (Parameter("scale", "1", 1.0, 0.7, 1.4, least=0.0, above=True),),
         ),
         EffectKind(
             "tilt",
             "the table is not level",
             "support",
+            "headings that vary, forces, and rows at rest to tell it from a bias of the sensor",
             (Parameter("slope", "rad in W", 0.0, -0.05, 0.05, 2, least=-0.5, most=0.5),),
         ),
-        EffectKind("inertia", "the push is not quasi-static", "inertia", (Parameter("mass", "kg", 0.0, 0.0, 3.0, least=0.0),)),
+        EffectKind(
+            "inertia",
+            "the push is not quasi-static",
+            "inertia",
+            "forces while pushes speed up or slow down",
+            (Parameter("mass", "kg", 0.0, 0.0, 3.0, least=0.0),),
+        ),
         EffectKind(
             "contact-friction",
             "friction between pusher and slider away from nominal",
             "contact",
+            "pushes that slip along the face, with poses of the pusher",
             (Parameter("mu", "1", None, 0.0, 1.2, least=0.0),),
         ),
         EffectKind(
             "contact-geometry",
             "finger radius or contact place away from nominal",
             "contact",
+            "poses of the pusher and the slider in contact, from several sides",
             (Parameter("radius", "m", None, 0.0, 0.02, least=0.0, most=1.0),),
         ),
         EffectKind(
             "force-bias",
             "constant offset of the force sensor",
             "sensing",
+            "forces at headings that vary, and rows at rest",
             (Parameter("force", "N in W", 0.0, -1.0, 1.0, 2),),
         ),
         EffectKind(
             "force-rotation",
             "force sensor mounted at an angle",
             "sensing",
+            "forces in many directions, and motions of the slider",
             (Parameter("angle", "rad", 0.0, -0.3, 0.3),),
         ),
         EffectKind(
             "frame-offset",
             "origin of the tracked frame away from the centre of mass",
             "sensing",
+            "forces with moments, or poses of a slider that turns",
             (Parameter("offset", "m in B", 0.0, -0.01, 0.01, 2),),
         ),
         EffectKind(
             "latency",
             "the slider's poses lag the pusher's and the forces",
             "sensing",
+            "poses of pusher and slider at speeds that vary",
             (Parameter("delay", "s", 0.0, 0.0, 0.3, least=0.0),),
         ),
         EffectKind(
             "model-capacity",
             "the nominal surface cannot take the measured shape",
             "support",
+            "forces and motions of many different pushes",
             (
                 Parameter("facets", "support points", None, 3.0, 8.0, least=3.0, most=1000.0, whole=True),
                 Parameter("degree", "degree of the polynomial", None, 2.0, 6.0, least=2.0, most=6.0, whole=True),

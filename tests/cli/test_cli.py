@@ -452,3 +452,23 @@ def test_ctrl_c_before_there_is_a_plan_leaves_nothing(rig, tmp_path, by_hand):
         assert (out, err) == ("", "stablepush: interrupted\n")
         assert seconds < 20
         assert [p.name for p in tmp_path.iterdir()] == ["scene.json"]
+
+
+def test_the_catalogue_of_effects_is_shown(capsys):
+    from stablepush.effects import CATALOGUE
+
+    assert main(["effects"]) == 0
+    out = capsys.readouterr().out
+    assert all(f"{name}: " in out for name in CATALOGUE)
+    assert main(["effects", "drift"]) == 0
+    out = capsys.readouterr().out
+    assert "rate [1, first to last trial]: no effect at 0" in out and "random order" in out
+    assert main(["effects", "--json"]) == 0
+    every = json.loads(capsys.readouterr().out)
+    assert [entry["id"] for entry in every] == list(CATALOGUE)
+    assert main(["effects", "tilt", "--json"]) == 0
+    one = json.loads(capsys.readouterr().out)
+    assert one["parameters"][0]["size"] == 2 and one["needs"]
+    assert main(["effects", "gremlins"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "gremlins" in error

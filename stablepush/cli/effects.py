@@ -1,0 +1,41 @@
+"""The command that shows the catalogue of effects."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import Annotated, Any
+
+import typer
+
+
+def effects(
+    effect: Annotated[str | None, typer.Argument(metavar="ID", help="Id of one effect; all if not given.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Show what simulations leave out: each effect, its parameters, units and ranges, and what a log needs to show it."""
+    from stablepush.core import check_choice
+    from stablepush.effects import CATALOGUE
+
+    if effect is not None:
+        check_choice(effect, "effect", CATALOGUE)
+    chosen = [asdict(kind) for kind in CATALOGUE.values() if effect in (None, kind.id)]
+    if as_json:
+        print(json.dumps(chosen if effect is None else chosen[0], indent=1))
+        return
+    for kind in chosen:
+        print(f"{kind['id']}: {kind['what']}" + (f" (acts on: {kind['acts']})" if effect else ""))
+        for parameter in kind["parameters"] if effect else ():
+            print(f"  {_words(parameter)}")
+        if effect:
+            print(f"  a log needs {kind['needs']}")
+    if effect is None:
+        print("stablepush effects ID says more of one; stablepush simulate --effect ID:PARAM=VALUE adds one to a rig")
+
+
+def _words(parameter: dict[str, Any]) -> str:
+    nominal = "that of the rig" if parameter["nominal"] is None else f"{parameter['nominal']:g}"
+    numbers = "two numbers, each " if parameter["size"] == 2 else ""
+    unit = "no unit" if parameter["unit"] == "1" else parameter["unit"]
+    found = f"{numbers}from {parameter['low']:.3g} to {parameter['high']:.3g} on real rigs"
+    return f"{parameter['name']} [{unit}]: no effect at {nominal}; {found}"
