@@ -227,15 +227,20 @@ def judged(task: Task, result: sp.PlanResult, engine: str, off: dict[str, float]
 def show(rows: list[dict[str, Any]]) -> None:
     """Shares with 95 % intervals (Clopper and Pearson), by name."""
     names = list(dict.fromkeys(row["name"] for row in rows))
-    everywhere = set.intersection(*({row["seed"] for row in rows if row["name"] == n and row["solved"]} for n in names))
+    solvers = [{row["seed"] for row in rows if row["name"] == name and row["solved"]} for name in names]
+    everywhere = set.intersection(*filter(None, solvers)) if any(solvers) else set()
     for name in names:
         own = [row for row in rows if row["name"] == name]
         solved = [row for row in own if row["solved"]]
-        tried = own if name == "default" else solved
+        if not solved:
+            print(f"{name:>30s}: no plan for {len(own)} tasks")
+            continue
+        # a default without a plan has not arrived; a guarantee that is not given is none
+        tried = solved if name in ("all-pressure", "STABLE") else own
         arrived, stuck = (sum(row[key] for row in solved) for key in ("arrived", "stuck"))
         ratios = [row["duration"] / row["quickest"] for row in solved]
         common = [row for row in solved if row["seed"] in everywhere]
-        longer = sum(row["duration"] for row in common) / sum(row["quickest"] for row in common)
+        longer = sum(row["duration"] for row in common) / sum(row["quickest"] for row in common) if common else math.nan
         said = {key: float(np.mean([row[key] for row in solved])) for key in ("sticking_said", "arrival_said")}
         print(
             f"{name:>30s}: arrived {share(arrived, len(tried))}, said {said['arrival_said']:.3f}; "
@@ -243,7 +248,7 @@ def show(rows: list[dict[str, Any]]) -> None:
             f"time {np.median(ratios):.3f} of the quickest (median), {longer:.3f} in total on {len(common)} common tasks"
         )
     for row in rows:
-        if row["solved"] and row["name"] != "quickest" and not row["arrived"] and "off" not in row:
+        if row["solved"] and row["name"] in ("default", "all-pressure", "STABLE") and not row["arrived"]:
             print(
                 f"  lost: {row['seed']} {row['name']}: {1000 * row['distance']:.1f} mm, {math.degrees(row['turn']):.1f} deg, "
                 f"slip {1000 * row['slip']:.1f} mm, said {row['sticking_said']:.3f}, {row['arrival_said']:.3f}"

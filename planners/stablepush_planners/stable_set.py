@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from stablepush.core import BoolArray, Deadline, FloatArray, InputError, OutOfTimeError
-from stablepush.planning import PlanningProblem, PlanOptions
-from stablepush.stability import StabilityOracle, all_pressure_region, lynch_mason_region
+from stablepush.planning import PROMISED, PlanningProblem, PlanOptions
+from stablepush.stability import StabilityOracle
 
 #: Pushes stay this far (rad) inside the stable set, so that the check, which allows 1e-6, never disagrees.
 _INSIDE = 1e-7
 #: Twists asked at a time, between looks at the clock.
 _BLOCK = 4096
-#: Regions that hold for every pressure, friction of the contact and place of the fingers, in addition to the surface's own.
-_PROMISED = {"all-pressure": all_pressure_region, "conservative": lynch_mason_region}
 #: Slack of a share of surfaces: k of n must pass for p = k/n.
 _SLACK = 1e-9
 
@@ -33,9 +31,9 @@ class StableSet:
         self.oracle = StabilityOracle(problem.surface, problem.contacts[contact])
         self._problem, self._least, self._deadline = problem, max(0.0, problem.min_margin) + _INSIDE, deadline or Deadline()
         self._within = [asked.regions[contact]] if asked.regions else []
-        if asked.region in _PROMISED:
+        if asked.region in PROMISED:
             worst = problem.uncertainty.worst_contact(problem.contacts[contact])
-            self._within.append(_PROMISED[asked.region](problem.slider, worst))
+            self._within.append(PROMISED[asked.region](problem.slider, worst))
         self._members: list[StabilityOracle] = []
         self._votes = asked.probability
         if asked.probability > 0:

@@ -234,7 +234,7 @@ def success_words(result: PlanResult) -> str:
     )
     if result.success is not None and result.success.failures:
         number, _, cause = result.success.failures[0]
-        words += f"; push {number + 1} fails first, {cause}"
+        words += f"; push {number + 1} fails most often: {cause}"
     return words
 
 

@@ -2,7 +2,7 @@ from .check import CheckReport as CheckReport, check_plan as check_plan
 from .collision import SweptBody as SweptBody, body_of as body_of, world_of as world_of
 from .comparison import RegionPlan as RegionPlan, certified_share as certified_share, compare_regions as compare_regions
 from .feasibility import infeasibility as infeasibility
-from .options import REGIONS as REGIONS, PlanOptions as PlanOptions
+from .options import PROMISED as PROMISED, REGIONS as REGIONS, PlanOptions as PlanOptions
 from .problem import (
     PlanningProblem as PlanningProblem,
     disc_outlines as disc_outlines,

@@ -30,30 +30,29 @@ STEP = 1 / 25
 
 
 def aligns(contact: PushContact) -> bool:
-    """Return whether a contact turns a slider square: two fingers or more with one normal."""
-    return len(contact.points) > 1 and bool(np.abs(contact.normals - contact.normals[0]).max() < 1e-9)
+    """Return whether a contact turns a slider square: two fingers with one normal."""
+    return len(contact.points) == 2 and bool(np.abs(contact.normals - contact.normals[0]).max() < 1e-9)
 
 
-def clearance(problem: PlanningProblem) -> float:
-    """Return how far (m) the start may be off towards or away from the fingers of the first contact."""
+def clearance(problem: PlanningProblem, contact: PushContact) -> float:
+    """Return how far (m) the start may be off towards or away from the fingers of a contact."""
     position, heading = problem.uncertainty.start
-    points = problem.contacts[0].points
-    spacing = 2 * float(np.linalg.norm(points - points.mean(axis=0), axis=1).max())
-    return _DEVIATIONS * (position + heading * spacing)
+    # turning moves the edge at a finger by its distance from the origin along the edge, and one finger against the other
+    along = contact.points @ np.array((-contact.normals[0][1], contact.normals[0][0]))
+    return _DEVIATIONS * (position + heading * max(float(np.abs(along).max()), float(np.ptp(along))))
 
 
-def straight_push(problem: PlanningProblem, length: float) -> Push | None:
-    """Return the straight push (m) at the first contact that is as near to the normal as is stable; None if none is stable."""
+def straight_pushes(problem: PlanningProblem, length: float) -> list[Push]:
+    """Return the straight pushes (m) at the first contact that are stable, those nearest to the normal first."""
     contact = problem.contacts[0]
     oracle, theta = StabilityOracle(problem.surface, contact), float(contact.frame[2])
     angles = theta + np.concatenate([(a, -a) for a in _DIRECTIONS])
     twists = problem.speed * np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1)
     margins = oracle.margin(twists)
-    stable = np.flatnonzero(margins > max(0.0, problem.min_margin) + 1e-6)
-    if not len(stable):
-        return None
-    k = int(stable[0])
-    return Push.from_start(0, twists[k], length / problem.speed, problem.start, float(margins[k]))
+    return [
+        Push.from_start(0, twists[k], length / problem.speed, problem.start, float(margins[k]))
+        for k in np.flatnonzero(margins > max(0.0, problem.min_margin) + 1e-6)
+    ]
 
 
 def after_first_push(
@@ -72,9 +71,12 @@ def after_first_push(
     offset = np.array((*center, 0.0))
     slider = about(problem.slider, center)
     own = PushContact(contact.points - center, contact.normals, contact.mu)
+    if len(own.points) > 2:
+        # what slides past so many fingers is not simulated
+        return np.asarray(error), False
     pusher = Pusher.of_contact(own, problem.finger_radius)
     docked = pusher.docked(own)
-    back = clearance(problem) + 1e-3
+    back = clearance(problem, contact) + 1e-3
     place = compose(compose(compose(first.start, offset), docked), np.array((-back, 0.0, 0.0)))
     motion = [(np.array((problem.speed, 0.0, 0.0)), back / problem.speed)]
     motion.append((transport_twist(first.twist, inverse(compose(offset, docked))), first.duration))

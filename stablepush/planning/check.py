@@ -1,4 +1,5 @@
-"""Verify a plan from the problem alone: nothing here is shared with the planners.
+"""Verify a plan from the problem alone. Geometry, motion and margins share nothing with the planners; probabilities that a plan
+states are measured again, on scenarios of the check's own, by the same code (:mod:`stablepush.planning.success`).
 
 Arcs are tested exactly: while a polygon turns about a point, contact begins where a vertex of one polygon crosses an
 edge of the other, so a start without overlap and no crossing of vertex circles with edges, both ways, means no collision.
@@ -59,6 +60,9 @@ def _check_probabilities(problem: PlanningProblem, result: PlanResult) -> list[s
     stated = {"success_probability": result.success_probability, "arrival_probability": result.arrival_probability}
     if all(value is None for value in stated.values()):
         return []
+    if not problem.surface.is_dual:
+        kind = type(problem.surface).__name__
+        return [f"{name}: states one, plans of a {kind} have none" for name, value in stated.items() if value is not None]
     own = estimate_success(problem, result, seed=_SEED)
     found = []
     for (name, value), (low, high) in zip(stated.items(), own.intervals(_CERTAINTY), strict=True):

@@ -23,6 +23,8 @@ _BOUNDING = 4
 _MORE = (600, 900)
 #: Shares of scenarios that are tried where there is no plan at the level, from the surest to the least.
 _LESS = (0.9, 0.75, 0.5, 0.25)
+#: Time limits (s) below which the quickest plan is made first.
+_HURRIED = 5.0
 #: Searches for better plans at the level, each in tighter regions.
 _REFINED = 3
 
@@ -39,19 +41,25 @@ class _Candidate:
 
 def likely_plan(
     problem: PlanningProblem, level: float, attempt: Attempt, deadline: Deadline, limit: float, effort: float, seed: int
-) -> tuple[PlanResult, str]:
-    """Return a plan that sticks throughout with the probability ``level``, or the surest that was found, and what falls short.
+) -> tuple[PlanResult, bool]:
+    """Return a plan that sticks throughout with the probability ``level``, or the surest that was found, and whether it does.
 
     ``attempt(regions, deadline, effort)`` plans within regions of the contacts, with so much work on better plans. Half of the
     time is kept for the surest plan where there is none at the level.
     """
+    quickest = _Candidate(PlanResult("no-path", ""), -1.0)
+    if limit < _HURRIED:
+        # there may be no time for more
+        quickest = _Candidate(attempt((), deadline, 0.0), 0.0)
+        if not quickest.result.solved or deadline.passed():
+            return quickest.result, False
     search = _Search(problem, level, attempt, seed)
     best = search.at_level(deadline.reserving(limit / 2), deadline, effort)
     if not best.result.solved and not deadline.stopped:
         best = search.surest(deadline)
-    if not best.result.solved or best.held >= level:
-        return best.result, ""
-    return best.result, f"no plan was found that succeeds with probability {level:g}; this one does with about {best.held:.2g}"
+    if not best.result.solved and quickest.result.solved:
+        best = quickest
+    return best.result, best.held >= level
 
 
 class _Search:

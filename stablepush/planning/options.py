@@ -6,10 +6,12 @@ import math
 from dataclasses import dataclass, field
 
 from stablepush.core import InputError, check_number, renamed_fields
-from stablepush.stability import StableRegion
+from stablepush.stability import StableRegion, all_pressure_region, lynch_mason_region
 
+#: Regions that hold for every pressure.
+PROMISED = {"all-pressure": all_pressure_region, "conservative": lynch_mason_region}
 #: Sets of rotation centres that a plan may draw on.
-REGIONS = ("model", "all-pressure", "conservative")
+REGIONS = ("model", *PROMISED)
 
 
 @renamed_fields(cor_rate="max_twist_rate", improve="refinement_budget")

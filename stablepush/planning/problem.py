@@ -109,6 +109,7 @@ class PlanningProblem:
         switch_cost: float = 0.0,
         min_margin: float = 0.0,
         uncertainty: Uncertainty | None = None,
+        *,
         finger_radius: float = 0.0,
     ) -> None:
         if len(contacts) == 0:
@@ -201,7 +202,7 @@ def disc_outlines(contact: PushContact, radius: float) -> list[FloatArray]:
 
 _OF_SCENE = (
     *("format", "slider", "model", "contacts", "pusher", "obstacles", "bounds", "start", "goal"),
-    *("tolerance", "speed", "switch_cost", "min_margin", "uncertainty", "finger_radius"),
+    *("tolerance", "speed", "switch_cost", "min_margin", "uncertainty", "finger_radius", "effects"),
 )
 
 
@@ -235,6 +236,9 @@ def load_scene(path: str | Path) -> PlanningProblem:
     speed = root["speed"].number(positive=True)
     switch_cost = root["switch_cost"].number(at_least=0.0)
     min_margin = root["min_margin"].number()
+    effects = root.get("effects")
+    if effects is not None and list(effects.items()):
+        effects.fail("expected no effects, plans take none into account")
     radius = root.get("finger_radius")
     finger_radius = 0.0 if radius is None else radius.number(at_least=0.0)
     unknown = root.get("uncertainty")
@@ -254,7 +258,7 @@ def load_scene(path: str | Path) -> PlanningProblem:
             switch_cost,
             min_margin,
             uncertainty,
-            finger_radius,
+            finger_radius=finger_radius,
         )
     )
 

@@ -29,7 +29,7 @@ from stablepush.planning.check import check_plan
 from stablepush.planning.collision import SweptBody
 from stablepush.planning.feasibility import infeasibility
 from stablepush.planning.likely import likely_plan
-from stablepush.planning.options import PlanOptions
+from stablepush.planning.options import PROMISED, PlanOptions
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult, Push
 from stablepush.planning.scenarios import alignment_push
@@ -122,6 +122,9 @@ def plan(
     limit = check_number(time_limit, "time_limit", at_least=0.0)
     least = check_share(require_success, "require_success")
     level = max(least, check_share(success, "success"))
+    if least > 0 and not problem.surface.is_dual:
+        kind = type(problem.surface).__name__
+        raise InputError("require_success", f"expected 0: plans of a {kind} have no probability of success", f"{least:g}")
     options = PlanOptions(region, probability, margin_weight, max_twist_rate, refinement_budget)
     if probability:
         warnings.warn("plan(probability=) is deprecated: success= counts all that is uncertain", DeprecationWarning, stacklevel=3)
@@ -135,9 +138,11 @@ def plan(
         if reason:
             return PlanResult("no-path", planner, seed=number, message=reason, planning_time=time.perf_counter() - started)
 
-        aligning, alone, doubts = _alignment(problem)
-        if alone is None:
-            return PlanResult("no-path", planner, seed=number, message=doubts, planning_time=time.perf_counter() - started)
+        aligning, impossible, doubt = _alignment(problem, region)
+        if impossible:
+            return PlanResult("no-path", planner, seed=number, message=impossible, planning_time=time.perf_counter() - started)
+        doubts = [doubt] if doubt else []
+        alone = problem if aligning is None else problem.starting_at(aligning.end)
 
         def attempt(regions: Sequence[StableRegion], until: Deadline, effort: float) -> PlanResult:
             asked = replace(options, regions=tuple(regions), refinement_budget=effort)
@@ -145,10 +150,9 @@ def plan(
             return found if aligning is None or not found.solved else _preceded(found, aligning)
 
         if level and problem.surface.is_dual:
-            result, doubt = likely_plan(problem, level, attempt, deadline, limit, refinement_budget, number)
+            result, met = likely_plan(problem, level, attempt, deadline, limit, refinement_budget, number)
         else:
-            result, doubt = attempt((), deadline, refinement_budget), ""
-        doubt = "; ".join(filter(None, (doubts, doubt)))
+            result, met = attempt((), deadline, refinement_budget), True
         if deadline.stopped and not result.solved:
             result = PlanResult("interrupted", planner, seed=number, message="stopped before a path was found")
     if result.solved:
@@ -157,37 +161,38 @@ def plan(
             result = PlanResult("rejected", planner, seed=result.seed, message=objection)
     if result.solved and problem.surface.is_dual:
         result = _with_success(problem, result)
-        if (result.success_probability or 0.0) < least:
-            words = f"the surest plan that was found succeeds with probability {result.success_probability:.3g}"
-            result, doubt = PlanResult("no-path", planner, seed=number, message=f"{words}, {least:g} is required"), ""
+        held = result.success_probability or 0.0
+        # rounded down: 0.9998 is not 1
+        sure = f"{math.floor(1e4 * held) / 1e4:g}"
+        if held < least:
+            words = f"the surest plan that was found succeeds with probability {sure}, {least:g} is required"
+            result = PlanResult("no-path", planner, seed=number, message=words)
+        elif not met and held < level:
+            doubts.append(f"no plan was found that succeeds with probability {level:g}; this one does with {sure}")
     if result.solved and region != "model":
         result = replace(result, message="; ".join(filter(None, (result.message, _assumptions(problem)))))
-    if result.solved and doubt:
-        warnings.warn(PlanWarning(doubt), stacklevel=3)
-        result = replace(result, message="; ".join(filter(None, (result.message, doubt))))
+    if result.solved and doubts:
+        warnings.warn(PlanWarning("; ".join(doubts)), stacklevel=3)
+        result = replace(result, message="; ".join(filter(None, (result.message, *doubts))))
     return replace(result, planning_time=time.perf_counter() - started)
 
 
-def _alignment(problem: PlanningProblem) -> tuple[Push | None, PlanningProblem | None, str]:
-    """The push that aligns a slider whose start is uncertain, if any, the problem after it, and what is wrong.
-
-    No problem where there is no room for it.
-    """
+def _alignment(problem: PlanningProblem, region: str) -> tuple[Push | None, str, str]:
+    """The push that aligns a slider whose start is uncertain, if any; why there is no plan then; and what is doubtful."""
     if not any(problem.uncertainty.start):
-        return None, problem, ""
-    push = alignment_push(problem)
+        return None, "", ""
+    contact, push = problem.contacts[0], alignment_push(problem)
     if push is None:
-        why = (
-            "its straight pushes are not stable" if aligns(problem.contacts[0]) else "it does not have two fingers on one normal"
-        )
-        return None, problem, f"the start is uncertain, and contact 0 does not align the slider: {why}"
-    if not SweptBody(problem, problem.contacts[0]).push_is_free(push.start, push.twist, push.duration):
-        return (
-            None,
-            None,
-            f"start: no room for the straight push of {1000 * push.length:.3g} mm that aligns the slider with the fingers",
-        )
-    return push, problem.starting_at(push.end), ""
+        why = "its straight pushes are not stable" if aligns(contact) else "it does not have two fingers on one normal"
+        return None, "", f"the start is uncertain, and contact 0 does not align the slider: {why}"
+    words = f"the straight push of {1000 * push.length:.3g} mm that aligns the slider"
+    if not SweptBody(problem, contact).push_is_free(push.start, push.twist, push.duration):
+        return None, f"start: no room for {words}", ""
+    if region in PROMISED:
+        promised = PROMISED[region](problem.slider, problem.uncertainty.worst_contact(contact))
+        if not promised.contains_twists(push.twist[None])[0]:
+            return None, f"start: {words} does not hold for every pressure, friction and place", ""
+    return push, "", ""
 
 
 def _preceded(result: PlanResult, push: Push) -> PlanResult:

@@ -23,7 +23,7 @@ from stablepush.core import BoolArray, FloatArray
 from stablepush.geometry import normalize_wrench, unit
 from stablepush.identify import PressureSampler
 from stablepush.objects import PushContact, Slider, SupportDistribution
-from stablepush.planning.alignment import after_first_push, aligns, clearance, straight_push
+from stablepush.planning.alignment import after_first_push, aligns, clearance, straight_pushes
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import Push
 from stablepush.stability import BOUNDARY_SLACK, Case, StabilityOracle, StableRegion, common_region
@@ -32,7 +32,7 @@ from stablepush.surfaces import IdealLimitSurface, LimitSurface
 #: Pressures that are drawn for a surface without an ensemble.
 _PRESSURES = 64
 #: Lengths of an alignment push that are tried, in what the start may be off, on how many scenarios, and what is enough.
-_LENGTHS, _TRIED, _NEARLY_ALL = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0), 200, 0.995
+_LENGTHS, _TRIED, _NEARLY_ALL = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0), 150, 0.993
 #: Share of the way to the outline that a centre of mass may be away.
 _INSIDE = 0.9
 #: Scenarios that a choice is made among, and the most that are drawn for one.
@@ -87,7 +87,7 @@ class Scenarios:
     def contact(self, scenario: int, number: int) -> PushContact:
         """Return a contact as it is in a scenario, in B."""
         nominal = self.problem.contacts[number]
-        aside = self.place[scenario, number] * _across(nominal)
+        aside = self.place[scenario, number] * across_of(nominal)
         return PushContact(nominal.points + aside, nominal.normals, self.contact_mu[scenario, number])
 
     def margins(self, number: int, twists: FloatArray) -> FloatArray:
@@ -110,7 +110,7 @@ class Scenarios:
         rho = self.surfaces[0].characteristic_length
         found = []
         for number, contact in enumerate(self.problem.contacts):
-            aside = self.place[:, number, None] * _across(contact) - self.center_of_mass
+            aside = self.place[:, number, None] * across_of(contact) - self.center_of_mass
             points, mu = contact.points + aside[:, None, :], self.contact_mu[:, number]
             one_edge = len(points[0]) == 2 and np.abs(contact.normals[0] - contact.normals[1]).max() < 1e-9
             if one_edge and mu.min() > 0 and abs(np.subtract(*contact.points) @ contact.normals[0]) < 1e-9:
@@ -160,19 +160,25 @@ def _draw(problem: PlanningProblem, count: int, seed: int, stream: int) -> Scena
 def alignment_push(problem: PlanningProblem) -> Push | None:
     """Return the straight push at the first contact that makes a slider flush whose start is uncertain.
 
-    It is the shortest of a few that does so in nearly all of some scenarios: a finger near the centre of mass turns the slider
-    slowly. None where the start is certain, the contact does not align, or no straight push is stable.
+    It is the shortest, and the nearest to the normal, of a few after which nearly all of some scenarios are flush and stick: a
+    finger near the centre of mass turns the slider slowly. None where the start is certain, the contact does not align, or no
+    straight push is stable.
     """
-    least = clearance(problem)
+    least = clearance(problem, problem.contacts[0])
     if least == 0 or not aligns(problem.contacts[0]):
         return None
     drawn = _draw(problem, _TRIED, seed=0, stream=1)
     best, most = None, -1.0
     for factor in _LENGTHS:
-        push = straight_push(problem, factor * least)
-        if push is None:
+        pushes = straight_pushes(problem, factor * least)
+        if not pushes:
             return None
-        share = float(_aligned(drawn, push).flush.mean())
+        # the length is found with the direction that holds most often
+        held = drawn.margins(0, np.array([push.twist for push in pushes])) >= -BOUNDARY_SLACK
+        safe = np.flatnonzero(held.mean(axis=0) >= min(_NEARLY_ALL, float(held.mean(axis=0).max())))
+        push = pushes[int(safe[0])]
+        after = _aligned(drawn, push)
+        share = float((after.flush & (after.margins(0, push.twist[None])[:, 0] >= -BOUNDARY_SLACK)).mean())
         if share > most:
             best, most = push, share
         if share >= _NEARLY_ALL:
@@ -186,9 +192,9 @@ def _aligned(drawn: Scenarios, first: Push | None) -> Scenarios:
     for row in range(len(drawn)):
         if first is None:
             break
-        surface, contact = drawn.surfaces[drawn.surface[row]], drawn.contact(row, 0)
+        surface, contact = drawn.surfaces[drawn.surface[row]], drawn.contact(row, first.contact)
         start[row], flush[row] = after_first_push(problem, first, surface, contact, drawn.center_of_mass[row], start[row])
-    aside = np.stack([_across(contact) for contact in problem.contacts], axis=1)
+    aside = np.stack([across_of(contact) for contact in problem.contacts], axis=1)
     return replace(drawn, place=drawn.place - start[:, :2] @ aside, start=start, flush=flush)
 
 
@@ -224,7 +230,8 @@ class Choice:
     """
 
     def __init__(self, problem: PlanningProblem, seed: int) -> None:
-        drawn = draw_scenarios(problem, MOST, seed)
+        # simulated starts take time
+        drawn = draw_scenarios(problem, CHOICE if any(problem.uncertainty.start) else MOST, seed)
         # no push holds a slider that is not flush
         self._all = drawn.take(drawn.flush) if drawn.flush.any() else drawn
         self._contacts = range(len(problem.contacts))
@@ -242,7 +249,7 @@ class Choice:
                 for number, known in enumerate(self._margins)
             ]
         table = np.concatenate([margins[:count] for margins in self._margins], axis=1)
-        kept = _kept(table < -BOUNDARY_SLACK, left_out)
+        kept = _kept(table < -BOUNDARY_SLACK, min(left_out, count - 1))
         return [self._region(kept, number) for number in self._contacts]
 
     def _region(self, kept: np.ndarray, number: int) -> StableRegion:
@@ -293,8 +300,8 @@ def _kept(violated: np.ndarray, left_out: int) -> np.ndarray:
     return np.flatnonzero(left)
 
 
-def _across(contact: PushContact) -> FloatArray:
-    """The y axis (2,) of the frame of a contact, in B."""
+def across_of(contact: PushContact) -> FloatArray:
+    """Return the y axis (2,) of the frame of a contact, in B."""
     theta = contact.frame[2]
     return np.array((-np.sin(theta), np.cos(theta)))
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stablepush.core import BoolArray, FloatArray, StablepushError, binomial_interval
-from stablepush.geometry import compose, inverse, transport_twist, wrap_angle
+from stablepush.geometry import compose, inverse, transform_points, transport_twist, wrap_angle
 from stablepush.mechanics import Pusher, simulate_push
 from stablepush.objects import Slider
 from stablepush.planning.alignment import STEP, about
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult, Push
-from stablepush.planning.scenarios import Scenarios, draw_scenarios
+from stablepush.planning.scenarios import Scenarios, across_of, draw_scenarios
 from stablepush.stability import BOUNDARY_SLACK
 from stablepush.surfaces import LimitSurface
 
@@ -22,6 +22,8 @@ from stablepush.surfaces import LimitSurface
 SCENARIOS = 2000
 #: Scenarios that lose the slider of which the end is simulated: the others are taken to end like these.
 _SIMULATED = 40
+#: What may be left (m) of an uncertain start along the normal of a later contact: no push aligns the slider there.
+_NEAR = 1e-3
 
 Interval = tuple[float, float]
 
@@ -98,14 +100,18 @@ def first_losses(scenarios: Scenarios, result: PlanResult) -> tuple[np.ndarray, 
         margins[:, at] = scenarios.margins(number, np.array([pushes[k].twist for k in at]))
     slips = margins < -BOUNDARY_SLACK
     slips[:, 0] |= ~scenarios.flush
+    for k, push in enumerate(pushes):
+        # another contact meets the slider nearer or farther than planned by what is left along its normal
+        if push.contact != pushes[0].contact:
+            normal = scenarios.problem.contacts[push.contact].normals.mean(axis=0)
+            slips[:, k] |= np.abs(scenarios.start[:, :2] @ normal) > _NEAR
     return np.where(slips.any(axis=1), slips.argmax(axis=1), -1), margins
 
 
 def _aside(problem: PlanningProblem, result: PlanResult, scenarios: Scenarios) -> FloatArray:
     """Final poses (n, 3) of a slider that sticks: the planned one, but for what is left along the edge of an uncertain start."""
     last = result.pushes[-1]
-    theta = problem.contacts[last.contact].frame[2]
-    across = np.array((-math.sin(theta), math.cos(theta)))
+    across = across_of(problem.contacts[last.contact])
     offset = (scenarios.start[:, :2] @ across)[:, None] * across
     return compose(last.end, np.column_stack((offset, np.zeros(len(offset)))))
 
@@ -124,21 +130,31 @@ def _end(scenarios: Scenarios, row: int, result: PlanResult, first: int) -> Floa
     # the surface is about the true centre of mass
     slider = about(problem.slider, center)
     at, pushes = result.pushes[first].start, result.pushes[first:]
-    if not scenarios.flush[row]:
-        # where its first push left it; fingers and slider are then where they are
-        scenarios = replace(scenarios, place=scenarios.place * 0)
+    left, last = scenarios.start[row, :2], result.pushes[-1]
+    aside = np.zeros(2)
+    if scenarios.flush[row]:
+        # it stands where the plan has it and the fingers are aside: in truth the fingers are where the plan has them
+        across = across_of(problem.contacts[last.contact])
+        aside = (left @ across) * transform_points((0.0, 0.0, last.end[2]), across[None])[0]
+    else:
+        # where its first push left it, and the fingers where the tool has them
+        acrosses = np.stack([across_of(contact) for contact in problem.contacts], axis=1)
+        scenarios = replace(scenarios, place=scenarios.place + scenarios.start[:, :2] @ acrosses)
         at, pushes = compose(pushes[0].end, scenarios.start[row]), pushes[1:]
     pose = compose(at, offset)
     for push in pushes:
         pose = _pushed(scenarios, row, surface, slider, push, pose)
-    # a slider that is flush is where the plan has it, displaced along the edge by what moved the fingers in B the other way
-    return compose(pose, inverse(offset))
+    end = compose(pose, inverse(offset))
+    return np.array((*(end[:2] + aside), end[2]))
 
 
 def _pushed(scenarios: Scenarios, row: int, surface: LimitSurface, slider: Slider, push: Push, pose: FloatArray) -> FloatArray:
     """Pose (3,) of the slider about its centre of mass after a push."""
     contact = scenarios.contact(row, push.contact)
-    pusher = Pusher.of_contact(contact)
+    if len(contact.points) > 2:
+        # what slides past so many fingers is not simulated: it counts as lost where it lies
+        return pose
+    pusher = Pusher.of_contact(contact, scenarios.problem.finger_radius)
     docked = pusher.docked(contact)
     motion = [(transport_twist(push.twist, inverse(docked)), push.duration)]
     try:
@@ -172,6 +188,8 @@ def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
     }
     if 2 * np.count_nonzero(~scenarios.flush[rows]) > len(rows):
         return "the slider is not square to the fingers after the first push"
+    if len(rows) > 0.9 * len(scenarios):
+        return "nearly every scenario"
     best, words = 0.0, "another limit surface"
     for name, (values, unit_of) in everything.items():
         scatter = float(values.std())

@@ -1,8 +1,8 @@
 """A plan in time: poses and velocities of slider and pusher at a uniform step, from rest to rest, as CSV.
 
 Scenes and plans place a pusher by the frame of its contact points; trajectories and logs by that of the centres of its fingers,
-which lies behind it by the radius of the fingers: ``pusher = docked * (-finger_radius, 0, 0)``. Both are on the slider's pose:
-``docked = slider * contact.frame`` (:func:`finger_frame`).
+which lies behind it by the radius of the fingers where they have one normal: ``pusher = docked * (-finger_radius, 0, 0)``. Both
+are on the slider's pose: ``docked = slider * contact.frame`` (:func:`finger_frame`).
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from stablepush.core import FloatArray, InputError, check_array, check_number
 from stablepush.geometry import compose, normalize_twist, transform_points, unit, wrap_angle
 from stablepush.io import read_table, table_text, write_atomically
 from stablepush.objects import PushContact
+from stablepush.planning.alignment import clearance
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult, Push, Transfer
 
@@ -80,8 +81,13 @@ class Trajectory:
 
 
 def finger_frame(contact: PushContact, finger_radius: float) -> FloatArray:
-    """Return the pose (3,) in B of the frame of the fingers' centres: behind the frame of the contact points."""
-    return compose(contact.frame, np.array((-finger_radius, 0.0, 0.0)))
+    """Return the pose (3,) in B of the frame of the fingers' centres: their midpoint, behind that of the contact points."""
+    return compose(contact.frame, np.array((-_behind(contact, finger_radius), 0.0, 0.0)))
+
+
+def _behind(contact: PushContact, finger_radius: float) -> float:
+    """How far (m) the midpoint of the fingers' centres lies behind that of the contact points: less for unlike normals."""
+    return finger_radius * float(np.linalg.norm(contact.normals.mean(axis=0)))
 
 
 def sample_plan(
@@ -111,7 +117,7 @@ def sample_plan(
     speed : float
         Largest speed (m/s) of that point; the plan's if that is less.
     standoff : float
-        Way (m) of approach and retract; less where obstacles or bounds leave no room.
+        Way (m) of approach and retract; more where the start is so uncertain, less where obstacles or bounds leave no room.
 
     Raises
     ------
@@ -197,7 +203,8 @@ def _waits(result: PlanResult, legs: Sequence[_Leg], times: Sequence[float]) -> 
 def _legs(problem: PlanningProblem, result: PlanResult, standoff: float) -> Iterator[_Leg]:
     pose, first = problem.start, result.segments[0]
     contact = first.contact if isinstance(first, Push) else first.source
-    yield _straight(problem, pose, contact, standoff, "approach", 0)
+    away = max(standoff, clearance(problem, problem.contacts[contact]) + 1e-3) if any(problem.uncertainty.start) else standoff
+    yield _straight(problem, pose, contact, away, "approach", 0)
     for run in _runs(problem, result):
         segment = result.segments[run[0]]
         if isinstance(segment, Push):
@@ -254,18 +261,25 @@ def _pushing(problem: PlanningProblem, first: int, pushes: Sequence[Push]) -> _L
     return _Leg("push", first, float(ends[-1]), float(speeds.min()), states)
 
 
-def _line(problem: PlanningProblem, pose: FloatArray, a: FloatArray, b: FloatArray, phase: str, number: int) -> _Leg:
-    """A straight way of the docked frame from one pose (3,) to another while the slider rests; the heading turns evenly."""
+def _line(
+    problem: PlanningProblem, pose: FloatArray, a: FloatArray, b: FloatArray, phase: str, number: int, radii: tuple[float, float]
+) -> _Leg:
+    """A straight way of the docked frame from one pose (3,) to another while the slider rests; the heading turns evenly.
+
+    ``radii``: how far (m) the fingers' centres lie behind it, at both ends.
+    """
     step = np.array((*(b[:2] - a[:2]), float(wrap_angle(b[2] - a[2]))))
-    length = float(np.hypot(*step[:2])) + _turning_radius(problem) * abs(float(step[2]))
-    behind = np.array((-problem.finger_radius, 0.0, 0.0))
+    length = float(np.hypot(*step[:2])) + _turning_radius(problem) * abs(float(step[2])) + abs(radii[1] - radii[0])
 
     def states(done: FloatArray, pace: FloatArray) -> States:
         share = (done / length if length else np.ones(len(done)))[:, None]
         docked = a + share * step
-        pusher = compose(docked, behind)
-        velocity = (pace / length if length else np.zeros(len(done)))[:, None] * step
-        arm = pusher[:, :2] - docked[:, :2]
+        rate = (pace / length if length else np.zeros(len(done)))[:, None]
+        ahead = np.column_stack((np.cos(docked[:, 2]), np.sin(docked[:, 2])))
+        arm = -(radii[0] + share * (radii[1] - radii[0])) * ahead
+        pusher = np.column_stack((docked[:, :2] + arm, docked[:, 2]))
+        velocity = rate * step
+        velocity[:, :2] -= rate * (radii[1] - radii[0]) * ahead
         velocity[:, :2] += velocity[:, 2:] * np.column_stack((-arm[:, 1], arm[:, 0]))
         return np.tile(pose, (len(done), 1)), pusher, velocity, np.tile((number, -1.0), (len(done), 1))
 
@@ -276,7 +290,9 @@ def _straight(problem: PlanningProblem, pose: FloatArray, contact: int, standoff
     docked = compose(pose, problem.contacts[contact].frame)
     ahead = np.array((math.cos(docked[2]), math.sin(docked[2]), 0.0))
     away = docked - _free_way(problem, pose, contact, ahead[:2], standoff) * ahead
-    return _line(problem, pose, *((away, docked) if phase == "approach" else (docked, away)), phase, number)
+    ends = (away, docked) if phase == "approach" else (docked, away)
+    behind = _behind(problem.contacts[contact], problem.finger_radius)
+    return _line(problem, pose, *ends, phase, number, (behind, behind))
 
 
 def _free_way(problem: PlanningProblem, pose: FloatArray, contact: int, ahead: FloatArray, standoff: float) -> float:
@@ -284,9 +300,10 @@ def _free_way(problem: PlanningProblem, pose: FloatArray, contact: int, ahead: F
     points = problem.contacts[contact].points - problem.finger_radius * problem.contacts[contact].normals
     if problem.pusher is not None:
         points = transform_points(problem.contacts[contact].frame, problem.pusher)
-    placed, radius = transform_points(pose, points), 0.0 if problem.pusher is not None else problem.finger_radius
+    placed, radius = transform_points(pose, points), 1e-9 if problem.pusher is not None else max(problem.finger_radius, 1e-9)
     # what only touches does not hit
-    obstacles = shapely.buffer(shapely.union_all([shapely.Polygon(o) for o in problem.obstacles]), -1e-6)
+    around = [*problem.obstacles, transform_points(pose, problem.slider.vertices)]
+    obstacles = shapely.buffer(shapely.union_all([shapely.Polygon(o) for o in around]), -1e-6)
     for share in _SHARES:
         both = np.concatenate((placed, placed - share * standoff * ahead))
         swept = shapely.buffer(shapely.convex_hull(shapely.MultiPoint(both)), radius)
@@ -300,8 +317,10 @@ def _transfer(problem: PlanningProblem, number: int, segment: Transfer, pose: Fl
     path = segment.pusher_path
     if not len(path):
         raise InputError(f"segments[{number}].pusher_path", "expected a path: the pusher would jump from contact to contact")
-    for a, b in pairwise(path):
-        yield _line(problem, pose, a, b, "transfer", number)
+    first, last = (_behind(problem.contacts[k], problem.finger_radius) for k in (segment.source, segment.target))
+    behind = np.linspace(first, last, len(path)).tolist()
+    for (a, b), radii in zip(pairwise(path), pairwise(behind), strict=True):
+        yield _line(problem, pose, a, b, "transfer", number, radii)
 
 
 def _turning_radius(problem: PlanningProblem) -> float:

@@ -78,7 +78,7 @@ def test_another_engine_agrees_on_what_is_left():
     for error in ((0.002, 0.001, 0.04), (-0.001, -0.002, -0.03)):
         predicted, flush = after_first_push(problem, push, problem.surface, contact, np.zeros(2), np.array(error))
         assert flush
-        back = clearance(problem) + 1e-3
+        back = clearance(problem, problem.contacts[0]) + 1e-3
         theta = contact.frame[2] + problem.start[2]
         begin = compose(problem.start, docked) - (back * math.cos(theta), back * math.sin(theta), 0)
         t = np.array((0.0, back / problem.speed, back / problem.speed + push.duration))
@@ -119,3 +119,66 @@ def test_no_room_to_align_is_no_path():
 def replace_uncertainty(problem):
     names = ("slider", "surface", "contacts", "start", "goal", "obstacles", "bounds", "tolerance", "speed")
     return sp.PlanningProblem(**{name: getattr(problem, name) for name in names})
+
+
+def test_alignment_pushes_are_as_safe_as_they_can_be():
+    """The direction nearest to the normal that is stable may hold in few scenarios only."""
+    slider = sp.Slider.rectangle(0.12, 0.08, 1.0)
+    surface = sp.IdealLimitSurface(sp.SupportDistribution.from_polygon(slider.vertices, 0.01), 3.0)
+    contact = sp.PushContact.on_edge(slider, 3, 0.0205, 0.03, 0.5)
+    problem = sp.PlanningProblem(
+        slider, surface, [contact], (0, 0, 0), (0.4, -0.05, 0.0), uncertainty=sp.Uncertainty(start=(0.0005, 0.005))
+    )
+    with warnings.catch_warnings():
+        # what alignment itself loses may be as much as the level leaves
+        warnings.simplefilter("ignore", sp.PlanWarning)
+        assert sp.plan(problem, time_limit=60, refinement_budget=0).success_probability > 0.96
+
+
+def test_the_first_push_counts_whichever_contact_it_is_at():
+    slider = sp.Slider.rectangle(0.12, 0.08, 1.0)
+    surface = sp.IdealLimitSurface(sp.SupportDistribution.from_polygon(slider.vertices, 0.01), 3.0)
+    corner = sp.PushContact(((-0.06, 0.01), (0.0, -0.04)), ((1, 0), (0, 1)), 0.5)
+    edge = sp.PushContact.on_edge(slider, 1, 0.04, 0.05, 0.5)
+    problem = sp.PlanningProblem(
+        slider, surface, [corner, edge], (0, 0, 0), (-0.3, 0, 0), uncertainty=sp.Uncertainty(start=(0.001, 0.01))
+    )
+    push = sp.Push.from_start(1, (-0.03, 0.0, 0.0), 10.0, (0, 0, 0), 0.1)
+    plan = sp.PlanResult.from_segments([sp.Transfer(0, 1, np.empty((0, 3)), 0.0), push], planner="hand")
+    assert sp.estimate_success(problem, plan, 200).probability > 0.95
+
+
+def test_a_later_contact_is_not_aligned():
+    """What is left along its normal is met too early or too late: no probability is claimed for that."""
+    slider = sp.Slider.rectangle(0.12, 0.08, 1.0)
+    surface = sp.IdealLimitSurface(sp.SupportDistribution.from_polygon(slider.vertices, 0.01), 3.0)
+    contacts = [sp.PushContact.on_edge(slider, 3, 0.04, 0.05, 0.5), sp.PushContact.on_edge(slider, 2, 0.06, 0.05, 0.5)]
+    problem = sp.PlanningProblem(slider, surface, contacts, (0, 0, 0), (1, 0, 0), uncertainty=sp.Uncertainty(start=(0.004, 0.0)))
+    first = sp.Push.from_start(0, (0.03, 0.0, 0.0), 3.0, (0, 0, 0), 0.1)
+    second = sp.Push.from_start(1, (0.0, -0.03, 0.0), 3.0, first.end, 0.1)
+    plan = sp.PlanResult.from_segments([first, sp.Transfer(0, 1, np.empty((0, 3)), 0.0), second], planner="hand")
+    assert sp.estimate_success(problem, plan, 200).probability < 0.4
+    alone = sp.PlanResult.from_segments([first], planner="hand")
+    assert sp.estimate_success(problem, alone, 200).probability > 0.95
+
+
+def test_three_fingers_are_planned_for_but_not_simulated():
+    slider = sp.Slider.rectangle(0.12, 0.08, 1.0)
+    surface = sp.IdealLimitSurface(sp.SupportDistribution.from_polygon(slider.vertices, 0.01), 3.0)
+    contact = sp.PushContact([(-0.06, -0.02), (-0.06, 0.0), (-0.06, 0.02)], (1.0, 0.0), 0.3)
+    given = (slider, surface, [contact], (0, 0, 0), (0.2, 0.15, 0.9))
+    result = sp.plan(sp.PlanningProblem(*given, tolerance=(0.002, 0.01)), success=0, time_limit=60, refinement_budget=0)
+    assert result.solved and result.success_probability is not None
+
+
+def test_ends_after_a_slip_are_where_the_slider_is():
+    """On scenarios that stick, the simulated end is the planned one displaced along the edge."""
+    from stablepush.planning.success import _aside, _end
+
+    problem = uncertain((0.004, 0.0))
+    result = sp.plan(problem, success=0.9, time_limit=60, refinement_budget=0)
+    drawn = draw_scenarios(problem, 30, seed=5, first=result.pushes[0])
+    stuck = drawn.take(drawn.flush)
+    expected = _aside(problem, result, stuck)
+    for row in range(5):
+        np.testing.assert_allclose(_end(stuck, row, result, 0)[:2], expected[row, :2], atol=1e-3)

@@ -13,7 +13,7 @@ def solved():
     known = two_edges()
     problem = sp.PlanningProblem(
         known.slider, known.surface, known.contacts, known.start, known.goal, known.obstacles, known.bounds, known.pusher,
-        known.tolerance, known.speed, 2.0, known.min_margin, known.uncertainty, 0.004,
+        known.tolerance, known.speed, 2.0, known.min_margin, known.uncertainty, finger_radius=0.004,
     )  # fmt: skip
     return problem, sp.plan(problem, time_limit=60)
 

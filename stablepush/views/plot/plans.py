@@ -113,5 +113,5 @@ def _plan_title(result: PlanResult) -> str:
     first = ""
     if result.success is not None and result.success.failures:
         number, _, cause = result.success.failures[0]
-        first = f"\nfails first in push {number + 1}: {cause}"
+        first = f"\npush {number + 1} fails most often: {cause}"
     return f"{words}\n{chance}{first}"
