@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from stablepush.cli.plans import success_words
 from stablepush.demo import demo_pokes, demo_scene, demo_slider
 from stablepush.identify import fit_limit_surface
 from stablepush.io import load_model, read_pushlog, save_model, write_atomically, write_pushlog
@@ -51,7 +50,7 @@ def run_demo(folder: Path, seed: int) -> int:
     report = check_plan(scene, load_plan(folder / "plan.json"))
     if result.solved:
         verdict = "check: valid" if report.valid else f"check: {report.objections[0]}"
-        print(f"{folder / 'plan.json'}: {len(result.pushes)} pushes, {result.duration:.1f} s, {success_words(result)}; {verdict}")
+        print(f"{folder / 'plan.json'}: {len(result.pushes)} pushes, {result.duration:.1f} s, {result.outlook}; {verdict}")
     else:
         print(f"{folder / 'plan.json'}: {result.status}: {result.message}")
     plan_png = figure_png(plot_plan(scene, result))
@@ -95,7 +94,7 @@ def run_demo(folder: Path, seed: int) -> int:
                 ("duration", f"{result.duration:.1f} s; no plan can take less than {result.lower_bound or 0:.1f} s"),
                 ("length", f"{result.length:.2f} m"),
                 ("least margin", f"{np.degrees(result.min_margin):.2f}°"),
-                ("probability of success", success_words(result)),
+                ("probability of success", result.outlook),
                 ("planning time", f"{result.planning_time:.2f} s"),
                 ("independent check", "valid" if report.valid else "; ".join(report.objections)),
             ],

@@ -223,21 +223,6 @@ def trajectory(
     print(f"{output}: {len(samples.t)} samples over {samples.t[-1]:.2f} s, the plan takes {result.duration:.2f} s")
 
 
-def success_words(result: PlanResult) -> str:
-    """How likely a plan is to succeed, in words."""
-    if result.success_probability is None or result.success_interval is None or result.arrival_probability is None:
-        return "of unknown probability of success"
-    low, high = result.success_interval
-    words = (
-        f"sticks throughout with probability {result.success_probability:.3f} ({low:.3f} to {high:.3f}), "
-        f"arrives with {result.arrival_probability:.3f}"
-    )
-    if result.success is not None and result.success.failures:
-        number, _, cause = result.success.failures[0]
-        words += f"; push {number + 1} fails most often: {cause}"
-    return words
-
-
 def _plan_line(result: PlanResult) -> str:
     if not result.solved:
         return f"{result.status}: {result.message}"
@@ -245,5 +230,5 @@ def _plan_line(result: PlanResult) -> str:
     return (
         f"solved in {result.planning_time:.2f} s: {len(result.pushes)} pushes, {result.length:.3f} m, "
         f"{result.duration:.1f} s{bound}, {result.switches} changes of contact, "
-        f"least margin {math.degrees(result.min_margin):.2f} deg, {success_words(result)}"
+        f"least margin {math.degrees(result.min_margin):.2f} deg, {result.outlook}"
     )

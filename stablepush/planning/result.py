@@ -134,6 +134,21 @@ class PlanResult:
         return self.status == "solved"
 
     @property
+    def outlook(self) -> str:
+        """How likely the plan is to succeed, in words."""
+        if self.success_probability is None or self.success_interval is None or self.arrival_probability is None:
+            return "of unknown probability of success"
+        low, high = self.success_interval
+        words = (
+            f"sticks throughout with probability {self.success_probability:.3f} ({low:.3f} to {high:.3f}), "
+            f"arrives with {self.arrival_probability:.3f}"
+        )
+        if self.success is not None and self.success.failures:
+            number, _, cause = self.success.failures[0]
+            words += f"; push {number + 1} fails most often: {cause}"
+        return words
+
+    @property
     def pushes(self) -> list[Push]:
         """The pushes in order."""
         return [s for s in self.segments if isinstance(s, Push)]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import FORCES, LOAD, MASS, edited, make_log, pressure, triangle
+from conftest import FORCES, LOAD, MASS, edited, make_log, pressure, small_scene, triangle
 
 import stablepush as sp
 from stablepush.diagnosis.evidence import readable
@@ -107,3 +107,15 @@ def test_numbers_are_readable(value, words):
 def test_a_region_page_refuses_no_region():
     with pytest.raises(sp.InputError, match="regions"):
         region_html(SURFACE, CONTACT, [])
+
+
+def test_the_page_and_the_picture_of_a_plan_say_how_sure_it_is():
+    from stablepush.views.plot import plot_plan
+
+    problem = small_scene()
+    result = sp.plan(problem, refinement_budget=0)
+    assert result.outlook.startswith("sticks throughout with probability")
+    assert f"The plan {result.outlook}." in plan_html(problem, result)
+    assert "sticks throughout" in plot_plan(problem, result).axes[0].get_title()
+    unsure = sp.PlanResult.from_segments(list(result.segments), planner="hand")
+    assert "unknown" in unsure.outlook and "The plan" not in plan_html(problem, unsure)

@@ -107,11 +107,6 @@ def _plan_title(result: PlanResult) -> str:
     words = (
         f"{len(pushes)} pushes, {result.length:.2f} m, {result.duration:.1f} s, least margin {np.degrees(result.min_margin):.2f}°"
     )
-    if result.success_probability is None or result.arrival_probability is None:
+    if result.success_probability is None:
         return words
-    chance = f"sticks throughout with probability {result.success_probability:.3f}, arrives with {result.arrival_probability:.3f}"
-    first = ""
-    if result.success is not None and result.success.failures:
-        number, _, cause = result.success.failures[0]
-        first = f"\npush {number + 1} fails most often: {cause}"
-    return f"{words}\n{chance}{first}"
+    return "\n".join((words, *result.outlook.split("; ")))
