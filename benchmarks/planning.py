@@ -93,7 +93,8 @@ def compare_defaults(scenes: list[str]) -> None:
         words += f"{default.duration:7.2f} {quickest.duration:8.2f} {ratio:7.3f} | "
         print(f"{scene:>14s} {words}{chances[0]:.4f} {chances[1]:.4f}", flush=True)
     first, quick, ratio, *chances = np.median(rows, axis=0)
-    print(f"median: first plan {first:.2f} s, quickest {quick:.2f} s; {100 * (ratio - 1):.1f} % more time; success {chances}")
+    print(f"median: first plan {first:.2f} s, quickest {quick:.2f} s; {100 * (ratio - 1):.1f} % more time; ", end="")
+    print(f"success {chances[0]:.3f} against {chances[1]:.3f}")
 
 
 def alone(*job: object) -> dict:
