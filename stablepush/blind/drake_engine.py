@@ -24,6 +24,7 @@ from pydrake.systems.framework import DiagramBuilder
 from stablepush.blind.engine import FOOT, HALF, HEAVY, HEIGHT, IN_FEET, Engine, State
 from stablepush.blind.laws import pull_of, slope_at, turned
 from stablepush.blind.worlds import GRAVITY, World
+from stablepush.engines import walls
 
 #: Step (s), stiffness (N/m) and relaxation time (s) of contacts, thickness (m) of the slider's walls, and of the table, and speed
 #: (m/s) up to which a foot rests.
@@ -50,8 +51,14 @@ class DrakeEngine(Engine):
         self._slider = plant.AddRigidBody("slider", _inertia((1 - IN_FEET) * world.mass))
         self._slider_joint = _planar(plant, "slider joint", self._slider)
         self._walls = [
-            plant.RegisterCollisionGeometry(self._slider, pose, box, f"wall{k}", _material(self.contact_mu))
-            for k, (pose, box) in enumerate(_walls(world.outline))
+            plant.RegisterCollisionGeometry(
+                self._slider,
+                RigidTransform(RollPitchYaw(0.0, 0.0, angle), (*middle, 0.0)),
+                Box(length, _WALL, 2 * HALF),
+                f"wall{k}",
+                _material(self.contact_mu),
+            )
+            for k, (middle, angle, length) in enumerate(walls(world.outline, _WALL))
         ]
         self._feet = []
         for k, ((x, y), share) in enumerate(zip(self.feet, self.weights, strict=True)):
@@ -173,25 +180,6 @@ def _planar(plant: Any, name: str, body: Any) -> Any:
 
 def _frame(plant: Any, body: Any, pose: RigidTransform, name: str) -> Any:
     return plant.AddFrame(FixedOffsetFrame(f"frame of {name}", body.body_frame(), pose))
-
-
-def _walls(outline: np.ndarray) -> list[tuple[RigidTransform, Box]]:
-    """Thin boxes behind the edges: of all shapes, contacts of balls with boxes are exact. They end where, at a sharp corner, they
-    would come out of the next edge."""
-    along = np.roll(outline, -1, axis=0) - outline
-    lengths = np.linalg.norm(along, axis=1)
-    along /= lengths[:, None]
-    # cosine and sine of the angle inside the corner at the start of each edge
-    back = -np.roll(along, 1, axis=0)
-    cosine, sine = (along * back).sum(axis=1), along[:, 0] * back[:, 1] - along[:, 1] * back[:, 0]
-    short = _WALL * np.maximum(0.0, cosine) / sine
-    found = []
-    for k, (start, side) in enumerate(zip(outline, along, strict=True)):
-        first, last = short[k], lengths[k] - short[(k + 1) % len(outline)]
-        middle = start + (first + last) / 2 * side + _WALL / 2 * np.array((-side[1], side[0]))
-        pose = RigidTransform(RollPitchYaw(0.0, 0.0, float(np.arctan2(side[1], side[0]))), (*middle, 0.0))
-        found.append((pose, Box(last - first, _WALL, 2 * HALF)))
-    return found
 
 
 def _sides(outline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

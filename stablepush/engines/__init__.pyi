@@ -5,3 +5,4 @@ from .executor import (
     SliderOnFeet as SliderOnFeet,
     executor as executor,
 )
+from .walls import walls as walls

@@ -13,6 +13,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from stablepush.engines.executor import FOOT, GRAVITY, HALF, HEAVY, HEIGHT, IN_FEET, Executor, Fingers, SliderOnFeet
+from stablepush.engines.walls import walls
 
 #: Step (s), stiffness (N/m) and relaxation time (s) of contacts, thickness (m) of the slider's walls, and of the table.
 _STEP, _STIFF, _RELAXATION, _WALL, _FLOOR = 2e-3, 2e5, 2e-3, 1e-3, 0.2
@@ -36,8 +37,9 @@ class DrakeExecutor(Executor):
         turning = 1e-5 / small
         body = plant.AddRigidBody("slider", SpatialInertia(small, np.zeros(3), UnitInertia(turning, turning, turning)))
         self._slider = _planar(plant, "slider joint", body)
-        for k, (pose, box) in enumerate(_walls(slider.outline)):
-            plant.RegisterCollisionGeometry(body, pose, box, f"wall{k}", skin)
+        for k, (middle, angle, length) in enumerate(walls(slider.outline, _WALL)):
+            pose = RigidTransform(RollPitchYaw(0.0, 0.0, angle), (*middle, 0.0))
+            plant.RegisterCollisionGeometry(body, pose, Box(length, _WALL, 2 * HALF), f"wall{k}", skin)
         for k, ((a, b), share) in enumerate(zip(slider.feet, slider.shares, strict=True)):
             foot = plant.AddRigidBody(
                 f"foot{k}", SpatialInertia(share * IN_FEET * slider.mass, np.zeros(3), UnitInertia(0, 0, 0))
@@ -98,23 +100,3 @@ def _planar(plant: Any, name: str, body: Any) -> Any:
 
 def _frame(plant: Any, body: Any, pose: RigidTransform, name: str) -> Any:
     return plant.AddFrame(FixedOffsetFrame(f"frame of {name}", body.body_frame(), pose))
-
-
-def _walls(outline: np.ndarray) -> list[tuple[RigidTransform, Box]]:
-    """Thin boxes behind the edges: of all shapes, contacts of balls with boxes are exact. They end where, at a sharp corner, they
-    would come out of the next edge."""
-    along = np.roll(outline, -1, axis=0) - outline
-    lengths = np.linalg.norm(along, axis=1)
-    along /= lengths[:, None]
-    # cosine and sine of the angle inside the corner at the start of each edge
-    back = -np.roll(along, 1, axis=0)
-    cosine, sine = (along * back).sum(axis=1), along[:, 0] * back[:, 1] - along[:, 1] * back[:, 0]
-    # where the outline goes in, the wall may reach the next edge
-    short = np.where(sine > 0, _WALL * np.maximum(0.0, cosine) / np.where(sine > 0, sine, 1.0), 0.0)
-    found = []
-    for k, (start, side) in enumerate(zip(outline, along, strict=True)):
-        first, last = short[k], lengths[k] - short[(k + 1) % len(outline)]
-        middle = start + (first + last) / 2 * side + _WALL / 2 * np.array((-side[1], side[0]))
-        pose = RigidTransform(RollPitchYaw(0.0, 0.0, float(np.arctan2(side[1], side[0]))), (*middle, 0.0))
-        found.append((pose, Box(last - first, _WALL, 2 * HALF)))
-    return found

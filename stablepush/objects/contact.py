@@ -15,6 +15,8 @@ from stablepush.objects.wrench_cone import WrenchCone
 
 #: Mean normals shorter than this are rounding.
 _CANCELLED = 1e-9
+#: Normals that differ by less are one.
+_SAME_NORMAL = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,6 +88,11 @@ class PushContact:
         mean = self.normals.mean(axis=0)
         normal = unit(mean) if np.linalg.norm(mean) > _CANCELLED else self.normals[0]
         return np.array((*self.points.mean(axis=0), np.arctan2(normal[1], normal[0])))
+
+    @property
+    def has_one_normal(self) -> bool:
+        """Whether all points share a normal, as fingers on one edge do."""
+        return bool(np.abs(self.normals - self.normals[0]).max() < _SAME_NORMAL)
 
     @property
     def radius(self) -> float:

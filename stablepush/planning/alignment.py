@@ -31,7 +31,7 @@ STEP = 1 / 25
 
 def aligns(contact: PushContact) -> bool:
     """Return whether a contact turns a slider square: two fingers with one normal."""
-    return len(contact.points) == 2 and bool(np.abs(contact.normals - contact.normals[0]).max() < 1e-9)
+    return len(contact.points) == 2 and contact.has_one_normal
 
 
 def clearance(problem: PlanningProblem, contact: PushContact) -> float:

@@ -112,7 +112,7 @@ class Scenarios:
         for number, contact in enumerate(self.problem.contacts):
             aside = self.place[:, number, None] * across_of(contact) - self.center_of_mass
             points, mu = contact.points + aside[:, None, :], self.contact_mu[:, number]
-            one_edge = len(points[0]) == 2 and np.abs(contact.normals[0] - contact.normals[1]).max() < 1e-9
+            one_edge = len(points[0]) == 2 and contact.has_one_normal
             if one_edge and mu.min() > 0 and abs(np.subtract(*contact.points) @ contact.normals[0]) < 1e-9:
                 found.append(_line_facets(points, contact.normals[0], mu, rho))
             else:

@@ -297,16 +297,15 @@ def _straight(problem: PlanningProblem, pose: FloatArray, contact: int, standoff
 
 def _free_way(problem: PlanningProblem, pose: FloatArray, contact: int, ahead: FloatArray, standoff: float) -> float:
     """How far (m), up to the standoff, the docked pusher can go back without hitting anything."""
-    points = problem.contacts[contact].points - problem.finger_radius * problem.contacts[contact].normals
-    if problem.pusher is not None:
-        points = transform_points(problem.contacts[contact].frame, problem.pusher)
-    placed, radius = transform_points(pose, points), 1e-9 if problem.pusher is not None else max(problem.finger_radius, 1e-9)
+    # points are a little wide, or the way of one finger would have no area
+    filled = problem.docked_outlines(problem.contacts[contact]) or [problem.contacts[contact].points]
+    placed = transform_points(pose, np.concatenate(filled))
     # what only touches does not hit
     around = [*problem.obstacles, transform_points(pose, problem.slider.vertices)]
     obstacles = shapely.buffer(shapely.union_all([shapely.Polygon(o) for o in around]), -1e-6)
     for share in _SHARES:
         both = np.concatenate((placed, placed - share * standoff * ahead))
-        swept = shapely.buffer(shapely.convex_hull(shapely.MultiPoint(both)), radius)
+        swept = shapely.buffer(shapely.convex_hull(shapely.MultiPoint(both)), 1e-9)
         inside = problem.bounds is None or shapely.box(*problem.bounds).buffer(1e-6).covers(swept)
         if inside and not shapely.intersects(swept, obstacles):
             return share * standoff

@@ -9,8 +9,8 @@ import numpy as np
 from stablepush.core import InputError, Node, UnsupportedContactError, check_array, check_number
 from stablepush.objects import PushContact
 
-#: Normals that differ by less are one.
-_SAME = 1e-9
+#: Points of one edge differ by no more (m) along its normal.
+_LEVEL = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +77,10 @@ class Uncertainty:
         mu, side = self.friction_range(contact.mu)[0], self.contact_place
         if side == 0:
             return PushContact(contact.points, contact.normals, mu)
-        line = len(contact.points) == 2 and bool(np.abs(contact.normals[0] - contact.normals[1]).max() < _SAME)
+        line = len(contact.points) == 2 and contact.has_one_normal
         along = np.subtract(*contact.points) if line else np.zeros(2)
         width = float(np.linalg.norm(along))
-        if not line or abs(float(along @ contact.normals[0])) > _SAME or width <= 2 * side:
+        if not line or abs(float(along @ contact.normals[0])) > _LEVEL or width <= 2 * side:
             raise UnsupportedContactError(
                 "guarantee: expected two fingers on one edge, farther apart than their places are uncertain; "
                 "uncertainty.contact_place=0 takes the places as exact"

@@ -89,11 +89,7 @@ def _line_contact(contact: PushContact) -> tuple[FloatArray, FloatArray, FloatAr
     normal = contact.normals[0]
     heights = contact.points @ normal
     spread = np.ptp(contact.points @ (-normal[1], normal[0]))
-    if (
-        len(contact.points) < 2
-        or np.abs(contact.normals - normal).max() > 1e-9
-        or np.ptp(heights) > 1e-9 * max(spread, contact.radius)
-    ):
+    if len(contact.points) < 2 or not contact.has_one_normal or np.ptp(heights) > 1e-9 * max(spread, contact.radius):
         raise UnsupportedContactError(
             "STABLE: expected a line contact, at least two points on a line with one common normal across it"
         )
