@@ -171,7 +171,10 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
         x, y = place_of(lattice, i, j)
         cos, sin = lattice.cos[heading], lattice.sin[heading]
         theta = math.atan2(sin, cos)
-        if tree.via[node] >= 0 and at_goal(graph.goal, x, y, theta):
+        pushed = tree.via[node] >= 0
+        if tree.via[node] == TRANSFER:
+            pushed = lattice.alignments.durations[contact * lattice.headings + heading] > 0.0
+        if pushed and at_goal(graph.goal, x, y, theta):
             tree.counts[3] = node
             return DONE
         body = body_at(graph.bodies, contact)
@@ -214,8 +217,12 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
             for other in range(contacts):
                 if other == contact or lattice.first[other * lattice.headings] == lattice.first[(other + 1) * lattice.headings]:
                     continue
-                key = key_of(other, heading, i, j)
-                total = cost + transfers.cost
+                row = other * lattice.headings + heading
+                aligning = lattice.alignments.durations[row]
+                if aligning == math.inf:
+                    continue
+                key = key_of(other, heading, i + lattice.alignments.steps[row, 0], j + lattice.alignments.steps[row, 1])
+                total = cost + transfers.cost + lattice.alignments.costs[row]
                 there = tree.table[_find(tree, key)]
                 if there >= 0 and _settled(tree, there, total, weight):
                     continue
@@ -226,6 +233,11 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
                     impossible = impossible or (denied[n, 0] == key and denied[n, 1] == contact)
                 if impossible:
                     continue
+                if aligning > 0.0:
+                    t = lattice.alignments.twists[row]
+                    docked = body_at(graph.bodies, other)
+                    if not push_is_free(world, docked, x, y, cos, sin, t[0], t[1], t[2], aligning):
+                        continue
                 reach(lattice, graph.goal, tree, key, total, node, TRANSFER, weight, limit)
     return PAUSED
 

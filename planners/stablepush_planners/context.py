@@ -10,7 +10,18 @@ import numpy as np
 
 from stablepush.core import ConvergenceError, Deadline, FloatArray, InputError, OutOfTimeError, UnsupportedContactError
 from stablepush.geometry import compose, exp
-from stablepush.planning import PlanningProblem, PlanOptions, PlanResult, Push, SweptBody, Transfer, body_of, world_of
+from stablepush.planning import (
+    PlanningProblem,
+    PlanOptions,
+    PlanResult,
+    Push,
+    SweptBody,
+    Transfer,
+    alignment_push,
+    aligns,
+    body_of,
+    world_of,
+)
 from stablepush.planning.kernels import Body
 from stablepush_planners._connection import Connections, connect
 from stablepush_planners._goal import Goal, at_goal, least_time, unobstructed_times
@@ -88,6 +99,10 @@ class PlanningContext:
             found = steering(problem, stable)
             if found is not None:
                 self.steerings[i] = found
+        #: contacts that are to align the slider when the pusher docks there, and a push that does, if any
+        self.aligning: dict[int, Push | None] = {}
+        if any(problem.uncertainty.start) and len(problem.contacts) > 1:
+            self.aligning = {i: alignment_push(problem, i) for i in self.stable if aligns(problem.contacts[i])}
         self._docked = _bodies([body.body for body in self.bodies])
         self.goal, self.connections, self.transfers = self._goal(), self._connections(), self._transfers()
         x, y, theta = problem.start
@@ -161,15 +176,20 @@ class PlanningContext:
         """Return a path with the same changes of contact, at the same poses, that costs no more."""
         pose = np.array(self.problem.start)
         result: list[ContactSegment] = []
-        for contact, pushes in contact_segments:
-            best = pushes
-            for pieces in PIECES:
+        for number, (contact, pushes) in enumerate(contact_segments):
+            fixed = self._fixed(number, contact)
+            begin, best = end_of(pose, pushes[:fixed]), pushes[fixed:]
+            for pieces in PIECES if best else ():
                 body, stable = self.bodies[contact], self.stable[contact]
-                best = shorten(self.problem, self.connections, self.world, body, stable, pose, best, pieces, self.deadline)
+                best = shorten(self.problem, self.connections, self.world, body, stable, begin, best, pieces, self.deadline)
                 best = merged(best, self.problem.slider.radius)
-            result.append((contact, best))
+            result.append((contact, merged(pushes[:fixed] + best, self.problem.slider.radius)))
             pose = end_of(pose, pushes)
         return result
+
+    def _fixed(self, number: int, contact: int) -> int:
+        """How many pushes of a contact's segment stay as they are: the one that aligns the slider after the pusher docked."""
+        return int(contact in self.aligning and (number > 0 or contact != 0))
 
     def result(self, contact_segments: Sequence[ContactSegment], planner: str, seed: int, words: str) -> PlanResult:
         """Return a path as the plan that is asked for."""
@@ -184,11 +204,15 @@ class PlanningContext:
         """Return a path whose corners are blended as asked, and how many are left."""
         if math.isinf(self._rate):
             return list(contact_segments), 0
-        pose, result, corners = np.array(self.problem.start), [], 0
+        pose, corners = np.array(self.problem.start), 0
+        result: list[ContactSegment] = []
         for contact, pushes in contact_segments:
-            parts, left = blended(self.problem, self.stable[contact], self.bodies[contact], pose, pushes, self._rate)
-            result.append((contact, parts))
-            corners += left
+            fixed = self._fixed(len(result), contact)
+            begin, free, left = end_of(pose, pushes[:fixed]), pushes[fixed:], 0
+            if free:
+                free, left = blended(self.problem, self.stable[contact], self.bodies[contact], begin, free, self._rate)
+            result.append((contact, pushes[:fixed] + free))
+            corners += left + int(fixed > 0 and len(free) > 0)
             pose = end_of(pose, pushes)
         return result, corners
 

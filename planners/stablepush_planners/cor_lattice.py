@@ -106,7 +106,7 @@ class _Planner:
             self._progress(f"lattice {rung + 1} of {len(LADDER)}: {headings} headings")
             cell = share * context.problem.slider.radius
             if rung not in self._lattices:
-                self._lattices[rung] = make_lattice(context.problem, context.stable, headings, cell)
+                self._lattices[rung] = make_lattice(context.problem, context.stable, headings, cell, context.aligning)
             useful = useful or len(self._lattices[rung].durations) > 0
             graph = context.graph(self._lattices[rung], transfers)
             limit = math.inf
@@ -160,8 +160,8 @@ class _Planner:
         """Return key and former contact of a change that the pusher has no path for, on the path of a node, or None."""
         while graph.transfers.kind == ANY_WAY and node >= 0:
             if tree.via[node] == _search.TRANSFER:
-                target, heading, i, j = (int(part) for part in _search.parts_of(tree.key[node]))
-                source = int(_search.parts_of(tree.key[tree.parent[node]])[0])
+                target = int(_search.parts_of(tree.key[node])[0])
+                source, heading, i, j = (int(part) for part in _search.parts_of(tree.key[tree.parent[node]]))
                 turn = 2 * math.pi / graph.lattice.headings
                 pose = compose(self._context.problem.start, (i * graph.lattice.cell, j * graph.lattice.cell, heading * turn))
                 if self._context.transfer_path(source, target, pose) is None:
@@ -182,9 +182,11 @@ class _Planner:
             via = int(tree.via[child])
             contact = int(_search.parts_of(tree.key[child])[0])
             if via == _search.TRANSFER:
+                row = contact * graph.lattice.headings + int(_search.parts_of(tree.key[child])[1])
+                aligning, duration = graph.lattice.alignments, float(graph.lattice.alignments.durations[row])
+                pushes = [(aligning.twists[row].copy(), duration)] if duration > 0 else []
                 contact_segments.append((contact, []))
-                continue
-            if via >= 0:
+            elif via >= 0:
                 pushes = [(graph.lattice.twists[via].copy(), float(graph.lattice.durations[via]))]
             else:
                 most = 2 * graph.lattice.tick + float(tree.cost[child] - tree.cost[parent]) * (1 + 1e-6)

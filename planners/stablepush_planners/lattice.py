@@ -5,6 +5,9 @@ four: a quarter turn maps the lattice onto itself, so the edges of a quarter of 
 lattice poses there is one push of constant body twist, ``log(a⁻¹ b)``; it is an edge if it is stable. So tightest turns,
 gentler ones about any centre within the region, and translations in all stable directions come from one rule; of these, edges
 that others make up at nearly the same cost are left out.
+
+Where the start is uncertain every docking ends with a straight push that aligns the slider: a change of contact then leads to
+the end of it, a lattice pose as well.
 """
 
 from __future__ import annotations
@@ -16,16 +19,31 @@ from typing import NamedTuple
 import numpy as np
 
 from stablepush.core import FloatArray, compiled
-from stablepush.geometry import log, rotate_vectors
-from stablepush.planning import PlanningProblem
+from stablepush.geometry import log, rotate_vectors, wrap_angle
+from stablepush.planning import PlanningProblem, Push
 from stablepush_planners.stable_set import StableSet
 
 #: Edges reach at most this many cells each way, and turn by at most this angle (rad).
 _REACH, _LARGEST_TURN = 9, math.pi / 2
 #: An edge is left out if others lead to its end for at most this much more.
 _SPARE = 0.03
+#: An alignment push may be longer than needed by so many cells, and its direction differ by so much (rad).
+_LONGER, _DIRECTION = 4, math.radians(12.0)
 #: The time in which a push at the speed limit crosses a cell has two to so many ticks.
 _TICKS = 24
+
+
+class Alignments(NamedTuple):
+    """The straight push after a change of contact, by contact and heading, as edges have it.
+
+    Steps (n, 2) in cells, body twists (n, 3), durations and costs (n,) in s. A duration of 0: no push is needed; infinite: there
+    is none, so the contact cannot be docked at in that heading.
+    """
+
+    steps: np.ndarray
+    twists: FloatArray
+    durations: FloatArray
+    costs: FloatArray
 
 
 class Lattice(NamedTuple):
@@ -50,6 +68,7 @@ class Lattice(NamedTuple):
         In s. Costs are whole multiples of ``tick``.
     tick : float
         Unit (s) of all costs of a search, a power of two: their sums are exact, so paths that cost the same are found to.
+    alignments : Alignments
     """
 
     origin: FloatArray
@@ -63,10 +82,20 @@ class Lattice(NamedTuple):
     durations: FloatArray
     costs: FloatArray
     tick: float
+    alignments: Alignments
 
 
-def make_lattice(problem: PlanningProblem, stable: Mapping[int, StableSet], headings: int, cell: float) -> Lattice:
-    """Return the lattice of ``headings`` and ``cell`` (m) whose origin is the start; contacts not in ``stable`` have no edges."""
+def make_lattice(
+    problem: PlanningProblem,
+    stable: Mapping[int, StableSet],
+    headings: int,
+    cell: float,
+    aligning: Mapping[int, Push | None] | None = None,
+) -> Lattice:
+    """Return the lattice of ``headings`` and ``cell`` (m) whose origin is the start; contacts not in ``stable`` have no edges.
+
+    ``aligning`` has the contacts that are to align the slider when the pusher docks there, and a push that does, if any.
+    """
     first, count, found = [0], 0, []
     for contact in range(len(problem.contacts)):
         if contact in stable:
@@ -76,7 +105,7 @@ def make_lattice(problem: PlanningProblem, stable: Mapping[int, StableSet], head
             found.append(edges)
         else:
             first += [count] * headings
-    angles = float(problem.start[2]) + 2 * np.pi / headings * np.arange(headings)
+    angles: FloatArray = float(problem.start[2]) + 2 * np.pi / headings * np.arange(headings, dtype=np.float64)
     steps, twists, durations, costs = (np.concatenate(column) for column in zip(*found, strict=True))
     tick = 2.0 ** (round(math.log2(cell / problem.speed)) - _TICKS)
     return Lattice(
@@ -91,7 +120,47 @@ def make_lattice(problem: PlanningProblem, stable: Mapping[int, StableSet], head
         durations=np.ascontiguousarray(durations),
         costs=np.ascontiguousarray(np.round(costs / tick) * tick),
         tick=tick,
+        alignments=_alignments(problem, stable, angles, cell, tick, aligning or {}),
     )
+
+
+def _alignments(
+    problem: PlanningProblem,
+    stable: Mapping[int, StableSet],
+    angles: FloatArray,
+    cell: float,
+    tick: float,
+    aligning: Mapping[int, Push | None],
+) -> Alignments:
+    """For each contact and body angle in W the shortest straight push between lattice poses that is long enough to align.
+
+    Its direction is nearly that of the push that is known to do it; of those as long the nearest to it.
+    """
+    rows = len(problem.contacts) * len(angles)
+    found = Alignments(np.zeros((rows, 2), dtype=np.int64), np.zeros((rows, 3)), np.zeros(rows), np.zeros(rows))
+    for contact, push in aligning.items():
+        block = slice(contact * len(angles), (contact + 1) * len(angles))
+        found.durations[block] = math.inf
+        if push is None or contact not in stable:
+            continue
+        most = math.ceil(push.length / cell) + _LONGER
+        i, j = (a.ravel() for a in np.meshgrid(*(np.arange(-most, most + 1),) * 2, indexing="ij"))
+        squares = i * i + j * j
+        i, j, squares = (a[squares * cell**2 >= push.length**2 * (1 - 1e-9)] for a in (i, j, squares))
+        toward = math.atan2(push.twist[1], push.twist[0])
+        for k, angle in enumerate(angles - float(problem.start[2])):
+            off = np.abs(wrap_angle(np.arctan2(j, i) - angle - toward))
+            order = [n for n in np.lexsort((np.round(off, 9), squares)) if off[n] <= _DIRECTION]
+            steps = np.column_stack((i[order], j[order]))
+            twists = np.column_stack((rotate_vectors(-angle, steps * cell), np.zeros(len(steps))))
+            good = np.flatnonzero(stable[contact].accepts(twists))
+            if not len(good):
+                continue
+            row, twist = contact * len(angles) + k, twists[good[0]]
+            found.steps[row], found.durations[row] = steps[good[0]], float(problem.push_speed(twist)) / problem.speed
+            found.twists[row] = twist / found.durations[row]
+            found.costs[row] = round(float(stable[contact].costs(twist[None])[0]) / tick) * tick
+    return found
 
 
 def _edges(problem: PlanningProblem, stable: StableSet, headings: int, cell: float) -> tuple[np.ndarray, ...]:

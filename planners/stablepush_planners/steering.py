@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stablepush.core import BoolArray, FloatArray
+from stablepush.core import BoolArray, FloatArray, order_with_ties
 from stablepush.geometry import transport_twist, twist_from_cor
 from stablepush.planning import PlanningProblem
 from stablepush_planners.stable_set import StableSet
@@ -88,7 +88,7 @@ def _tightest(
 ) -> tuple[float, float, float, float] | None:
     """Direction (rad), offset and places (m) of the CORs nearest to each other on any of the lines."""
     places = _PLACES * rho
-    best: tuple[float, float, float, float] | None = None
+    lines = []
     along = np.stack((np.cos(directions), np.sin(directions)), axis=-1)
     straight = accept(np.column_stack((along, np.zeros(len(along)))))
     for d, direction in zip(along[straight], directions[straight], strict=True):
@@ -102,12 +102,19 @@ def _tightest(
             if not (left[row].any() and right[row].any()):
                 continue
             i, j = int(np.argmax(left[row])), len(places) - 1 - int(np.argmax(right[row][::-1]))
-            if places[i] <= places[j] or (best is not None and places[i] - places[j] > 1.05 * (best[2] - best[3])):
-                continue
-            s_left = _refine(accept, offset * d, normal, 1.0, places, i, i - 1)
-            s_right = _refine(accept, offset * d, normal, -1.0, places, j, j + 1)
-            if s_left > s_right and (best is None or s_left - s_right < (best[2] - best[3]) * (1 - _GAIN)):
-                best = (float(direction), float(offset), s_left, s_right)
+            if places[i] > places[j]:
+                # how near to each other they may be at best
+                least = places[max(i - 1, 0)] - places[min(j + 1, len(places) - 1)]
+                lines.append((float(least), float(direction), float(offset), d, normal, i, j))
+    best: tuple[float, float, float, float] | None = None
+    for n in order_with_ties(np.array([line[0] for line in lines]), _GAIN * rho):
+        least, way, offset, d, normal, i, j = lines[n]
+        if best is not None and least > best[2] - best[3]:
+            break
+        s_left = _refine(accept, offset * d, normal, 1.0, places, i, i - 1)
+        s_right = _refine(accept, offset * d, normal, -1.0, places, j, j + 1)
+        if s_left > s_right and (best is None or s_left - s_right < (best[2] - best[3]) * (1 - _GAIN)):
+            best = (way, offset, s_left, s_right)
     return best
 
 

@@ -4,6 +4,7 @@ from .pushing import (
     Pusher as Pusher,
     PushTrace as PushTrace,
     TableFriction as TableFriction,
+    final_poses as final_poses,
     motion_profile as motion_profile,
     push_twist as push_twist,
     rollout as rollout,

@@ -372,6 +372,53 @@ def rollout(
     return PushTrace(np.concatenate(((0.0,), times)), poses, pushers, moves, loads, points, modes, forces, jams)
 
 
+def final_poses(
+    frictions: Sequence[TableFriction | LimitSurface],
+    which: np.ndarray,
+    slider: Slider,
+    pusher: Pusher,
+    mu: FloatArray,
+    starts: FloatArray,
+    place: FloatArray,
+    motion: Sequence[tuple[ArrayLike, float]],
+    *,
+    aside: FloatArray,
+    centers_of_mass: FloatArray,
+    step: float,
+) -> FloatArray:
+    """Return where sliders end that differ from each other, all pushed by the same motion: poses (n, 3) of B in W.
+
+    Row ``i`` has the friction ``frictions[which[i]]``, about the centre of mass ``centers_of_mass[i]`` (2,) in B, the contact
+    friction ``mu[i]``, the start ``starts[i]`` (3,), and fingers that are moved by ``aside[i]`` (m) along the y axis of the
+    pusher's frame. The rest is as for :func:`simulate_push`. A row is NaN where the centre of a finger would lie in the slider.
+    """
+    from stablepush.mechanics.kernels import rollout as _pushing
+    from stablepush.mechanics.kernels.contacts import new_answer, new_touch, new_work
+
+    profile = motion_profile(pusher, motion, step)
+    total = int(profile.counts.sum())
+    moved = pusher.fingers + np.stack((np.zeros_like(aside), aside), axis=-1)[:, None]
+    offsets = np.column_stack((centers_of_mass, np.zeros(len(centers_of_mass))))
+    begins, ends = compose(starts, offsets), np.full((len(starts), 3), np.nan)
+    clear = ~_inside(slider, pusher.radius, transform_points(compose(inverse(starts), place), moved))
+    tables = {k: _friction(frictions[k]).compiled() for k in np.unique(which[clear]).tolist()}
+    poses, pushers = np.zeros((total + 1, 3)), np.zeros((total + 1, 3))
+    moves, loads = np.zeros((total, 3)), np.zeros((total, 3))
+    points, forces = np.zeros((total, 2, 2)), np.zeros((total, 2, 2))
+    modes, times, jams = np.zeros((total, 2), dtype=np.int64), np.zeros(total), np.zeros(total, dtype=np.bool_)
+    room = new_touch(), new_touch(), new_answer(), new_work()
+    for row in np.flatnonzero(clear):
+        table = tables[int(which[row])]
+        body = _pushing.Pusher(moved[row], max(pusher.radius, _POINT), 0.0)
+        _pushing.run(
+            table, slider.vertices - centers_of_mass[row], body, float(mu[row]), begins[row], place,
+            profile.twists, profile.durations, profile.counts, float(table.rho),
+            poses, pushers, moves, loads, points, modes, forces, times, jams, *room,
+        )  # fmt: skip
+        ends[row] = poses[-1]
+    return compose(ends, inverse(offsets))
+
+
 def _pieces(motion: Sequence[tuple[ArrayLike, float]]) -> list[tuple[FloatArray, float]]:
     try:
         pairs = [(twist, duration) for twist, duration in motion]
@@ -382,15 +429,16 @@ def _pieces(motion: Sequence[tuple[ArrayLike, float]]) -> list[tuple[FloatArray,
 
 def _require_outside(slider: Slider, pusher: Pusher, start: FloatArray, place: FloatArray) -> None:
     """Refuse fingers whose centres lie in the slider: the contact law would let them pass through it."""
-    if pusher.flat:
-        return
-    centers = transform_points(compose(inverse(start), place), pusher.fingers)
-    inside = shapely.contains_xy(shapely.Polygon(slider.vertices), *centers.T)
-    if not inside.any():
-        return
-    depth = float((inside * shapely.distance(shapely.LinearRing(slider.vertices), shapely.points(centers))).max())
-    if depth > max(0.0, _POINT_DEPTH - pusher.radius):
-        raise InputError("place", f"expected fingers outside of the slider, one has its centre {1000 * depth:.3g} mm inside")
+    if not pusher.flat and _inside(slider, pusher.radius, transform_points(compose(inverse(start), place), pusher.fingers)):
+        raise InputError("place", "expected fingers outside of the slider, one has its centre inside")
+
+
+def _inside(slider: Slider, radius: float, centers: FloatArray) -> BoolArray:
+    """Whether the centre of any finger (..., k, 2), in B (m), lies in the slider, deeper than contacts of points are kept."""
+    inside = shapely.contains_xy(slider.polygon, centers[..., 0], centers[..., 1])
+    depth = np.zeros(inside.shape)
+    depth[inside] = shapely.distance(shapely.LinearRing(slider.vertices), shapely.points(centers[inside]))
+    return np.asarray((depth > max(0.0, _POINT_DEPTH - radius)).any(axis=-1))
 
 
 def _friction(friction: TableFriction | LimitSurface) -> TableFriction:

@@ -1,3 +1,4 @@
+from .alignment import aligns as aligns
 from .check import CheckReport as CheckReport, check_plan as check_plan
 from .collision import SweptBody as SweptBody, body_of as body_of, world_of as world_of
 from .comparison import RegionPlan as RegionPlan, certified_share as certified_share, compare_regions as compare_regions
@@ -19,7 +20,11 @@ from .result import (
     save_plan as save_plan,
 )
 from .rosbag import load_rosbag as load_rosbag, save_rosbag as save_rosbag
-from .scenarios import Scenarios as Scenarios, draw_scenarios as draw_scenarios
+from .scenarios import (
+    Scenarios as Scenarios,
+    alignment_push as alignment_push,
+    draw_scenarios as draw_scenarios,
+)
 from .success import Success as Success, estimate_success as estimate_success
 from .trajectory import (
     PASSES as PASSES,

@@ -1,4 +1,4 @@
-"""Where the start is uncertain: the straight push that makes two fingers flush with their edge, and what it leaves.
+"""Where the start is uncertain: the straight pushes that make two fingers flush with their edge, and what they leave.
 
 A slider that does not stand where it is believed to be meets one finger first, turns until the other touches, and slides along
 both meanwhile. What remains is a displacement along the edge. One finger, or fingers with unlike normals, do not align a slider.
@@ -6,14 +6,14 @@ both meanwhile. What remains is a displacement along the edge. One finger, or fi
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from stablepush.core import FloatArray, StablepushError
-from stablepush.geometry import compose, inverse, transform_points, transport_twist
-from stablepush.mechanics import Pusher, simulate_push
-from stablepush.objects import PushContact, Slider
+from stablepush.core import BoolArray, FloatArray
+from stablepush.geometry import compose, inverse, transport_twist, wrap_angle
+from stablepush.mechanics import Pusher, final_poses
+from stablepush.objects import PushContact
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import Push
 from stablepush.stability import StabilityOracle
@@ -23,6 +23,8 @@ from stablepush.surfaces import LimitSurface
 _DEVIATIONS = 3.0
 #: A slider that is turned by less (rad) against the plan is flush with the fingers.
 _FLUSH = 5e-3
+#: A slider that is farther (m) from where it is planned along the normal is not flush: a finger has not reached it, or went past.
+_TOUCHING = 1e-3
 #: Directions (rad, each way of the normal) that an alignment push may have, the least first.
 _DIRECTIONS = np.radians((0.0, 2.5, 5.0, 7.5, 10.0, 15.0, 20.0))
 #: Steps of simulations, over the radius of the slider: final poses are right to 1 mm.
@@ -42,55 +44,61 @@ def clearance(problem: PlanningProblem, contact: PushContact) -> float:
     return _DEVIATIONS * (position + heading * max(float(np.abs(along).max()), float(np.ptp(along))))
 
 
-def straight_pushes(problem: PlanningProblem, length: float) -> list[Push]:
-    """Return the straight pushes (m) at the first contact that are stable, those nearest to the normal first."""
-    contact = problem.contacts[0]
+def straight_pushes(problem: PlanningProblem, number: int, length: float) -> list[Push]:
+    """Return the straight pushes (m) from the start at a contact that are stable, those nearest to the normal first."""
+    contact = problem.contacts[number]
     oracle, theta = StabilityOracle(problem.surface, contact), float(contact.frame[2])
     angles = theta + np.concatenate([(a, -a) for a in _DIRECTIONS])
     twists = problem.speed * np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1)
     margins = oracle.margin(twists)
     return [
-        Push.from_start(0, twists[k], length / problem.speed, problem.start, float(margins[k]))
+        Push.from_start(number, twists[k], length / problem.speed, problem.start, float(margins[k]))
         for k in np.flatnonzero(margins > max(0.0, problem.min_margin) + 1e-6)
     ]
 
 
-def after_first_push(
+def after_docking(
     problem: PlanningProblem,
     first: Push,
-    surface: LimitSurface,
-    contact: PushContact,
-    center: FloatArray,
-    error: FloatArray,
-) -> tuple[FloatArray, bool]:
-    """Simulate a first push of a slider that stands elsewhere; its final pose (3,) in its planned final pose, and if it is flush.
+    surfaces: Sequence[LimitSurface],
+    which: np.ndarray,
+    mu: FloatArray,
+    aside: FloatArray,
+    centers_of_mass: FloatArray,
+    errors: FloatArray,
+) -> tuple[FloatArray, BoolArray]:
+    """Simulate the first push after the pusher docks at sliders that stand elsewhere.
 
-    ``surface`` and ``contact`` are the true ones, the contact in B, ``center`` (2,) the centre of mass in B, ``error`` (3,) the
-    start pose in the planned one. The pusher comes from so far back that it does not meet the slider before.
+    The arguments are those of :func:`stablepush.mechanics.final_poses`; ``errors`` (n, 3) are start poses in the planned one.
+    Returns final poses (n, 3) in the planned final pose, and whether (n,) the slider is then flush with the fingers. The pusher
+    starts from far enough back that it does not touch a slider at the start.
     """
-    offset = np.array((*center, 0.0))
-    slider = about(problem.slider, center)
-    own = PushContact(contact.points - center, contact.normals, contact.mu)
-    if len(own.points) > 2:
+    contact = problem.contacts[first.contact]
+    if len(contact.points) > 2:
         # what slides past so many fingers is not simulated
-        return np.asarray(error), False
-    pusher = Pusher.of_contact(own, problem.finger_radius)
-    docked = pusher.docked(own)
+        return errors, np.zeros(len(errors), dtype=bool)
+    pusher = Pusher.of_contact(contact, problem.finger_radius)
+    docked = pusher.docked(contact)
     back = clearance(problem, contact) + 1e-3
-    place = compose(compose(compose(first.start, offset), docked), np.array((-back, 0.0, 0.0)))
+    place = compose(compose(first.start, docked), np.array((-back, 0.0, 0.0)))
     motion = [(np.array((problem.speed, 0.0, 0.0)), back / problem.speed)]
-    motion.append((transport_twist(first.twist, inverse(compose(offset, docked))), first.duration))
-    start = compose(compose(first.start, error), offset)
-    try:
-        trace = simulate_push(surface, slider, pusher, own.mu, start, place, motion, step=STEP * slider.radius)
-    except StablepushError:
-        # it stands in the pusher's way
-        return np.asarray(error), False
-    left = compose(inverse(first.end), compose(trace.poses[-1], inverse(offset)))
-    left[2] = math.remainder(left[2], 2 * math.pi)
-    return left, abs(left[2]) < _FLUSH
-
-
-def about(slider: Slider, center: FloatArray) -> Slider:
-    """Return a slider with its origin at another centre of mass (2,)."""
-    return Slider(transform_points((-center[0], -center[1], 0.0), slider.vertices), slider.mass)
+    motion.append((transport_twist(first.twist, inverse(docked)), first.duration))
+    ends = final_poses(
+        surfaces,
+        which,
+        problem.slider,
+        pusher,
+        mu,
+        compose(first.start, errors),
+        place,
+        motion,
+        aside=aside,
+        centers_of_mass=centers_of_mass,
+        step=STEP * problem.slider.radius,
+    )
+    left = compose(inverse(first.end), ends)
+    left[:, 2] = wrap_angle(left[:, 2])
+    gap = left[:, :2] @ contact.normals.mean(axis=0)
+    # one that stands in the pusher's way is NaN
+    flush = (np.abs(left[:, 2]) < _FLUSH) & (np.abs(gap) < _TOUCHING)
+    return np.where(np.isnan(left), errors, left), flush

@@ -124,6 +124,5 @@ class _Search:
         self._tests += 1
         if not result.solved or not result.pushes:
             return _Candidate(result, -1.0)
-        fresh = draw_scenarios(self._problem, _TESTED, self._seed, 10 + self._tests, result.pushes[0])
-        lost, _ = first_losses(fresh, result)
-        return _Candidate(result, float(np.mean(lost < 0)))
+        fresh = draw_scenarios(self._problem, _TESTED, self._seed, 10 + self._tests)
+        return _Candidate(result, float(np.mean(first_losses(fresh, result).push < 0)))

@@ -31,7 +31,7 @@ from stablepush.planning.feasibility import infeasibility
 from stablepush.planning.likely import likely_plan
 from stablepush.planning.options import PROMISED, PlanOptions
 from stablepush.planning.problem import PlanningProblem
-from stablepush.planning.result import PlanResult, Push
+from stablepush.planning.result import PlanResult, Push, Transfer
 from stablepush.planning.scenarios import alignment_push
 from stablepush.planning.success import estimate_success
 from stablepush.stability import StableRegion
@@ -171,6 +171,8 @@ def plan(
             doubts.append(f"no plan was found that succeeds with probability {level:g}; this one does with {sure}")
     if result.solved and region != "model":
         result = replace(result, message="; ".join(filter(None, (result.message, _assumptions(problem)))))
+    if result.solved:
+        doubts += _unaligned(problem, result)
     if result.solved and doubts:
         warnings.warn(PlanWarning("; ".join(doubts)), stacklevel=3)
         result = replace(result, message="; ".join(filter(None, (result.message, *doubts))))
@@ -193,6 +195,14 @@ def _alignment(problem: PlanningProblem, region: str) -> tuple[Push | None, str,
         if not promised.contains_twists(push.twist[None])[0]:
             return None, f"start: {words} does not hold for every pressure, friction and place", ""
     return push, "", ""
+
+
+def _unaligned(problem: PlanningProblem, result: PlanResult) -> list[str]:
+    """What is doubtful of changes of contact where the start is uncertain."""
+    docked = sorted({segment.target for segment in result.segments if isinstance(segment, Transfer)})
+    left = [number for number in docked if any(problem.uncertainty.start) and not aligns(problem.contacts[number])]
+    why = "it does not have two fingers on one normal"
+    return [f"the start is uncertain, and contact {number} does not align the slider: {why}" for number in left]
 
 
 def _preceded(result: PlanResult, push: Push) -> PlanResult:

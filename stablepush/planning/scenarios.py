@@ -12,9 +12,10 @@ worth is measured on scenarios that no choice was made on (:mod:`stablepush.plan
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import shapely
@@ -23,7 +24,7 @@ from stablepush.core import BoolArray, FloatArray
 from stablepush.geometry import normalize_wrench, unit
 from stablepush.identify import PressureSampler
 from stablepush.objects import PushContact, Slider, SupportDistribution
-from stablepush.planning.alignment import after_first_push, aligns, clearance, straight_pushes
+from stablepush.planning.alignment import after_docking, aligns, clearance, straight_pushes
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import Push
 from stablepush.stability import BOUNDARY_SLACK, Case, StabilityOracle, StableRegion, common_region
@@ -38,10 +39,12 @@ _INSIDE = 0.9
 #: Scenarios that a choice is made among, and the most that are drawn for one.
 CHOICE, MOST = 300, 900
 #: Unit twists at which scenarios are compared, before those that the nominal surface calls unstable are left out, and after.
-_TWISTS, _COMPARED = 4000, 250
+_TWISTS, _COMPARED = 4000, 160
 #: Rounds of adding the scenarios that the polygons of the others violate by more than this angle (rad), how many each, and which
 #: corner of the polygons is asked: one of so many, corners are dense.
-_ROUNDS, _VIOLATION, _ADDED, _THINNED = 6, 1e-4, 6, 3
+_ROUNDS, _VIOLATION, _ADDED, _THINNED = 6, 1e-4, 6, 7
+#: Polygons begin with the scenarios that are the worst for one in so many of the compared twists: those nearest to the bound.
+_NEAREST = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,13 +61,13 @@ class Scenarios:
     contact_mu : array, shape (n, contacts)
         Friction of each contact.
     place : array, shape (n, contacts)
-        How far (m) the fingers of each contact are off along the y axis of its frame.
+        How far (m) the fingers of each contact are off along the y axis of its frame, on the tool.
     center_of_mass : array, shape (n, 2)
         In B (m).
     start : array, shape (n, 3)
-        What is left of an uncertain start after the first push: the pose of the slider in its planned one (m, rad).
+        Where the slider is: its pose in the planned one (m, rad). It moves the fingers in B.
     flush : array of bool, shape (n,)
-        Whether the slider then stands square to the fingers.
+        Whether it stands square to the fingers, with both of them touching.
     """
 
     problem: PlanningProblem
@@ -84,11 +87,30 @@ class Scenarios:
         names = ("surface", "contact_mu", "place", "center_of_mass", "start", "flush")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
+    @cached_property
+    def aside(self) -> FloatArray:
+        """How far (n, contacts) in m the fingers are off along the y axis of their frame, in B."""
+        return np.asarray(self.place - self.start[:, :2] @ np.stack([across_of(c) for c in self.problem.contacts], axis=1))
+
     def contact(self, scenario: int, number: int) -> PushContact:
         """Return a contact as it is in a scenario, in B."""
         nominal = self.problem.contacts[number]
-        aside = self.place[scenario, number] * across_of(nominal)
+        aside = self.aside[scenario, number] * across_of(nominal)
         return PushContact(nominal.points + aside, nominal.normals, self.contact_mu[scenario, number])
+
+    def after(self, push: Push | None) -> Scenarios:
+        """Return the scenarios after a push that follows a docking of the pusher: what it leaves of an uncertain start.
+
+        Each is simulated. No scenario is flush after no push.
+        """
+        start, flush = self.start.copy(), np.zeros(len(self), dtype=bool)
+        rows = np.flatnonzero(self.flush)
+        if push is not None and len(rows):
+            mu, place = self.contact_mu[rows, push.contact], self.place[rows, push.contact]
+            start[rows], flush[rows] = after_docking(
+                self.problem, push, self.surfaces, self.surface[rows], mu, place, self.center_of_mass[rows], start[rows]
+            )
+        return replace(self, start=start, flush=flush)
 
     def margins(self, number: int, twists: FloatArray) -> FloatArray:
         """Return the margins (n, k) in rad of body twists (k, 3) at a contact in all scenarios."""
@@ -97,10 +119,10 @@ class Scenarios:
         result = np.empty((len(self), len(twists)))
         for member in np.unique(self.surface):
             rows = np.flatnonzero(self.surface == member)
-            turned = twists[None, :, 2:] * (self.center_of_mass[rows, None, ::-1] * (-1.0, 1.0))
-            moved = twists[None] + np.concatenate((turned, np.zeros((*turned.shape[:2], 1))), axis=-1)
-            loads = unit(normalize_wrench(self.surfaces[member].wrench(moved), rho))
-            heights = np.einsum("rfc,rkc->rkf", facets[rows], loads).min(axis=-1)
+            moved = np.tile(twists, (len(rows), 1, 1))
+            moved[..., :2] += twists[None, :, 2:] * (self.center_of_mass[rows, None, ::-1] * (-1.0, 1.0))
+            loads = normalize_wrench(self.surfaces[member].wrench(moved), rho)
+            heights = np.einsum("rfc,rkc->rkf", facets[rows], loads).min(axis=-1) / np.sqrt((loads * loads).sum(axis=-1))
             result[rows] = np.arcsin(np.clip(heights, -1.0, 1.0))
         return result
 
@@ -110,7 +132,7 @@ class Scenarios:
         rho = self.surfaces[0].characteristic_length
         found = []
         for number, contact in enumerate(self.problem.contacts):
-            aside = self.place[:, number, None] * across_of(contact) - self.center_of_mass
+            aside = self.aside[:, number, None] * across_of(contact) - self.center_of_mass
             points, mu = contact.points + aside[:, None, :], self.contact_mu[:, number]
             one_edge = len(points[0]) == 2 and contact.has_one_normal
             if one_edge and mu.min() > 0 and abs(np.subtract(*contact.points) @ contact.normals[0]) < 1e-9:
@@ -127,16 +149,11 @@ class Scenarios:
         return found
 
 
-def draw_scenarios(problem: PlanningProblem, count: int, seed: int, stream: int = 0, first: Push | None = None) -> Scenarios:
+def draw_scenarios(problem: PlanningProblem, count: int, seed: int, stream: int = 0) -> Scenarios:
     """Draw scenarios of a problem; ``stream``: draws of different streams share nothing, whatever the seed.
 
-    Where the start is uncertain, each is simulated through the first push of a plan, :func:`alignment_push` if none is given.
+    Where the start is uncertain the slider stands as it is drawn, before the first push (:meth:`Scenarios.after`).
     """
-    drawn = _draw(problem, count, seed, stream)
-    return _aligned(drawn, first or alignment_push(problem)) if any(problem.uncertainty.start) else drawn
-
-
-def _draw(problem: PlanningProblem, count: int, seed: int, stream: int) -> Scenarios:
     rng = np.random.default_rng([seed, stream])
     unknown, contacts = problem.uncertainty, len(problem.contacts)
     surfaces = likely_surfaces(problem)
@@ -157,45 +174,35 @@ def _draw(problem: PlanningProblem, count: int, seed: int, stream: int) -> Scena
     )
 
 
-def alignment_push(problem: PlanningProblem) -> Push | None:
-    """Return the straight push at the first contact that makes a slider flush whose start is uncertain.
+@lru_cache(maxsize=32)
+def alignment_push(problem: PlanningProblem, number: int = 0) -> Push | None:
+    """Return the straight push from the start, at a contact, that makes a slider flush whose start is uncertain.
 
     It is the shortest, and the nearest to the normal, of a few after which nearly all of some scenarios are flush and stick: a
     finger near the centre of mass turns the slider slowly. None where the start is certain, the contact does not align, or no
     straight push is stable.
     """
-    least = clearance(problem, problem.contacts[0])
-    if least == 0 or not aligns(problem.contacts[0]):
+    least = clearance(problem, problem.contacts[number])
+    if least == 0 or not aligns(problem.contacts[number]):
         return None
-    drawn = _draw(problem, _TRIED, seed=0, stream=1)
+    drawn = draw_scenarios(problem, _TRIED, seed=0, stream=1)
+    placed = replace(drawn, start=np.zeros_like(drawn.start))
     best, most = None, -1.0
     for factor in _LENGTHS:
-        pushes = straight_pushes(problem, factor * least)
+        pushes = straight_pushes(problem, number, factor * least)
         if not pushes:
             return None
         # the length is found with the direction that holds most often
-        held = drawn.margins(0, np.array([push.twist for push in pushes])) >= -BOUNDARY_SLACK
+        held = placed.margins(number, np.array([push.twist for push in pushes])) >= -BOUNDARY_SLACK
         safe = np.flatnonzero(held.mean(axis=0) >= min(_NEARLY_ALL, float(held.mean(axis=0).max())))
         push = pushes[int(safe[0])]
-        after = _aligned(drawn, push)
-        share = float((after.flush & (after.margins(0, push.twist[None])[:, 0] >= -BOUNDARY_SLACK)).mean())
+        after = drawn.after(push)
+        share = float((after.flush & (after.margins(number, push.twist[None])[:, 0] >= -BOUNDARY_SLACK)).mean())
         if share > most:
             best, most = push, share
         if share >= _NEARLY_ALL:
             break
     return best
-
-
-def _aligned(drawn: Scenarios, first: Push | None) -> Scenarios:
-    """What a first push leaves of an uncertain start: it moves the fingers in B, for all contacts alike."""
-    problem, start, flush = drawn.problem, drawn.start.copy(), np.zeros(len(drawn), dtype=bool)
-    for row in range(len(drawn)):
-        if first is None:
-            break
-        surface, contact = drawn.surfaces[drawn.surface[row]], drawn.contact(row, first.contact)
-        start[row], flush[row] = after_first_push(problem, first, surface, contact, drawn.center_of_mass[row], start[row])
-    aside = np.stack([across_of(contact) for contact in problem.contacts], axis=1)
-    return replace(drawn, place=drawn.place - start[:, :2] @ aside, start=start, flush=flush)
 
 
 def _within(slider: Slider, centers: FloatArray) -> FloatArray:
@@ -232,6 +239,8 @@ class Choice:
     def __init__(self, problem: PlanningProblem, seed: int) -> None:
         # simulated starts take time
         drawn = draw_scenarios(problem, CHOICE if any(problem.uncertainty.start) else MOST, seed)
+        if any(problem.uncertainty.start):
+            drawn = drawn.after(alignment_push(problem))
         # no push holds a slider that is not flush
         self._all = drawn.take(drawn.flush) if drawn.flush.any() else drawn
         self._contacts = range(len(problem.contacts))
@@ -255,8 +264,9 @@ class Choice:
     def _region(self, kept: np.ndarray, number: int) -> StableRegion:
         """The exact common region of a contact, from the scenarios that bound it: others are added while it violates them."""
         chosen, margins = self._all.take(kept), self._margins[number][kept]
-        # those that come nearest to ruling out what is compared
-        active = list(dict.fromkeys(np.argmin(margins, axis=0).tolist())) if margins.shape[1] else [0]
+        # those that come nearest to ruling out what is compared, or just do
+        nearest = np.argsort(np.abs(margins.min(axis=0)), kind="stable")[: math.ceil(margins.shape[1] / _NEAREST)]
+        active = list(dict.fromkeys(np.argmin(margins[:, nearest], axis=0).tolist())) if margins.shape[1] else [0]
         for _ in range(_ROUNDS):
             region = common_region([self._case(int(kept[row]), number) for row in active], f"{len(kept)} scenarios")
             ends = [np.array((np.cos(a), np.sin(a), 0.0))[None] for interval in region.translation_intervals for a in interval]

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby, pairwise
 
 import numpy as np
 
-from stablepush.core import BoolArray, FloatArray, StablepushError, binomial_interval
+from stablepush.core import BoolArray, FloatArray, binomial_interval
 from stablepush.geometry import compose, inverse, transform_points, transport_twist, wrap_angle
-from stablepush.mechanics import Pusher, simulate_push
-from stablepush.objects import Slider
-from stablepush.planning.alignment import STEP, about
+from stablepush.mechanics import Pusher, final_poses
+from stablepush.planning.alignment import STEP
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult, Push
 from stablepush.planning.scenarios import Scenarios, across_of, draw_scenarios
 from stablepush.stability import BOUNDARY_SLACK
-from stablepush.surfaces import LimitSurface
 
 #: Scenarios that a stated probability is measured on.
 SCENARIOS = 2000
 #: Scenarios that lose the slider of which the end is simulated: the others are taken to end like these.
-_SIMULATED = 40
-#: What may be left (m) of an uncertain start along the normal of a later contact: no push aligns the slider there.
-_NEAR = 1e-3
+_SIMULATED = 24
 
 Interval = tuple[float, float]
 
@@ -75,37 +73,64 @@ def estimate_success(problem: PlanningProblem, result: PlanResult, count: int = 
 
     All of ``problem.uncertainty`` and the likely surfaces count together, over the whole path.
     """
-    scenarios = draw_scenarios(problem, count, seed, stream=2, first=result.pushes[0])
-    lost, margins = first_losses(scenarios, result)
-    sticks = lost < 0
+    losses = first_losses(draw_scenarios(problem, count, seed, stream=2), result)
+    sticks = losses.push < 0
     arrives = np.zeros(count, dtype=bool)
-    arrives[sticks] = _near_goal(problem, _aside(problem, result, scenarios.take(sticks)))
+    arrives[sticks] = _near_goal(problem, _aside(problem, result, losses.stretches[-1].scenarios.take(sticks)))
     failed = np.flatnonzero(~sticks)
-    ends = np.array([_end(scenarios, row, result, int(lost[row])) for row in failed[:_SIMULATED]]).reshape(-1, 3)
+    ends = _ends(losses, failed[:_SIMULATED], result)
     rescued = _near_goal(problem, ends)
     arriving = int(arrives.sum()) + (len(failed) * rescued.mean() if len(rescued) else 0.0)
     counts = (count, int(sticks.sum()), int(arrives.sum()), int(rescued.sum()))
     shares, whole = (float(sticks.mean()), float(arriving / count)), (0.0, 1.0)
-    found = Success(shares[0], whole, shares[1], whole, _failures(scenarios, result, lost, margins), ends, counts)
+    found = Success(shares[0], whole, shares[1], whole, _failures(losses, result), ends, counts)
     sticking, arrival = found.intervals(0.95)
     return replace(found, interval=sticking, arrival_interval=arrival)
 
 
-def first_losses(scenarios: Scenarios, result: PlanResult) -> tuple[np.ndarray, FloatArray]:
-    """Return the number (n,) of the first push that each scenario does not hold, -1 if it holds all, and all margins (n, k)."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Stretch:
+    """Pushes of a plan between two dockings of the pusher, ``first`` to before ``after``, and the scenarios as they are there."""
+
+    first: int
+    after: int
+    scenarios: Scenarios
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Losses:
+    """Where scenarios lose the slider: the number ``push`` (n,) of the first push that a scenario does not hold, -1 if it holds
+    all, and all margins (n, k)."""
+
+    push: np.ndarray
+    margins: FloatArray
+    stretches: tuple[_Stretch, ...]
+
+    def at(self, push: int) -> Scenarios:
+        """Return the scenarios as they are during a push."""
+        return next(stretch.scenarios for stretch in self.stretches if push < stretch.after)
+
+
+def first_losses(drawn: Scenarios, result: PlanResult) -> Losses:
+    """Return where scenarios, as :func:`draw_scenarios` gives them, lose the slider.
+
+    Where the start is uncertain, the first push after each docking is simulated: it leaves the slider elsewhere.
+    """
     pushes = result.pushes
-    margins = np.empty((len(scenarios), len(pushes)))
-    for number in {push.contact for push in pushes}:
-        at = [k for k, push in enumerate(pushes) if push.contact == number]
-        margins[:, at] = scenarios.margins(number, np.array([pushes[k].twist for k in at]))
-    slips = margins < -BOUNDARY_SLACK
-    slips[:, 0] |= ~scenarios.flush
-    for k, push in enumerate(pushes):
-        # another contact meets the slider nearer or farther than planned by what is left along its normal
-        if push.contact != pushes[0].contact:
-            normal = scenarios.problem.contacts[push.contact].normals.mean(axis=0)
-            slips[:, k] |= np.abs(scenarios.start[:, :2] @ normal) > _NEAR
-    return np.where(slips.any(axis=1), slips.argmax(axis=1), -1), margins
+    firsts = [0]
+    if any(drawn.problem.uncertainty.start):
+        firsts += [k for k in range(1, len(pushes)) if pushes[k].contact != pushes[k - 1].contact]
+    margins, slips, stretches = np.empty((len(drawn), len(pushes))), np.zeros((len(drawn), len(pushes)), dtype=bool), []
+    for first, after in pairwise((*firsts, len(pushes))):
+        if any(drawn.problem.uncertainty.start):
+            drawn = drawn.after(pushes[first])
+        stretches.append(_Stretch(first, after, drawn))
+        for number in {push.contact for push in pushes[first:after]}:
+            at = [k for k in range(first, after) if pushes[k].contact == number]
+            margins[:, at] = drawn.margins(number, np.array([pushes[k].twist for k in at]))
+        slips[:, first] |= ~drawn.flush
+    slips |= margins < -BOUNDARY_SLACK
+    return Losses(np.where(slips.any(axis=1), slips.argmax(axis=1), -1), margins, tuple(stretches))
 
 
 def _aside(problem: PlanningProblem, result: PlanResult, scenarios: Scenarios) -> FloatArray:
@@ -122,59 +147,69 @@ def _near_goal(problem: PlanningProblem, poses: FloatArray) -> BoolArray:
     return np.asarray((away <= problem.tolerance[0] + 1e-6) & (turned <= problem.tolerance[1] + 1e-6))
 
 
-def _end(scenarios: Scenarios, row: int, result: PlanResult, first: int) -> FloatArray:
-    """Final pose (3,) of B where the slider slips: the pusher goes where the plan has it, in the open."""
-    problem, center = scenarios.problem, scenarios.center_of_mass[row]
-    offset = np.array((*center, 0.0))
-    surface = scenarios.surfaces[scenarios.surface[row]]
-    # the surface is about the true centre of mass
-    slider = about(problem.slider, center)
-    at, pushes = result.pushes[first].start, result.pushes[first:]
-    left, last = scenarios.start[row, :2], result.pushes[-1]
-    aside = np.zeros(2)
-    if scenarios.flush[row]:
+def _ends(losses: Losses, rows: np.ndarray, result: PlanResult) -> FloatArray:
+    """Final poses (n, 3) of B where the slider slips: the pusher goes where the plan has it, in the open."""
+    ends = np.empty((len(rows), 3))
+    for first in np.unique(losses.push[rows]):
+        scenarios = losses.at(int(first))
+        for flush in (True, False):
+            chosen = np.flatnonzero((losses.push[rows] == first) & (scenarios.flush[rows] == flush))
+            if len(chosen):
+                ends[chosen] = _ends_from(scenarios.take(rows[chosen]), result.pushes[first:], flush)
+    return ends
+
+
+def _ends_from(scenarios: Scenarios, pushes: Sequence[Push], flush: bool) -> FloatArray:
+    """Final poses (n, 3) of B of scenarios that lose the slider in the first of some pushes."""
+    problem, start = scenarios.problem, scenarios.start
+    across = across_of(problem.contacts[pushes[-1].contact])
+    beside = np.zeros(2)
+    if flush:
         # it stands where the plan has it and the fingers are aside: in truth the fingers are where the plan has them
-        across = across_of(problem.contacts[last.contact])
-        aside = (left @ across) * transform_points((0.0, 0.0, last.end[2]), across[None])[0]
+        poses, aside = np.tile(pushes[0].start, (len(scenarios), 1)), scenarios.aside
+        beside = (start[:, :2] @ across)[:, None] * transform_points((0.0, 0.0, pushes[-1].end[2]), across[None])
     else:
-        # where its first push left it, and the fingers where the tool has them
-        acrosses = np.stack([across_of(contact) for contact in problem.contacts], axis=1)
-        scenarios = replace(scenarios, place=scenarios.place + scenarios.start[:, :2] @ acrosses)
-        at, pushes = compose(pushes[0].end, scenarios.start[row]), pushes[1:]
-    pose = compose(at, offset)
-    for push in pushes:
-        pose = _pushed(scenarios, row, surface, slider, push, pose)
-    end = compose(pose, inverse(offset))
-    return np.array((*(end[:2] + aside), end[2]))
+        # where the first push after the docking left it, and the fingers where the tool has them
+        poses, aside, pushes = compose(pushes[0].end, start), scenarios.place, pushes[1:]
+    for number, group in groupby(pushes, key=lambda push: push.contact):
+        poses = _pushed(scenarios, number, list(group), poses, aside[:, number])
+    return np.column_stack((poses[:, :2] + beside, poses[:, 2]))
 
 
-def _pushed(scenarios: Scenarios, row: int, surface: LimitSurface, slider: Slider, push: Push, pose: FloatArray) -> FloatArray:
-    """Pose (3,) of the slider about its centre of mass after a push."""
-    contact = scenarios.contact(row, push.contact)
+def _pushed(scenarios: Scenarios, number: int, pushes: Sequence[Push], poses: FloatArray, aside: FloatArray) -> FloatArray:
+    """Poses (n, 3) of B after pushes at a contact whose fingers are ``aside`` (n,) in m."""
+    problem, contact = scenarios.problem, scenarios.problem.contacts[number]
     if len(contact.points) > 2:
         # what slides past so many fingers is not simulated: it counts as lost where it lies
-        return pose
-    pusher = Pusher.of_contact(contact, scenarios.problem.finger_radius)
+        return poses
+    pusher = Pusher.of_contact(contact, problem.finger_radius)
     docked = pusher.docked(contact)
-    motion = [(transport_twist(push.twist, inverse(docked)), push.duration)]
-    try:
-        trace = simulate_push(
-            surface, slider, pusher, contact.mu, pose, compose(push.start, docked), motion, step=STEP * slider.radius
-        )
-    except StablepushError:
-        # the pusher would land on the slider: it is lost where it lies
-        return pose
-    return trace.poses[-1]
+    away = inverse(docked)
+    ends = final_poses(
+        scenarios.surfaces,
+        scenarios.surface,
+        problem.slider,
+        pusher,
+        scenarios.contact_mu[:, number],
+        poses,
+        compose(pushes[0].start, docked),
+        [(transport_twist(push.twist, away), push.duration) for push in pushes],
+        aside=aside,
+        centers_of_mass=scenarios.center_of_mass,
+        step=STEP * problem.slider.radius,
+    )
+    # where the pusher would land on the slider it is lost where it lies
+    return np.where(np.isnan(ends), poses, ends)
 
 
-def _failures(
-    scenarios: Scenarios, result: PlanResult, lost: np.ndarray, margins: FloatArray
-) -> tuple[tuple[int, float, str], ...]:
+def _failures(losses: Losses, result: PlanResult) -> tuple[tuple[int, float, str], ...]:
+    lost = losses.push
     numbers, counts = np.unique(lost[lost >= 0], return_counts=True)
     found = []
     for k in np.argsort(-counts, kind="stable"):
-        rows = np.flatnonzero(lost == numbers[k])
-        found.append((int(numbers[k]), float(counts[k] / len(lost)), _cause(scenarios, result.pushes[numbers[k]], rows)))
+        number = int(numbers[k])
+        cause = _cause(losses.at(number), result.pushes[number], np.flatnonzero(lost == number))
+        found.append((number, float(counts[k] / len(lost)), cause))
     return tuple(found)
 
 
@@ -182,12 +217,12 @@ def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
     """What the scenarios that lose the slider in a push have in common: what differs most from the other scenarios."""
     everything = {
         "contact friction": (scenarios.contact_mu[:, push.contact], ""),
-        "fingers": (1000 * scenarios.place[:, push.contact], " mm aside"),
+        "fingers": (1000 * scenarios.aside[:, push.contact], " mm aside"),
         "centre of mass, x": (1000 * scenarios.center_of_mass[:, 0], " mm"),
         "centre of mass, y": (1000 * scenarios.center_of_mass[:, 1], " mm"),
     }
     if 2 * np.count_nonzero(~scenarios.flush[rows]) > len(rows):
-        return "the slider is not square to the fingers after the first push"
+        return "the slider is not square to the fingers after the docking"
     if len(rows) > 0.9 * len(scenarios):
         return "nearly every scenario"
     best, words = 0.0, "another limit surface"

@@ -12,7 +12,7 @@ import shapely
 from stablepush.core import BoolArray, FloatArray, read_only
 from stablepush.geometry import normalize_twist, unit
 from stablepush.objects import PushContact
-from stablepush.stability.kernels.chart import Rings, disc_from_twists, disc_polygons, only_polygons, rings_from_disc
+from stablepush.stability.kernels.chart import Rings, disc_from_twists, hemisphere, only_polygons, rings_from_disc, whole_disc
 from stablepush.stability.region import EXTENT_RADII, StableRegion, common_intervals, stable_region
 from stablepush.surfaces import LimitSurface
 
@@ -42,16 +42,13 @@ class Case:
     @cached_property
     def discs(self) -> list[shapely.Geometry]:
         """The stable motions of B in the charts of both senses, counter-clockwise first."""
-        return [
-            disc_polygons(
-                [
-                    [_moved(ring, self.origin, self.surface.characteristic_length) for ring in polygon]
-                    for polygon in self.region.motions.rings(sense)
-                ],
-                sense,
-            )
-            for sense in (1, -1)
-        ]
+        loop = self.region.loop
+        if self.region.curve is not None:
+            return [shapely.Polygon()] * 2
+        if loop is None:
+            return [whole_disc()] * 2
+        moved = _moved(loop, self.origin, self.surface.characteristic_length)
+        return [hemisphere(moved, sense) for sense in (1, -1)]
 
 
 def common_region(cases: Sequence[Case], name: str = "common") -> StableRegion:
@@ -71,10 +68,10 @@ def common_region(cases: Sequence[Case], name: str = "common") -> StableRegion:
     return StableRegion(name, rho, EXTENT_RADII * reach, tuple(intervals), motions)
 
 
-def _moved(ring: FloatArray, origin: FloatArray, rho: float) -> FloatArray:
+def _moved(loop: FloatArray, origin: FloatArray, rho: float) -> FloatArray:
     """Unit normalised twists (n, 3) of a frame at ``origin``, as those of B."""
-    turned = ring[:, 2:] / rho * np.array((origin[1], -origin[0]))
-    return unit(ring + np.column_stack((turned, np.zeros(len(ring)))))
+    turned = loop[:, 2:] / rho * np.array((origin[1], -origin[0]))
+    return unit(loop + np.column_stack((turned, np.zeros(len(loop)))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

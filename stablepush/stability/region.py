@@ -90,6 +90,8 @@ class StableRegion:
     curve : array, shape (n, 3), or None
         Where the region has no interior (one finger, no friction, or a cone within a facet of an ideal surface), the unit
         twists ``(vx, vy, rho*omega)`` along it; one where a single motion is stable. The region then has no polygons.
+    loop : array, shape (n, 3), or None
+        Where the region is bounded by one closed curve that is known, the unit twists along it, with the region on their left.
     """
 
     name: str
@@ -98,6 +100,7 @@ class StableRegion:
     translation_intervals: tuple[Interval, ...]
     motions: MotionSet = field(repr=False)
     curve: FloatArray | None = None
+    loop: FloatArray | None = field(default=None, repr=False)
     _known: dict[int, Rings] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
@@ -111,6 +114,8 @@ class StableRegion:
         object.__setattr__(self, "translation_intervals", wrapped)
         if self.curve is not None:
             object.__setattr__(self, "curve", read_only(self.curve))
+        if self.loop is not None:
+            object.__setattr__(self, "loop", read_only(self.loop))
 
     @property
     def translations(self) -> Interval | None:
@@ -273,7 +278,7 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
     motions = _StableMotions(oracle, boundary, extent)
     if cone.rank < 3 or len(boundary) == 1:
         return StableRegion("model", rho, extent, _crossings(boundary), motions, boundary)
-    return StableRegion("model", rho, extent, translation_intervals(boundary), motions)
+    return StableRegion("model", rho, extent, translation_intervals(boundary), motions, loop=boundary)
 
 
 def trace_cone(surface: LimitSurface, cone: WrenchCone) -> FloatArray:

@@ -94,7 +94,7 @@ def test_a_plan_succeeds_as_often_as_it_says_on_other_scenarios():
     assert quickest.success_probability < 0.5
     assert quickest.duration < sure.duration < 1.6 * quickest.duration
     for result in (quickest, sure):
-        lost, _ = first_losses(draw_scenarios(asked, 4000, seed=77, stream=5), result)
+        lost = first_losses(draw_scenarios(asked, 4000, seed=77, stream=5), result).push
         low, high = binomial_interval(int((lost < 0).sum()), 4000, 0.999)
         assert low - 0.02 <= result.success_probability <= high + 0.02
         assert sp.check_plan(asked, result).valid
