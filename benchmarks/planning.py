@@ -10,7 +10,7 @@ Run: python benchmarks/planning.py [--seeds 5] [--seconds 10] [--long 30] [--job
 The lattice with the default effort (deterministic) and less, and once until ``--seconds``; every OMPL planner with ``--seeds``
 seeds for ``--seconds`` each, and the best of them in a scene for ``--long``. Every plan passes the independent check, or counts
 as not solved. Times of first plans come from runs that stop at the first plan. ``5 %``: the shortest run whose plan was within
-5 % of the best of all; planners that improve their plans also run with a tenth and a third of ``--seconds`` to tell.
+5 % of the best of all; anytime planners also run with a tenth and a third of ``--seconds``.
 """
 
 from __future__ import annotations
@@ -87,14 +87,14 @@ def compare_defaults(scenes: list[str]) -> None:
         if not row[2].solved:
             continue
         first, first_quickest, _, _, whole, whole_quickest, default, quickest = row
-        ratio, chances = default.duration / quickest.duration, (default.success_probability, quickest.success_probability)
-        rows.append((first, first_quickest, ratio, *chances))
+        ratio, successes = default.duration / quickest.duration, (default.success_probability, quickest.success_probability)
+        rows.append((first, first_quickest, ratio, *successes))
         words = f"{first:6.2f} {first_quickest:8.2f} {first / first_quickest:8.2f} | {whole:8.2f} {whole_quickest:8.2f} | "
         words += f"{default.duration:7.2f} {quickest.duration:8.2f} {ratio:7.3f} | "
-        print(f"{scene:>14s} {words}{chances[0]:.4f} {chances[1]:.4f}", flush=True)
-    first, quick, ratio, *chances = np.median(rows, axis=0)
+        print(f"{scene:>14s} {words}{successes[0]:.4f} {successes[1]:.4f}", flush=True)
+    first, quick, ratio, *successes = np.median(rows, axis=0)
     print(f"median: first plan {first:.2f} s, quickest {quick:.2f} s; {100 * (ratio - 1):.1f} % more time; ", end="")
-    print(f"success {chances[0]:.3f} against {chances[1]:.3f}")
+    print(f"success {successes[0]:.3f} against {successes[1]:.3f}")
 
 
 def alone(*job: object) -> dict:
@@ -163,7 +163,7 @@ def show(scene: str, rows: list[dict], others: list[str], options: argparse.Name
     """Print a table of one scene."""
     best = min((row["duration"] for row in rows if row["valid"]), default=math.inf)
     print(f"\n{scene}: lower bound {rows[0]['bound']:.1f} s, best plan {best:.2f} s")
-    head = ("solved", "first/s", "5%/s", "time/s", "plan/s", "/best", "/bound", "way/m", "changes", "deg")
+    head = ("solved", "first/s", "5%/s", "time/s", "plan/s", "/best", "/bound", "path/m", "changes", "deg")
     print(f"{'':>24s} " + " ".join(f"{word:>8s}" for word in head))
 
     def median(times: list[float]) -> str:

@@ -60,10 +60,10 @@ def timed(problem: sp.PlanningProblem, refinement_budget: float) -> tuple[float,
 
 def line(name: str, problems: list[sp.PlanningProblem]) -> None:
     """Print medians over scenes."""
-    first, usual = [timed(p, 0.0) for p in problems], [timed(p, 20_000.0) for p in problems]
-    solved = sum(r.solved for _, r in usual)
-    ratios = [r.duration / r.lower_bound for _, r in usual if r.solved and r.lower_bound]
-    words = f"{np.median([t for t, _ in first]):8.2f} s {np.median([t for t, _ in usual]):8.2f} s"
+    first, default = [timed(p, 0.0) for p in problems], [timed(p, 20_000.0) for p in problems]
+    solved = sum(r.solved for _, r in default)
+    ratios = [r.duration / r.lower_bound for _, r in default if r.solved and r.lower_bound]
+    words = f"{np.median([t for t, _ in first]):8.2f} s {np.median([t for t, _ in default]):8.2f} s"
     worst = f"{np.median(ratios):.2f} times the lower bound" if ratios else "-"
     print(f"{name:>24s} {solved}/{len(problems)}   {words}   {worst}")
 

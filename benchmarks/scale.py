@@ -39,7 +39,7 @@ def diagnosed(seed: int) -> list[float]:
     slider = sp.Slider(slider.vertices, 1.2, support)
     rig = sp.VirtualRig(slider, sp.IdealLimitSurface(support, 3.5), 0.5, pusher, [effect], sp.Noise(0.03, 1e-4, 2e-3))
     report = sp.diagnose(rig.execute(sp.random_pushes(slider, pusher, 40, seed=seed), seed=seed).log)
-    return [entry.probability for entry in report.ranking] + [entry.closed for entry in report.shrink]
+    return [entry.probability for entry in report.ranking] + [entry.closed for entry in report.reductions]
 
 
 def planned(seed: int) -> list[float]:

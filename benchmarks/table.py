@@ -220,7 +220,7 @@ def diagnoses() -> Iterator[Row]:
         system = system_of(observe(log), log.rig)
 
         def one_by_one(system: object = system) -> None:
-            """Every effect fitted with the loads of the points by scipy, with differences: no folds, no chance, no others."""
+            """Every effect fitted with the loads of the points by scipy, by differences: no folds, no p-values, no pairs."""
             n = len(system.nominal)  # type: ignore[attr-defined]
             for id in PARAMETERS:
 

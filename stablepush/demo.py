@@ -15,7 +15,7 @@ CONTACT_FRICTION, SUPPORT_FRICTION = 0.9, 0.35
 _MASS, _GRAVITY = 1.2, 9.81
 _NOISE = Noise(force=0.05, position=1e-4, angle=2e-3)
 #: Length (m) and speed (m/s) of a poke.
-_WAY, _SPEED = 0.015, 0.0025
+_DISTANCE, _SPEED = 0.015, 0.0025
 
 
 def demo_slider() -> Slider:
@@ -48,7 +48,7 @@ def demo_pokes(count: int = 40, seed: int = 0) -> PushLog:
         # the finger's pace sets the size of the twist
         pace = np.hypot(*transport_twist(twist, inverse((*point, 0.0)))[:2])
         twist = twist * (_SPEED / pace)
-        duration = _WAY / _SPEED
+        duration = _DISTANCE / _SPEED
         pose = np.array((*rng.uniform(-0.1, 0.1, 2), rng.uniform(-np.pi, np.pi)))
         trials["trial"].append(str(trial))
         trials["start_time"].append(20.0 * (trial - 1))

@@ -56,7 +56,7 @@ def without(variant: str) -> Iterator[None]:
         elif variant == VARIANTS[3]:
             # the other demands are there for the same reason
             lax = Demands(3.84, 0.0, 0.0, system.System.demands.family_wise_p, np.inf)
-            with patch.object(attribution, "by_chance", one_by_one), patch.object(system.System, "demands", lax):
+            with patch.object(attribution, "family_wise_p_values", one_by_one), patch.object(system.System, "demands", lax):
                 yield
         else:
             yield

@@ -1,4 +1,4 @@
-"""Diagnoses of simulated logs whose effects the diagnosis never sees: what is named, how often wrongly, and how sure.
+"""Diagnoses of simulated logs whose effects the diagnosis never sees: what is named, how often wrongly, how probable.
 
 Rigs, campaigns and amplitudes come from seeds. Rows go to a CSV as they are found, and a later run goes on where it stopped.
 
@@ -124,20 +124,20 @@ def world(id: str, seed: int, pushes: int, **campaign: object) -> tuple[sp.Virtu
     feet = rng.uniform(0.3, 0.9, (len(vertices), 1)) * vertices
     inner = sp.SupportDistribution.from_polygon(vertices * 0.9, 0.03)
     support = inner if rng.random() < 0.5 else sp.SupportDistribution(feet, rng.uniform(0.4, 1.0, len(feet)))
-    mass, mu, grip, radius = rng.uniform(0.6, 1.6), rng.uniform(0.2, 0.45), rng.uniform(0.3, 0.8), rng.uniform(0.004, 0.007)
+    mass, mu, contact_mu, radius = rng.uniform(0.6, 1.6), rng.uniform(0.2, 0.45), rng.uniform(0.3, 0.8), rng.uniform(0.004, 0.007)
     slider = sp.Slider(vertices, mass, support)
     two = bool(rng.random() < 0.5)
     longest = max(float(np.linalg.norm(b - a)) for a, b in (slider.edge(e) for e in range(len(vertices))))
     share = SHARES[seed % len(SHARES)]
     acting = [id] if id in LARGEST else list(rng.choice(PAIRED, 2, replace=False)) if id == "pair" else []
-    effects = [effect_of(str(e), share * LARGEST[e], rng, grip, radius) for e in acting]
+    effects = [effect_of(str(e), share * LARGEST[e], rng, contact_mu, radius) for e in acting]
     noise = sp.Noise(rng.uniform(0.03, 0.05), rng.uniform(1e-4, 2e-4), rng.uniform(0.0018, 0.0035))
     surface = sp.IdealLimitSurface(support, mu * mass * 9.81)
     spacing = min(0.03, 0.4 * longest)
     # two fingers that fit on no edge give way to one
     two = two and longest > 2.2 * (spacing / 2 + radius)
     pusher = sp.Pusher.two_fingers(spacing, radius) if two else sp.Pusher.finger(radius)
-    rig = sp.VirtualRig(slider, surface, grip, pusher, effects, noise, 0.12 if id == "heavy-tail" else 0.01, 0.005)
+    rig = sp.VirtualRig(slider, surface, contact_mu, pusher, effects, noise, 0.12 if id == "heavy-tail" else 0.01, 0.005)
     commands = sp.random_pushes(slider, pusher, pushes, seed=int(rng.integers(2**31)), **campaign)  # type: ignore[arg-type]
     return rig, commands, int(rng.integers(2**31))
 
@@ -182,7 +182,7 @@ def acting_in(row: dict[str, str]) -> set[str]:
 
 
 def probabilities(rows: list[dict[str, str]]) -> tuple[np.ndarray, np.ndarray]:
-    """Probabilities said of every effect in every log, and whether it acts; friction in squares is no effect."""
+    """Reported probabilities of every effect in every log, and whether it acts; friction in squares is no effect."""
     pairs = [
         (float(p), name in acting_in(r))
         for r in rows
@@ -198,7 +198,7 @@ def read_rows(path: Path) -> list[dict[str, str]]:
 
 
 def summary(rows: list[dict[str, str]]) -> None:
-    """Print what the rows tell."""
+    """Print a summary of the rows."""
     for word in OTHERS:
         mine = [r for r in rows if r["effect"] == word]
         if not mine:
@@ -238,14 +238,16 @@ def summary(rows: list[dict[str, str]]) -> None:
     if inside:
         hold = inside.count("1")
         print(f"intervals of 95 % that hold the truth: {hold} of {len(inside)} ({interval(hold, len(inside))})")
-    said, acts = probabilities(rows)
-    print("probability said: share that act (number)")
+    stated, acts = probabilities(rows)
+    print("stated probability: share that act (number)")
     for low, high in pairwise(LEVELS):
-        here = (said >= low) & (said < high)
+        here = (stated >= low) & (stated < high)
         if here.any():
-            print(f"  {low:.2f} to {min(high, 1):.2f}: said {said[here].mean():.3f}, act {acts[here].mean():.3f} ({here.sum()})")
+            print(
+                f"  {low:.2f} to {min(high, 1):.2f}: stated {stated[here].mean():.3f}, act {acts[here].mean():.3f} ({here.sum()})"
+            )
     base = acts.mean() * (1 - acts.mean())
-    print(f"Brier score {np.mean((said - acts) ** 2):.4f}; of always saying the share that act {base:.4f}")
+    print(f"Brier score {np.mean((stated - acts) ** 2):.4f}; always reporting the base rate {base:.4f}")
     print(f"seconds a log: median {np.median([float(r['seconds']) for r in rows]):.1f}")
 
 

@@ -1,4 +1,5 @@
-"""Pictures of a campaign of diagnoses: which effect is taken for which, and how often what is said to be so probable acts.
+"""Pictures of a campaign of diagnoses: the confusion matrix of the effects, and the reliability of the reported
+probabilities.
 
 python examples/diagnosis/campaign_figures.py campaign.csv [-o .]
 """
@@ -33,17 +34,17 @@ def confusion(rows: list[dict[str, str]]) -> np.ndarray:
 
 
 def reliability(rows: list[dict[str, str]]) -> list[tuple[float, float, float, float, int]]:
-    """Between two levels each: mean probability said, share that act, its 95 % interval, number.
+    """Between two levels each: mean reported probability, share that act, its 95 % interval, number.
 
     Clopper and Pearson's intervals, as if the effects of a log were independent.
     """
-    said, acts = campaign.probabilities(rows)
+    stated, acts = campaign.probabilities(rows)
     found = []
     for low, high in pairwise(campaign.LEVELS):
-        here = (said >= low) & (said < high)
+        here = (stated >= low) & (stated < high)
         if n := int(here.sum()):
             count = int(acts[here].sum())
-            found.append((float(said[here].mean()), count / n, *campaign.bounds(count, n), n))
+            found.append((float(stated[here].mean()), count / n, *campaign.bounds(count, n), n))
     return found
 
 
@@ -69,9 +70,9 @@ def draw_confusion(counts: np.ndarray) -> Figure:
 def draw_reliability(found: list[tuple[float, float, float, float, int]]) -> Figure:
     figure = Figure(figsize=(6.0, 5.6), layout="constrained")
     axes = figure.add_subplot()
-    said, share, low, high, _ = np.array(found).T
+    stated, share, low, high, _ = np.array(found).T
     axes.plot([0, 1], [0, 1], color="0.6", linewidth=0.8)
-    axes.errorbar(said, share, (share - low, high - share), fmt="o", capsize=3, color="#0072B2")
+    axes.errorbar(stated, share, (share - low, high - share), fmt="o", capsize=3, color="#0072B2")
     for x, y, _, _, n in found:
         # those near 0 stand close together
         right, below = x < 0.8, x < campaign.LEVELS[1]
@@ -79,7 +80,7 @@ def draw_reliability(found: list[tuple[float, float, float, float, int]]) -> Fig
         axes.annotate(str(n), (x, y), at, textcoords="offset points", ha="left" if right else "right")
     axes.grid(visible=True, color="0.9", linewidth=0.6)
     axes.set_aspect("equal")
-    axes.set_xlabel("probability said")
+    axes.set_xlabel("reported probability")
     axes.set_ylabel("share that act")
     axes.set_title("Effects of all logs but squares: 95 % intervals, numbers")
     return figure

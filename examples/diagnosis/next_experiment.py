@@ -1,4 +1,4 @@
-"""Logs that cannot tell one cause from another: what the pushes that the diagnosis proposes settle, against as many random ones.
+"""Logs with confounded causes: how often the pushes that the diagnosis proposes separate them, against as many random pushes.
 
 Small campaigns (few pushes, one place, one speed, few headings) on random rigs are diagnosed until enough are ambiguous; then the
 same rig makes the proposed pushes as well, or random ones, and the longer log is diagnosed again.
@@ -23,7 +23,7 @@ CONFUSED = (
     "anisotropy-world", "anisotropy-object", "speed-dependence", "spatial-variation", "drift", "tilt", "force-bias",
     "force-rotation", "frame-offset", "contact-geometry",
 )  # fmt: skip
-#: Where the slider is put in a small campaign: within this many rad of one heading, and this many m of one place.
+#: Where the slider is reset in a small campaign: within this many rad of one heading, and this many m of one place.
 TURN, FIELD = 0.3, 0.04
 
 
@@ -41,7 +41,7 @@ def named(log: sp.PushLog, truth: str, forces: bool) -> tuple[str, bool, sp.GapR
 
 
 def one(id: str, seed: int, pushes: int, wanted: int, forces: bool) -> tuple[str, ...] | None:
-    """None if the small log is not ambiguous; else the effect, what was said of it, and verdicts with more pushes."""
+    """None if the small log is not ambiguous; else the effect, the effects reported, and verdicts with more pushes."""
     rig, commands, draw = campaign.world(id, seed, pushes, groups=0, speeds=(0.015, 0.025))
     rng = np.random.default_rng(seed)
     commands = [small(command, rng) for command in commands]
@@ -78,8 +78,8 @@ def main() -> None:
             tried += 1
             if row is not None and len(found) < options.logs:
                 found.append(row)
-                print(f"{row[0]:<20s} said {row[1]:<50s} proposed: {row[2]} {row[4]}; random: {row[5]} {row[7]}", flush=True)
-    print(f"{len(found)} ambiguous logs of {tried} that were simulated; the true cause among those said in ", end="")
+                print(f"{row[0]:<20s} reported {row[1]:<50s} proposed: {row[2]} {row[4]}; random: {row[5]} {row[7]}", flush=True)
+    print(f"{len(found)} ambiguous logs of {tried} that were simulated; the true cause among those reported in ", end="")
     print(sum(row[0] in row[1].split() for row in found))
     for word, at in (("proposed", 3), ("random", 6)):
         right = sum(row[at] == "right" for row in found)

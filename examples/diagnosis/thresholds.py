@@ -1,7 +1,7 @@
 """The bootstrap behind an effect's name, checked: scores linearised at the fit against refits of every draw.
 
-For clean logs of random rigs, the errors of whole trials get random signs; then either the scores alone are put together anew,
-as the diagnosis does, or all of it is: surface refitted, all effects tested. The p-value of the likeliest effect that a share of
+For clean logs of random rigs, the errors of whole trials get random signs; then either the scores alone are recombined, as
+the diagnosis does, or all is: surface refitted, all effects tested. The p-value of the likeliest effect that a share of
 the draws stays below should be the same.
 
     python examples/diagnosis/thresholds.py [--logs 20] [--draws 60] [--pushes 60]

@@ -1,6 +1,6 @@
 """
-How sure is it?
-===============
+How certain is a stable region?
+===============================
 
 Eight pokes leave many limit surfaces likely. The shading is the share of them that calls a rotation centre stable; the dashed
 line is where nine in ten do.

@@ -4,8 +4,8 @@
 ``raw/``. The published numbers are read from ``DATA/published.json`` (means and 95 % intervals behind the paper's figures and
 tables) and the hand labels, which ``tables.py`` needs, from ``DATA/labels.csv`` (columns ``log, action, stable``).
 
-Intervals are over splits or trials. Splits of the same few logs overlap, so they tell how sure a mean over these logs is, not how
-another object would do.
+Intervals are over splits or trials. Splits of the same few logs overlap, so the intervals are for a mean over these logs, not for
+another object.
 """
 
 from __future__ import annotations
@@ -102,8 +102,8 @@ def labelled_rotations(data: Path) -> dict[str, tuple[list[sp.PushContact], np.n
             labels.setdefault(row["log"], {})[row["action"]] = row["stable"] == "1"
     found = {}
     for source in _sources(data, "mlab-stable"):
-        told = next((marks for log, marks in labels.items() if source.file.name.startswith(log)), None)
-        if told is None:
+        marks_of_log = next((marks for log, marks in labels.items() if source.file.name.startswith(log)), None)
+        if marks_of_log is None:
             continue
         log, _ = import_source(source)
         contacts, twists, stable = [], [], []
@@ -118,7 +118,7 @@ def labelled_rotations(data: Path) -> dict[str, tuple[list[sp.PushContact], np.n
             contacts.append(sp.PushContact(ends, [inward, inward], MU))
             sense, cor = log.trials["sense"][i], (log.trials["cor_x"][i], log.trials["cor_y"][i])
             twists.append((sense * cor[1], -sense * cor[0], sense))
-            stable.append(told[trial])
+            stable.append(marks_of_log[trial])
         found[source.labels["arrangement"]] = (contacts, np.array(twists), np.array(stable))
     return found
 

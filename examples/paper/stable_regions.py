@@ -23,7 +23,7 @@ from stablepush.views.plot.canvas import save_figure
 from stablepush.views.plot.regions import plot_margins, plot_regions, plot_twist_sphere
 
 #: Sides (m) of the squares within which areas are compared; the paper samples CORs in the first.
-SQUARES, POKES, CHANCE = (0.4, 0.8, 2.0), 30, 0.9
+SQUARES, POKES, PROBABILITY = (0.4, 0.8, 2.0), 30, 0.9
 
 
 def predict(data: Path, arrangement: str, draw: int) -> dict[str, list[float]]:
@@ -37,7 +37,7 @@ def predict(data: Path, arrangement: str, draw: int) -> dict[str, list[float]]:
     shares = np.array([float(o.probability(twist)) for o, twist in zip(oracles, rotations, strict=True)])
     return {
         f"default, {POKES} pokes": score(stable, labels),
-        f"probability {CHANCE:g}, {POKES} pokes": score(shares >= CHANCE - 1e-9, labels),
+        f"probability {PROBABILITY:g}, {POKES} pokes": score(shares >= PROBABILITY - 1e-9, labels),
     }
 
 
@@ -64,7 +64,7 @@ def main() -> None:
     regions = {
         f"quartic from {len(loads)} pokes": sp.stable_region(fit.surface, contact),
         "even pressure": sp.stable_region(even, contact),
-        f"probability {CHANCE:g}": sp.chance_region(fit.surface, contact, CHANCE),
+        f"probability {PROBABILITY:g}": sp.chance_region(fit.surface, contact, PROBABILITY),
         "all-pressure": sp.all_pressure_region(outline, contact, characteristic_length=lab.RHO),
         "STABLE": sp.lynch_mason_region(outline, contact, characteristic_length=lab.RHO),
     }

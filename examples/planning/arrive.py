@@ -1,4 +1,4 @@
-"""Do plans arrive? Random tasks, planned with what eight noisy pokes tell, carried out in the open in MuJoCo or Drake.
+"""Do plans arrive? Random tasks, planned on a surface fitted to eight noisy pokes, executed without feedback in MuJoCo or Drake.
 
 Outlines, feet, pressures, friction at the fingers, their places and the centre of mass are random, within what the problem says
 is uncertain, and hidden from the planner. A plan arrives if the slider ends within 10 mm and 3 degrees of where the plan ends. It
@@ -7,9 +7,9 @@ nothing with planning, stability or simulation of the library. Tasks are those t
 
     python examples/planning/arrive.py modes     [--tasks 500] [--engine mujoco] [-o rows.json]
     python examples/planning/arrive.py guarantees [--tasks 300]
-    python examples/planning/arrive.py levels    [--tasks 300]      stated probabilities of about 0.5, 0.7, 0.9 and 0.98
+    python examples/planning/arrive.py levels    [--tasks 300] [--only quickest]      stated against measured probabilities
     python examples/planning/arrive.py beyond    [--tasks 200]      friction 20 % off, fingers 4 mm off, start 5 mm and 5 deg off
-    python examples/planning/arrive.py --show rows.json
+    python examples/planning/arrive.py --show rows.json [more.json]
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import warnings
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from scipy.stats import binomtest
 import stablepush as sp
 from stablepush.engines import Execution, Fingers, SliderOnFeet, executor
 
-#: Ways of planning by study and name. A level of success is one of the whole path.
+#: Planning modes by study and name. A level of success is one of the whole path.
 MODES: dict[str, dict[str, dict[str, Any]]] = {
     "modes": {
         "quickest": {"success": 0.0},
@@ -42,7 +43,7 @@ MODES: dict[str, dict[str, dict[str, Any]]] = {
         "all-pressure": {"success": 0.0, "region": "all-pressure"},
         "STABLE": {"success": 0.0, "region": "conservative"},
     },
-    "levels": {f"success={level}": {"success": level} for level in (0.5, 0.7, 0.9, 0.98)},
+    "levels": {"quickest": {"success": 0.0}} | {f"success={level}": {"success": level} for level in (0.5, 0.7, 0.9, 0.98)},
     "beyond": {"default": {}},
 }
 #: What differs from the problem by more than it says: a factor of the friction at the fingers, m along the edge, and how much of
@@ -52,14 +53,14 @@ BEYOND: dict[str, dict[str, float]] = {
     "friction 20 % less": {"friction": 0.8},
     "friction 20 % more": {"friction": 1.2},
     "fingers 4 mm aside": {"aside": 0.004},
-    "fingers 4 mm aside, other way": {"aside": -0.004},
+    "fingers 4 mm aside, other side": {"aside": -0.004},
     "start 5 mm and 5 deg off": {"start": 1.0},
 }
 #: What guarantees take for granted besides: the centre of mass is where the problem has it.
 EXACT = {"exact": 1.0}
 #: Displacement (m, m, rad) of the slider where the start is off, and how far (m) back the fingers begin then.
 _START, _BACK = np.array((0.0035, 0.0035, math.radians(5.0))), 0.02
-#: Arrived: within so many m and rad. Stuck: moved against the fingers by less than so many m.
+#: Arrived: within so many m and rad. Sticking: moved against the fingers by less than so many m.
 NEAR, STUCK = (0.01, math.radians(3.0)), 1e-3
 #: Radius (m) of the fingers, rate (Hz) at which a plan is sampled.
 FINGER, RATE = 0.004, 100.0
@@ -160,12 +161,12 @@ def carried_out(task: Task, pushes: Sequence[sp.Push], engine: str) -> Execution
         poses.append(placed(push.poses(t), docked))
         now += push.duration
     run = executor(engine, body, Fingers(centers, FINGER, task.contact_mu))
-    t, way, start = np.concatenate(times), np.concatenate(poses), np.array(problem.start)
+    t, path, start = np.concatenate(times), np.concatenate(poses), np.array(problem.start)
     if task.displaced:
         start = placed(start[None], task.displaced * _START)[0]
-        back = way[0] - _BACK * np.array((math.cos(way[0, 2]), math.sin(way[0, 2]), 0.0))
-        t, way = np.append(0.0, t + _BACK / problem.speed), np.concatenate((back[None], way))
-    return run.follow(start, t, way)
+        back = path[0] - _BACK * np.array((math.cos(path[0, 2]), math.sin(path[0, 2]), 0.0))
+        t, path = np.append(0.0, t + _BACK / problem.speed), np.concatenate((back[None], path))
+    return run.follow(start, t, path)
 
 
 def placed(poses: np.ndarray, frame: np.ndarray) -> np.ndarray:
@@ -175,16 +176,16 @@ def placed(poses: np.ndarray, frame: np.ndarray) -> np.ndarray:
 
 
 def slipped(task: Task, done: Execution) -> float:
-    """Largest way (m) that the slider moves against the fingers after the first moment: at the two contact points."""
+    """Largest distance (m) that the slider slips against the fingers at the two contact points, after the first moment."""
     c, s = np.cos(done.pusher[:, 2]), np.sin(done.pusher[:, 2])
     points = [placed(done.slider, np.array((*p, 0.0)))[:, :2] - done.pusher[:, :2] for p in task.problem.contacts[0].points]
-    ways = [np.stack((c * p[:, 0] + s * p[:, 1], c * p[:, 1] - s * p[:, 0]), axis=-1) for p in points]
-    return max(float(np.linalg.norm(way - way[min(50, len(way) - 1)], axis=1).max()) for way in ways)
+    paths = [np.stack((c * p[:, 0] + s * p[:, 1], c * p[:, 1] - s * p[:, 0]), axis=-1) for p in points]
+    return max(float(np.linalg.norm(path - path[min(50, len(path) - 1)], axis=1).max()) for path in paths)
 
 
-def rows_of(job: tuple[str, str, int, float]) -> list[dict[str, Any]]:
-    """All ways of planning a task, carried out; none if it has no quickest plan."""
-    study, engine, seed, budget = job
+def rows_of(job: tuple[str, str, int, float, list[str] | None]) -> list[dict[str, Any]]:
+    """Plans of a task in all modes, executed; none if it has no quickest plan."""
+    study, engine, seed, budget, only = job
     task = random_task(seed)
     rows: list[dict[str, Any]] = []
     with warnings.catch_warnings():
@@ -193,6 +194,8 @@ def rows_of(job: tuple[str, str, int, float]) -> list[dict[str, Any]]:
         if not quickest.solved:
             return []
         for name, asked in MODES[study].items():
+            if only and name not in only:
+                continue
             result = sp.plan(task.problem, time_limit=30, refinement_budget=budget, **asked)
             truths = {"beyond": BEYOND, "guarantees": {name: {}, f"{name}, exact centre": EXACT}}.get(study, {name: {}})
             for words, off in truths.items():
@@ -204,14 +207,14 @@ def rows_of(job: tuple[str, str, int, float]) -> list[dict[str, Any]]:
 
 
 def judged(task: Task, result: sp.PlanResult, engine: str, off: dict[str, float]) -> dict[str, Any]:
-    """What a plan says of itself, and what became of it."""
+    """The probabilities that a plan states, and the outcome of its execution."""
     end = result.pushes[-1].end
-    # said of where the plan ends, as it is judged
+    # for the end of the plan, against which arrival is judged
     problem = task.problem
     about_end = sp.PlanningProblem(
         problem.slider, problem.surface, problem.contacts, problem.start, end, tolerance=NEAR, uncertainty=UNCERTAINTY
     )
-    said = sp.estimate_success(about_end, result, seed=1)
+    stated = sp.estimate_success(about_end, result, seed=1)
     true = replace(task, contact_mu=task.contact_mu * off.get("friction", 1.0), aside=off.get("aside", task.aside))
     true = replace(true, displaced=off.get("start", 0.0), feet=task.feet - off.get("exact", 0.0) * task.center)
     done = carried_out(true, result.pushes, engine)
@@ -220,8 +223,8 @@ def judged(task: Task, result: sp.PlanResult, engine: str, off: dict[str, float]
     return {
         "duration": result.duration,
         "planning_time": result.planning_time,
-        "sticking_said": said.probability,
-        "arrival_said": said.arrival,
+        "sticking_stated": stated.probability,
+        "arrival_stated": stated.arrival,
         "stuck": slip < STUCK,
         "arrived": distance <= NEAR[0] and turn <= NEAR[1],
         "distance": distance,
@@ -247,18 +250,34 @@ def show(rows: list[dict[str, Any]]) -> None:
         ratios = [row["duration"] / row["quickest"] for row in solved]
         common = [row for row in solved if row["seed"] in everywhere]
         longer = sum(row["duration"] for row in common) / sum(row["quickest"] for row in common) if common else math.nan
-        said = {key: float(np.mean([row[key] for row in solved])) for key in ("sticking_said", "arrival_said")}
+        mean = {key: float(np.mean([row[key] for row in solved])) for key in ("sticking_stated", "arrival_stated")}
         print(
-            f"{name:>30s}: arrived {share(arrived, len(tried))}, said {said['arrival_said']:.3f}; "
-            f"stuck {share(stuck, len(solved))}, said {said['sticking_said']:.3f}; {len(own) - len(solved)} without a plan; "
+            f"{name:>30s}: arrived {share(arrived, len(tried))}, stated {mean['arrival_stated']:.3f}; "
+            f"sticking {share(stuck, len(solved))}, stated {mean['sticking_stated']:.3f}; {len(own) - len(solved)} without plan; "
             f"time {np.median(ratios):.3f} of the quickest (median), {longer:.3f} in total on {len(common)} common tasks"
         )
     for row in rows:
         if row["solved"] and row["name"].startswith(("default", "all-pressure", "STABLE")) and not row["arrived"]:
             print(
                 f"  lost: {row['seed']} {row['name']}: {1000 * row['distance']:.1f} mm, {math.degrees(row['turn']):.1f} deg, "
-                f"slip {1000 * row['slip']:.1f} mm, said {row['sticking_said']:.3f}, {row['arrival_said']:.3f}"
+                f"slip {1000 * row['slip']:.1f} mm, stated {row['sticking_stated']:.3f}, {row['arrival_stated']:.3f}"
             )
+
+
+#: Bounds of the stated probabilities whose executions are counted together.
+BINS = (0.0, 0.4, 0.6, 0.8, 0.94, 0.99, 1.0 + 1e-9)
+
+
+def show_calibration(rows: list[dict[str, Any]]) -> None:
+    """Stated against measured, of sticking and of arrival. Plans of one task share what is true: see each way of planning."""
+    for name in ("all", *dict.fromkeys(row["name"] for row in rows)):
+        for stated, measured in (("sticking_stated", "stuck"), ("arrival_stated", "arrived")):
+            solved = [row for row in rows if row["solved"] and name in ("all", row["name"])]
+            for low, high in pairwise(BINS):
+                chosen = [row for row in solved if low <= row[stated] < high]
+                if len(chosen) >= 20:
+                    mean, count = float(np.mean([row[stated] for row in chosen])), sum(row[measured] for row in chosen)
+                    print(f"{name:>30s}: {measured:>7s} {mean:.3f} stated, {share(count, len(chosen))}")
 
 
 def share(count: int, total: int) -> str:
@@ -275,17 +294,20 @@ def main() -> None:
     parser.add_argument("--budget", type=float, default=2000, help="refinement budget")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path)
-    parser.add_argument("--show", type=Path, help="rows of an earlier run, to print again")
+    parser.add_argument("--only", nargs="*", help="planning modes, if not all of the study")
+    parser.add_argument("--show", type=Path, nargs="*", help="rows of earlier runs, to print again")
     options = parser.parse_args()
     if options.show:
-        show(json.loads(options.show.read_text()))
+        known = [row for file in options.show for row in json.loads(file.read_text())]
+        show(known)
+        show_calibration(known)
         return
     rows: list[dict[str, Any]] = []
     seed, solved = options.first_seed, 0
     with ProcessPoolExecutor(options.jobs) as pool:
         while solved < options.tasks:
             seeds = range(seed, seed + min(2 * options.jobs, options.tasks - solved))
-            for found in pool.map(rows_of, [(options.study, options.engine, k, options.budget) for k in seeds]):
+            for found in pool.map(rows_of, [(options.study, options.engine, k, options.budget, options.only) for k in seeds]):
                 rows += found
                 solved += bool(found)
             seed = seeds.stop
@@ -293,6 +315,7 @@ def main() -> None:
             if options.output:
                 options.output.write_text(json.dumps(rows))
     show(rows)
+    show_calibration(rows)
 
 
 if __name__ == "__main__":

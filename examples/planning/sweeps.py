@@ -1,7 +1,7 @@
 """Is the exact sweep right? Random pushes among random polygons against poses sampled densely along them.
 
 Sliders and obstacles are random outlines, convex or not. A push that the sweep calls free, although a sampled pose overlaps,
-is a miss; one that it refuses, although all samples are free, must touch between two samples, and is sampled more densely
+is an error; one that it refuses, although all samples are free, must touch between two samples, and is sampled more densely
 about the place where it comes nearest.
 
     python examples/planning/sweeps.py [--pushes 10000] [--samples 10000] [--seed 0]
@@ -42,7 +42,7 @@ def scene(rng: np.random.Generator) -> sp.PlanningProblem:
             continue
 
 
-def gap(problem: sp.PlanningProblem, pose: np.ndarray) -> float:
+def clearance(problem: sp.PlanningProblem, pose: np.ndarray) -> float:
     """Least distance (m) of the slider from obstacles and bounds; negative by how far it is out of bounds."""
     placed = transform_points(pose, problem.slider.vertices)
     blocked = shapely.union_all([shapely.Polygon(o) for o in problem.obstacles])
@@ -81,10 +81,10 @@ def main() -> None:
                 if dense and not good:
                     refused += 1
                     path = compose(pose, exp(twist * times[:: options.samples // 1000]))
-                    gaps = np.array([gap(problem, p) for p in path])
-                    k = int(np.argmin(gaps))
+                    clearances = np.array([clearance(problem, p) for p in path])
+                    k = int(np.argmin(clearances))
                     fine = np.linspace(max(0, k - 1), min(len(path) - 1, k + 1), 2001)[:, None] / (len(path) - 1)
-                    least = min(gap(problem, p) for p in compose(pose, exp(twist * fine)))
+                    least = min(clearance(problem, p) for p in compose(pose, exp(twist * fine)))
                     nearest.append(least)
                     # a touch of no more than the overlap that is allowed, and the rounding of the samples
                     unexplained += int(least > 2 * OVERLAP)

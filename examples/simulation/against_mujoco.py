@@ -31,11 +31,11 @@ def random_push(seed: int) -> dict:
     feet -= weights @ feet / weights.sum()
     inside = np.abs(feet).max(axis=0) / half
     feet /= max(1.0, float(inside.max()) / 0.95)
-    mass, mu, grip = rng.uniform(0.5, 1.5), rng.uniform(0.2, 0.4), rng.uniform(0.2, 0.8)
+    mass, mu, contact_mu = rng.uniform(0.5, 1.5), rng.uniform(0.2, 0.4), rng.uniform(0.2, 0.8)
     two, turning = bool(seed % 2), bool(seed // 2 % 2)
     width = 0.5 * float(half[1]) if two else 0.0
     slider = sp.Slider(outline, mass=mass)
-    contact = sp.PushContact.on_edge(slider, 3, float(half[1]) * rng.uniform(0.6, 1.4), width, grip)
+    contact = sp.PushContact.on_edge(slider, 3, float(half[1]) * rng.uniform(0.6, 1.4), width, contact_mu)
     pusher = sp.Pusher.of_contact(contact, 0.005)
     docked = pusher.docked(contact)
     speed = rng.uniform(0.005, 0.02)
@@ -50,7 +50,7 @@ def random_push(seed: int) -> dict:
     x, y = pusher.fingers.T
     twist = twist * (speed / float(np.hypot(twist[0] - twist[2] * y, twist[1] + twist[2] * x).max()))
     return {
-        "slider": slider, "half": half, "feet": feet, "weights": weights / weights.sum(), "mu": mu, "grip": grip,
+        "slider": slider, "half": half, "feet": feet, "weights": weights / weights.sum(), "mu": mu, "contact_mu": contact_mu,
         "pusher": pusher, "docked": docked, "twist": twist, "time": 0.04 / speed,
     }  # fmt: skip
 
@@ -64,7 +64,7 @@ def by_mujoco(push: dict, step: float) -> np.ndarray:
     # feet touch the table only, fingers the box only
     on_table, on_box = 'contype="1" conaffinity="1"', 'contype="2" conaffinity="2"'
     planar = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="hinge" axis="0 0 1"/>'
-    under, grip = f'friction="{push["mu"]}"', f'friction="{push["grip"]}"'
+    under, at_finger = f'friction="{push["mu"]}"', f'friction="{push["contact_mu"]}"'
     feet = "".join(
         f'<body pos="{x} {y} 0"><joint type="slide" axis="0 0 1"/>'
         f'<geom type="sphere" size="0.002" pos="0 0 0.002" mass="{w * 0.98 * mass}" {on_table} {under}/></body>'
@@ -72,9 +72,10 @@ def by_mujoco(push: dict, step: float) -> np.ndarray:
     )
     radius = push["pusher"].radius
     fingers = "".join(
-        f'<geom type="sphere" size="{radius}" pos="{x} {y} 0" mass="500" {on_box} {grip}/>' for x, y in push["pusher"].fingers
+        f'<geom type="sphere" size="{radius}" pos="{x} {y} 0" mass="500" {on_box} {at_finger}/>'
+        for x, y in push["pusher"].fingers
     )
-    box = f'<geom type="box" size="{hx} {hy} 0.01" pos="0 0 0.03" mass="{0.02 * mass}" {on_box} {grip}/>'
+    box = f'<geom type="box" size="{hx} {hy} 0.01" pos="0 0 0.03" mass="{0.02 * mass}" {on_box} {at_finger}/>'
     model = mujoco.MjModel.from_xml_string(f"""
     <mujoco><option timestep="{step}" cone="elliptic" impratio="10" solver="Newton" tolerance="1e-12" iterations="100"
       noslip_iterations="20" gravity="0 0 -{GRAVITY}"/>
@@ -100,7 +101,9 @@ def by_library(push: dict, step: float = 2.5e-4) -> tuple[np.ndarray, np.ndarray
     support = sp.SupportDistribution(push["feet"], push["weights"])
     surface = sp.IdealLimitSurface(support, push["mu"] * push["slider"].mass * GRAVITY)
     motion = [(push["twist"], push["time"])]
-    trace = sp.simulate_push(surface, push["slider"], push["pusher"], push["grip"], (0, 0, 0), push["docked"], motion, step=step)
+    trace = sp.simulate_push(
+        surface, push["slider"], push["pusher"], push["contact_mu"], (0, 0, 0), push["docked"], motion, step=step
+    )
     return trace.poses[-1], trace.pushers[-1]
 
 
@@ -137,7 +140,7 @@ def main() -> None:
         if chosen.any():
             mm, deg, percent = 1000 * off[chosen], np.degrees(turn[chosen]), share[chosen]
             print(
-                f"{word:<22s} median {np.median(mm):.3f} mm, {np.median(deg):.3f} deg, {np.median(percent):.2f} % of the way; "
+                f"{word:<22s} median {np.median(mm):.3f} mm, {np.median(deg):.3f} deg, {np.median(percent):.2f} % of the path; "
                 f"95 % {np.quantile(mm, 0.95):.3f} mm, {np.quantile(deg, 0.95):.3f} deg, {np.quantile(percent, 0.95):.2f} %"
             )
     library, mujoco = sum(f[2] for f in found), sum(f[3] for f in found)
@@ -155,7 +158,7 @@ def margin(seed: int) -> str:
     if len(pusher.fingers) < 2:
         return ""
     points = transform_points(docked, pusher.fingers) + np.array((pusher.radius, 0.0))
-    contact = sp.PushContact(points, ((1.0, 0.0), (1.0, 0.0)), push["grip"])
+    contact = sp.PushContact(points, ((1.0, 0.0), (1.0, 0.0)), push["contact_mu"])
     support = sp.SupportDistribution(push["feet"], push["weights"])
     oracle = sp.StabilityOracle(sp.IdealLimitSurface(support, 1.0), contact)
     return f" (margin {np.degrees(oracle.margin(transport_twist(push['twist'], docked)[None])[0]):.2f} deg)"

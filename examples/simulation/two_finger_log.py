@@ -48,12 +48,12 @@ def main() -> None:
         twist = twist_from_cor((log.trials["cor_x"][k], log.trials["cor_y"][k]), log.trials["sense"][k])
         motion = [(transport_twist(twist, inverse(docked)), abs(float(log.trials["angle"][k])))]
         trace = sp.simulate_push(surface, slider, pusher, options.mu, start, compose(start, docked), motion, step=2e-4)
-        miss, route = trace.poses[-1] - end, end - start
+        error, route = trace.poses[-1] - end, end - start
         rows.append(
             (
                 float(log.trials["stable"][k]) if "stable" in log.trials else np.nan,
-                1000 * float(np.hypot(*miss[:2])),
-                float(np.degrees(abs(wrap_angle(miss[2])))),
+                1000 * float(np.hypot(*error[:2])),
+                float(np.degrees(abs(wrap_angle(error[2])))),
                 1000 * float(np.hypot(*route[:2])),
                 float(np.degrees(abs(wrap_angle(route[2])))),
                 float((trace.modes == 1).all(axis=1).mean()),
@@ -62,7 +62,7 @@ def main() -> None:
         print(
             f"action {name:>3s}: {'stable' if rows[-1][0] == 1 else 'unstable' if rows[-1][0] == 0 else 'unknown':<9s} moved "
             f"{rows[-1][3]:6.1f} mm {rows[-1][4]:5.1f} deg, predicted {rows[-1][1]:6.1f} mm {rows[-1][2]:5.1f} deg away; "
-            f"stuck {100 * rows[-1][5]:.0f} % of the way"
+            f"sticking for {100 * rows[-1][5]:.0f} % of the path"
         )
     table = np.array(rows)
     for value, word in ((1.0, "stable"), (0.0, "unstable")):

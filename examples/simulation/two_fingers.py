@@ -1,4 +1,4 @@
-"""Pushes with two fingers: what the oracle calls stable stays stuck over a quarter turn, what it calls unstable does not.
+"""Pushes with two fingers: what the oracle calls stable sticks throughout a quarter turn, what it calls unstable does not.
 
 Random sliders, supports, surfaces, contacts and rotation centres; those within ``--near`` of the boundary are left out.
 

@@ -45,7 +45,7 @@ def moved(x, y, theta, vx, vy, omega, duration):  # type: ignore[no-untyped-def]
 def connect(connections, world, body, contact, x, y, theta, gx, gy, gt, most, lengths, pieces):  # type: ignore[no-untyped-def]
     """Cheapest free Dubins word of the reference point between two poses that costs less than ``most``; its cost (s).
 
-    ``pieces`` (3, 4) receives body twists and durations; ``lengths`` (6, 3) is room to work in.
+    ``pieces`` (3, 4) receives body twists and durations; ``lengths`` (6, 3) is workspace.
     """
     frame = connections.frames[contact]
     c0, s0, c1, s1 = math.cos(theta), math.sin(theta), math.cos(gt), math.sin(gt)

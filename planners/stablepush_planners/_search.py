@@ -144,13 +144,13 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
     """
     lattice, transfers = graph.lattice, graph.transfers
     lengths, pieces = np.empty((6, 3)), np.empty((3, 4))
-    room = lattice.first.shape[0] + 64
+    spare = lattice.first.shape[0] + 64
     contacts = graph.connections.frames.shape[0]
     for _ in range(quota):
         # room for all that one expansion may add
-        if tree.counts[0] + room > tree.key.shape[0] or tree.counts[1] + room > tree.queue.shape[0]:
+        if tree.counts[0] + spare > tree.key.shape[0] or tree.counts[1] + spare > tree.queue.shape[0]:
             return FULL
-        if 2 * (tree.counts[0] + room) > tree.table.shape[0]:
+        if 2 * (tree.counts[0] + spare) > tree.table.shape[0]:
             return FULL
         while True:
             if tree.counts[1] == 0:

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from stablepush.core import FloatArray, compiled, inner
-from stablepush.planning.kernels import Body, edges_near, line_is_free, pose_is_free, room_at
+from stablepush.planning.kernels import Body, clearance_at, edges_near, line_is_free, pose_is_free
 
 #: How a change of contact is tested: the pusher takes one of the known paths; as if it could take any path.
-KNOWN_WAYS, ANY_WAY = 0, 1
+KNOWN_PATHS, ANY_PATH = 0, 1
 
 
 class Bodies(NamedTuple):
@@ -25,7 +25,7 @@ class Bodies(NamedTuple):
 
 
 class Transfers(NamedTuple):
-    """Changes of contact: time (s), how they are tested (:data:`KNOWN_WAYS`), the pusher in its frame as it is at each contact,
+    """Changes of contact: time (s), how they are tested (:data:`KNOWN_PATHS`), the pusher in its frame as it is at each contact,
     radius (m) of a disc that holds it, its docked poses (contacts, 3) in B, how far it backs off (m), and two paths round the
     slider in B for every pair of contacts."""
 
@@ -118,11 +118,11 @@ def route_between(transfers, bodies, world, source, target, x, y, cos, sin):  # 
     contacts = transfers.docks.shape[0]
     if transfers.retreats[source] < 0.0 or transfers.retreats[target] < 0.0:
         return -1
-    if room_at(world, x, y) <= bodies.radii[target] and not pose_is_free(world, body_at(bodies, target), x, y, cos, sin):
+    if clearance_at(world, x, y) <= bodies.radii[target] and not pose_is_free(world, body_at(bodies, target), x, y, cos, sin):
         return -1
     if not can_back_off(transfers, world, source, x, y, cos, sin) or not can_back_off(transfers, world, target, x, y, cos, sin):
         return -1
-    if transfers.kind == ANY_WAY:
+    if transfers.kind == ANY_PATH:
         return 0
     for side in range(2):
         route = 2 * (source * contacts + target) + side

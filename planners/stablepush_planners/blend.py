@@ -92,20 +92,20 @@ def _closed(arcs: FloatArray, times: FloatArray, target: FloatArray, rho: float)
     scale = np.array((1.0, 1.0, rho))
     weights = np.repeat(times, 3) ** 2
     for _ in range(_STEPS):
-        miss = _miss(arcs, target) * scale
-        if np.abs(miss).max() < _CLOSE:
+        error = _pose_error(arcs, target) * scale
+        if np.abs(error).max() < _CLOSE:
             return arcs
         slope = np.empty((3, arcs.size))
         for k in range(arcs.size):
             moved = arcs.copy()
             moved.flat[k] += 1e-7
-            slope[:, k] = (_miss(moved, target) * scale - miss) / 1e-7
+            slope[:, k] = (_pose_error(moved, target) * scale - error) / 1e-7
         square = (slope * weights) @ slope.T
-        arcs = arcs - (weights * (slope.T @ np.linalg.solve(square, miss))).reshape(arcs.shape)
+        arcs = arcs - (weights * (slope.T @ np.linalg.solve(square, error))).reshape(arcs.shape)
     return None
 
 
-def _miss(arcs: FloatArray, target: FloatArray) -> FloatArray:
+def _pose_error(arcs: FloatArray, target: FloatArray) -> FloatArray:
     """Motion from a pose to where motions (n, 3) lead."""
     pose = np.zeros(3)
     for arc in arcs:

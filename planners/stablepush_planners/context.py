@@ -26,11 +26,11 @@ from stablepush.planning.kernels import Body
 from stablepush_planners._connection import Connections, connect
 from stablepush_planners._goal import Goal, at_goal, least_time, unobstructed_times
 from stablepush_planners._search import Graph
-from stablepush_planners._transfer import ANY_WAY, KNOWN_WAYS, Bodies, Transfers, route_between
+from stablepush_planners._transfer import ANY_PATH, KNOWN_PATHS, Bodies, Transfers, route_between
 from stablepush_planners.blend import blended
 from stablepush_planners.distance_field import DistanceField
 from stablepush_planners.lattice import Lattice
-from stablepush_planners.shorten import LEAST_WAY, TimedTwist, merged, shorten
+from stablepush_planners.shorten import LEAST_TRAVEL, TimedTwist, merged, shorten
 from stablepush_planners.stable_set import StableSet
 from stablepush_planners.steering import Steering, steering
 from stablepush_planners.transfers import (
@@ -38,12 +38,12 @@ from stablepush_planners.transfers import (
     backed_off,
     docking_path,
     path_among_obstacles,
-    room_of,
+    pusher_shapes,
     route_path,
     routes_of,
 )
 
-#: A stretch of a path: its contact, and the pushes there.
+#: A segment of one contact: its number, and the pushes there.
 ContactSegment = tuple[int, list[TimedTwist]]
 
 #: Turning radii that connections try, in units of the tightest: slower to turn, but the outline swings out less.
@@ -54,7 +54,7 @@ TABLE_REACH = 20
 PIECES = (24, 40, 60)
 #: Halves are rounded up, also those that are less by rounding.
 _UP = 0.5 + 1e-9
-#: Contacts that a search can tell apart.
+#: Contacts that a search can number.
 _MOST_CONTACTS = 200
 
 
@@ -108,7 +108,7 @@ class PlanningContext:
         x, y, theta = problem.start
         self.bound = float(least_time(self.goal, x, y, math.cos(theta), math.sin(theta)))
         if math.isinf(self.bound):
-            self.infeasible_reason, self.bound = "obstacles close off the goal", 0.0
+            self.infeasible_reason, self.bound = "obstacles enclose the goal", 0.0
 
     def graph(self, lattice: Lattice, transfers: Transfers | None = None) -> Graph:
         """Return what a search on a lattice runs on; ``transfers``: the changes of contact that it may make, if not all known."""
@@ -155,8 +155,8 @@ class PlanningContext:
         problem, contacts, routes = self.problem, len(self.problem.contacts), self.routes
         return Transfers(
             cost=problem.switch_cost,
-            kind=KNOWN_WAYS,
-            pushers=_bodies([body_of(room_of(problem, contact)) for contact in problem.contacts]),
+            kind=KNOWN_PATHS,
+            pushers=_bodies([body_of(pusher_shapes(problem, contact)) for contact in problem.contacts]),
             radius=0.0 if routes is None else routes.radius,
             docks=np.zeros((contacts, 3)) if routes is None else routes.docks,
             retreats=np.full(contacts, -1.0) if routes is None else routes.retreats,
@@ -170,7 +170,7 @@ class PlanningContext:
         cost = connect(self.connections, self.world, self.bodies[contact].body, contact, *start, *end, most, lengths, pieces)
         if cost >= most:
             return None
-        return [(pieces[k, :3].copy(), float(pieces[k, 3])) for k in range(3) if pieces[k, 3] * self.problem.speed > LEAST_WAY]
+        return [(pieces[k, :3].copy(), float(pieces[k, 3])) for k in range(3) if pieces[k, 3] * self.problem.speed > LEAST_TRAVEL]
 
     def shortened(self, contact_segments: Sequence[ContactSegment]) -> list[ContactSegment]:
         """Return a path with the same changes of contact, at the same poses, that costs no more."""
@@ -217,7 +217,7 @@ class PlanningContext:
         return result, corners
 
     def segments(self, contact_segments: Sequence[ContactSegment]) -> list[Push | Transfer]:
-        """Return the pushes of a path, with the changes of contact between its stretches."""
+        """Return the pushes of a path, with the changes of contact between its segments."""
         segments: list[Push | Transfer] = []
         pose, contact = self.problem.start, 0
         for at, pushes in contact_segments:
@@ -252,7 +252,7 @@ class PlanningContext:
         route = int(route_between(self.transfers, self._docked, self.world, source, target, *at))
         if route >= 0:
             return route_path(self.routes, route, pose)
-        known = self.transfers._replace(kind=ANY_WAY)
+        known = self.transfers._replace(kind=ANY_PATH)
         if route_between(known, self._docked, self.world, source, target, *at) < 0:
             return None
         docks = [compose(pose, self.routes.docks[k]) for k in (source, target)]
@@ -268,8 +268,8 @@ class PlanningContext:
             return None
         twist = self.steerings[0].twist(0.0)
         twist = twist * (problem.speed / float(problem.push_speed(twist)))
-        room = problem.tolerance[0] - float(np.hypot(*(problem.start[:2] - problem.goal[:2])))
-        for length in (1e-3 * problem.slider.radius, room / 2, room / 16):
+        slack = problem.tolerance[0] - float(np.hypot(*(problem.start[:2] - problem.goal[:2])))
+        for length in (1e-3 * problem.slider.radius, slack / 2, slack / 16):
             duration = length / problem.speed
             end = compose(problem.start, exp(twist * duration))
             if length > 0 and at_goal(self.goal, *end) and self.bodies[0].push_is_free(problem.start, twist, duration):

@@ -19,7 +19,7 @@ from stablepush.geometry import compose
 from stablepush.planning import PlanningProblem, PlanOptions, PlanResult
 from stablepush_planners import _search
 from stablepush_planners._search import Graph, Tree
-from stablepush_planners._transfer import ANY_WAY, Transfers
+from stablepush_planners._transfer import ANY_PATH, Transfers
 from stablepush_planners.context import ContactSegment, PlanningContext, end_of
 from stablepush_planners.lattice import Lattice, make_lattice
 
@@ -96,7 +96,7 @@ class _Planner:
         if self.best is None and context.routes is not None:
             # the pusher may still reach another contact on a path that does not hug the slider
             self._progress("any path of the pusher round the slider")
-            self._climb(refinement_budget, context.transfers._replace(kind=ANY_WAY))
+            self._climb(refinement_budget, context.transfers._replace(kind=ANY_PATH))
         return f"the lattice is exhausted at all {len(LADDER)} resolutions" if useful else "no contact has a stable push"
 
     def _climb(self, refinement_budget: float, transfers: Transfers) -> bool:
@@ -158,7 +158,7 @@ class _Planner:
 
     def _impossible_change(self, graph: Graph, tree: Tree, node: int) -> tuple[int, int] | None:
         """Return key and former contact of a change that the pusher has no path for, on the path of a node, or None."""
-        while graph.transfers.kind == ANY_WAY and node >= 0:
+        while graph.transfers.kind == ANY_PATH and node >= 0:
             if tree.via[node] == _search.TRANSFER:
                 target = int(_search.parts_of(tree.key[node])[0])
                 source, heading, i, j = (int(part) for part in _search.parts_of(tree.key[tree.parent[node]]))
@@ -170,7 +170,7 @@ class _Planner:
         return None
 
     def _path(self, graph: Graph, tree: Tree, node: int) -> list[ContactSegment]:
-        """Turn a chain of nodes into stretches of one contact each."""
+        """Turn a chain of nodes into segments of one contact each."""
         chain = []
         while node >= 0:
             chain.append(node)

@@ -11,7 +11,7 @@ from stablepush.core import BoolArray, FloatArray, compiled
 from stablepush.planning import PlanningProblem
 from stablepush_planners._heap import heap_pop, heap_push
 
-#: Ways along the eight directions of a grid are at most this much longer than the straight ones: sqrt(4 - 2 sqrt(2)).
+#: Paths along the eight directions of a grid are at most this much longer than the straight ones: sqrt(4 - 2 sqrt(2)).
 _OCTILE = math.sqrt(4 - 2 * math.sqrt(2))
 #: Largest number of cells, and width of a cell in radii of the slider; wider scenes get wider cells.
 _MOST_CELLS, _CELL = 20_000, 0.15
@@ -65,8 +65,8 @@ def _extent(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
     if problem.bounds is not None:
         return problem.bounds[:2], problem.bounds[2:]
     points = np.concatenate([problem.start[None, :2], problem.goal[None, :2], *problem.obstacles])
-    room = 20 * problem.slider.radius
-    return points.min(axis=0) - room, points.max(axis=0) + room
+    padding = 20 * problem.slider.radius
+    return points.min(axis=0) - padding, points.max(axis=0) + padding
 
 
 @compiled

@@ -106,9 +106,9 @@ def _bounds(problem: PlanningProblem, context: PlanningContext) -> Any:
     bounds = base.RealVectorBounds(2)
     for axis in range(2):
         # the reference point may lie outside of the slider
-        room = float(np.linalg.norm(context.steerings[0].frame[:2]))
-        bounds.setLow(axis, float(low[axis]) - room)
-        bounds.setHigh(axis, float(high[axis]) + room)
+        padding = float(np.linalg.norm(context.steerings[0].frame[:2]))
+        bounds.setLow(axis, float(low[axis]) - padding)
+        bounds.setHigh(axis, float(high[axis]) + padding)
     return bounds
 
 

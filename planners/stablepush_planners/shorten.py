@@ -15,8 +15,8 @@ from stablepush_planners.stable_set import StableSet
 
 #: A push: body twist at the speed limit, and its duration in s.
 TimedTwist = tuple[FloatArray, float]
-#: Ways (m) below this are none; pushes whose ends differ by less are one.
-LEAST_WAY = 1e-10
+#: Travel (m) below this counts as zero; pushes whose ends differ by less are one.
+LEAST_TRAVEL = 1e-10
 #: A shortcut must save this much (s).
 _WORTH = 1e-9
 
@@ -56,7 +56,7 @@ def shorten(
     twists = {pair: (v / t, float(t)) for pair, v, t in zip(pairs, direct[good], times[good], strict=True)}
     spent = stable.costs(np.array([twist * duration for twist, duration in legs]))
     connects = bool(connections.radii[stable.contact, 0] > 0.0)
-    lengths, room = np.empty((6, 3)), np.empty((3, 4))
+    lengths, work = np.empty((6, 3)), np.empty((3, 4))
     cosines = np.column_stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])))
     best = [0.0] + [math.inf] * (count - 1)
     chain: list[tuple[int, list[TimedTwist]]] = [(0, [])] * count
@@ -72,9 +72,11 @@ def shorten(
                     best[b], chain[b] = best[a] + float(table[a, b]), (a, [(twist, duration)])
                     most = best[b] - best[a] - _WORTH
             if connects and most > 0:
-                found = connect(connections, world, swept.body, stable.contact, *poses[a], *poses[b], most, lengths, room)
+                found = connect(connections, world, swept.body, stable.contact, *poses[a], *poses[b], most, lengths, work)
                 if found < most:
-                    parts = [(room[k, :3].copy(), float(room[k, 3])) for k in range(3) if room[k, 3] * problem.speed > LEAST_WAY]
+                    parts = [
+                        (work[k, :3].copy(), float(work[k, 3])) for k in range(3) if work[k, 3] * problem.speed > LEAST_TRAVEL
+                    ]
                     best[b], chain[b] = best[a] + found, (a, parts)
     result: list[TimedTwist] = []
     b = count - 1
@@ -103,7 +105,7 @@ def merged(pushes: list[TimedTwist], radius: float) -> list[TimedTwist]:
     for twist, duration in pushes:
         if result:
             vx, vy, omega = np.abs(result[-1][0] - twist) * duration
-            if max(vx, vy, omega * radius) <= LEAST_WAY:
+            if max(vx, vy, omega * radius) <= LEAST_TRAVEL:
                 result[-1] = (result[-1][0], result[-1][1] + duration)
                 continue
         result.append((twist, duration))

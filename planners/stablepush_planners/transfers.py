@@ -35,7 +35,7 @@ _NEARBY, _MOST_CORNERS = 2.0, 300
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Routes:
-    """Ways round the slider, for the centre of a disc that holds the pusher, in B.
+    """Paths round the slider, for the centre of a disc that holds the pusher, in B.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Routes:
     retreats : array, shape (contacts,)
         How far (m) the pusher backs off against its x axis before it may turn; -1 where it cannot.
     first : array, shape (2 * contacts**2 + 1,)
-        Where the ways from contact i to j begin in ``points``: rows ``2 (i contacts + j)`` and the next, the shorter one first.
+        Where the paths from contact i to j begin in ``points``: rows ``2 (i contacts + j)`` and the next, the shorter one first.
     points : array, shape (n, 2)
     """
 
@@ -60,7 +60,7 @@ class Routes:
 def routes_of(problem: PlanningProblem) -> Routes:
     """Return the paths round the slider between all contacts of a problem."""
     docks = np.array([contact.frame for contact in problem.contacts])
-    outlines = [room_of(problem, contact) for contact in problem.contacts]
+    outlines = [pusher_shapes(problem, contact) for contact in problem.contacts]
     radius = max(float(np.linalg.norm(np.concatenate(shape), axis=1).max()) for shape in outlines)
     around = _widened(problem.slider.polygon, radius).convex_hull
     alone = PlanningProblem(
@@ -81,7 +81,7 @@ def routes_of(problem: PlanningProblem) -> Routes:
         for j in range(len(docks)):
             found = (np.zeros((0, 2)),) * 2
             if i != j and min(retreats[i], retreats[j]) >= 0:
-                found = _both_ways(around, backed_off(docks[i], retreats[i])[:2], backed_off(docks[j], retreats[j])[:2])
+                found = _both_paths(around, backed_off(docks[i], retreats[i])[:2], backed_off(docks[j], retreats[j])[:2])
             # the shorter one first, of two alike the counter-clockwise one; one that is not there has no points
             for k in order_with_ties([_length(line) for line in found], _ALIKE):
                 points.append(found[k])
@@ -89,7 +89,7 @@ def routes_of(problem: PlanningProblem) -> Routes:
     return Routes(radius, docks, retreats, np.array(first), np.ascontiguousarray(np.concatenate(points)))
 
 
-def room_of(problem: PlanningProblem, contact: PushContact) -> list[FloatArray]:
+def pusher_shapes(problem: PlanningProblem, contact: PushContact) -> list[FloatArray]:
     """Return what the pusher fills in its frame (m) at a contact; points go round the slider as small fingers would."""
     return problem.pusher_outlines(contact) or disc_outlines(contact, _POINT * problem.slider.radius)
 
@@ -205,8 +205,8 @@ def _length(route: FloatArray) -> float:
     return float(np.hypot(*np.diff(route, axis=0).T).sum()) if len(route) else math.inf
 
 
-def _both_ways(around: shapely.Polygon, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Ways (n, 2) from one place to another along the taut string round a convex outline, which they are outside of."""
+def _both_paths(around: shapely.Polygon, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return both paths (n, 2) between two places round a convex outline, counter-clockwise first; empty where one crosses it."""
     string = shapely.union_all([around, shapely.Point(start), shapely.Point(end)]).convex_hull
     ring = shapely.get_coordinates(shapely.normalize(string).exterior)[:-1]
     if shapely.LinearRing(ring).is_ccw:

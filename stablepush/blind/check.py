@@ -34,8 +34,8 @@ class BlindCheck:
     """A check in a folder: ``ledger.jsonl``, ``key``, and ``log``, ``label.sealed`` and ``diagnosis.json`` of each set in
     ``sets/NUMBER``.
 
-    The first entry of the ledger says what the check is made of; a check that was ended goes on where it stopped, and cannot
-    be made of anything else. ``generator``: ``"mujoco"``, ``"drake"`` or ``"both"``. ``scheduler``: address of a Dask cluster
+    The first entry of the ledger says what the check is made of; an interrupted check resumes where it stopped, with the
+    same settings. ``generator``: ``"mujoco"``, ``"drake"`` or ``"both"``. ``scheduler``: address of a Dask cluster
     that the work goes to instead of processes of this machine; ``data``: clone of the Manipulation Lab's logs, whose pokes are
     the sets then; ``expect``: hashes of the ledger that were noted.
     """
@@ -67,7 +67,7 @@ class BlindCheck:
             begun = self.ledger.entries[0]
             wished = {"generator": generator, "sets": sets, "seed": seed, "pushes": pushes}
             if begun["event"] != "begun" or not set(wished) <= set(begun):
-                raise InputError("line 1", "expected how the check was begun", file=self.ledger.file)
+                raise InputError("line 1", "expected an entry with the settings of the check", file=self.ledger.file)
             for name, value in wished.items():
                 if value is not None and value != begun[name]:
                     raise InputError("", f"this check was begun with {name} {begun[name]}, not {value}", file=self.folder)
@@ -79,7 +79,7 @@ class BlindCheck:
         from cryptography.fernet import Fernet
 
         if any(file.name != _LOCK for file in self.folder.iterdir()):
-            raise InputError("", "expected an empty folder, or that of a check that was begun", file=self.folder)
+            raise InputError("", "expected an empty folder, or one that holds a check", file=self.folder)
         number = len(cases(self.data)) if self.data is not None else 12
         about = {
             "generator": generator or "mujoco",
@@ -151,7 +151,7 @@ class BlindCheck:
         return score_of(rows, refused, len(codes), self.seed, self.ledger.head)
 
     def _know(self, rows: list[dict[str, Any]], progress: Progress) -> None:
-        """Add what a fit closes that knows which effect acts."""
+        """Add the gap reduction of a fit that knows which effect acts."""
         of_row = {row["set"]: row for row in rows}
         missing = []
         for number, row in of_row.items():
@@ -235,7 +235,7 @@ def _environment() -> dict[str, str]:
 
 
 def known(number: int, files: Files, effects: list[str]) -> tuple[int, dict[str, float]]:
-    """Return the closed shares by channel of a fit that knows which effects act, for the score."""
+    """Return the explained fractions by channel of a fit that knows which effects act, for the score."""
     from stablepush.diagnosis import gap_reductions_with
     from stablepush.io import read_pushlog
 

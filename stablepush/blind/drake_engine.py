@@ -22,7 +22,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from stablepush.blind.engine import FOOT, HALF, HEAVY, HEIGHT, IN_FEET, Engine, State
-from stablepush.blind.laws import pull_of, slope_at, turned
+from stablepush.blind.laws import friction_at, slope_at, turned
 from stablepush.blind.worlds import GRAVITY, World
 from stablepush.engines import walls
 
@@ -150,7 +150,7 @@ def _friction_beyond(world: World, slider: np.ndarray, arms: np.ndarray, velocit
     """Force (k, 2) in W on feet of unit load that friction has beyond the isotropic one of the world."""
     speed = np.linalg.norm(velocity, axis=1, keepdims=True)
     e = velocity / np.maximum(speed, 1e-12)
-    full = pull_of(world, slider[:2] + arms, velocity, float(slider[2]), order)
+    full = friction_at(world, slider[:2] + arms, velocity, float(slider[2]), order)
     # a foot at rest is held by what is in the contact
     return np.asarray((world.mu * e - full) * speed / (speed + _STILL))
 

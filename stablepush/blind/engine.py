@@ -12,7 +12,7 @@ from stablepush.blind.worlds import GRAVITY, Push, World
 
 #: Share of the mass that is in the feet, mass of a finger (kg), radius of a foot, heights of the slider's middle and of its half.
 IN_FEET, HEAVY, FOOT, HEIGHT, HALF = 0.999, 500.0, 0.002, 0.03, 0.01
-#: Ways (m) from which on a push is recorded, where inertia is to show and where it is not; share of the speed at first, where it
+#: Travel (m) after which a push is recorded, where inertia is to show and where it is not; share of the speed at first, where it
 #: is; force (N) at which friction of the form "load" is nominal.
 _MOVES, _FROM, _NOMINAL_FORCE = (5e-5, 5e-4), 0.25, 1.5
 

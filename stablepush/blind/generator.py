@@ -28,8 +28,8 @@ DETECTABLE = 10.0
 _AT_LIMIT = 0.98
 #: Share of the sets that Drake makes where both engines do.
 _DRAKE = 0.1
-#: Effects that show in the gap between fingers and outline, that only reshape the surface, and draws of the noise of motion.
-_IN_GAPS, _OF_BODY, _DRAWS = ("contact-geometry", "frame-offset", "latency"), ("pressure-shift", "pressure-spread"), 6
+#: Effects that show in the clearance of the fingers, that only reshape the surface, and draws of the noise of motion.
+_IN_CLEARANCES, _OF_BODY, _DRAWS = ("contact-geometry", "frame-offset", "latency"), ("pressure-shift", "pressure-spread"), 6
 
 
 def engine_of(generator: str, seed: int, number: int) -> type[Engine]:
@@ -102,14 +102,14 @@ def size(world: World, a: Applied, truths: list[Truth]) -> float:
         np.concatenate([getattr(t, name) for t in truths]) for name in ("pose", "pusher", "force", "twist", "acceleration")
     )
     n = len(pose)
-    if a.effect in _IN_GAPS:
+    if a.effect in _IN_CLEARANCES:
         numbers = a.numbers
-        gap = {
+        clearance = {
             "contact-geometry": abs(numbers.get("change", 0.0)),
             "frame-offset": float(np.hypot(*numbers.get("offset", (0, 0)))) / 2,
             "latency": numbers.get("delay", 0.0) * float(np.median(np.hypot(twist[:, 0], twist[:, 1]))),
         }[a.effect]  # fmt: skip
-        return float(gap / (1.5 * world.position_noise) * np.sqrt(n / 2))
+        return float(clearance / (1.5 * world.position_noise) * np.sqrt(n / 2))
     if a.effect == "contact-friction":
         # rows in which a finger slips along the face say by how much
         inward = np.stack((np.cos(pusher[:, 2]), np.sin(pusher[:, 2])), axis=-1)
@@ -151,7 +151,7 @@ def size(world: World, a: Applied, truths: list[Truth]) -> float:
     target = (changed / scale * white).ravel()
     base = (units / np.array(scale)[:, None] * white[:, :, None]).reshape(3 * n, -1)
     if a.effect in _OF_BODY or a.effect == "anisotropy-object":
-        # these are told by the nominal surface, scaled
+        # these are detected against the nominal surface, scaled
         _, weights = feet_of(plain)
         base = base @ weights[:, None]
     left = target - base @ np.linalg.lstsq(base, target, rcond=None)[0]

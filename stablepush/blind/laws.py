@@ -134,7 +134,7 @@ def ellipse(world: World, theta: float) -> tuple[float, float, float] | None:
     return None
 
 
-def pull_of(world: World, place: np.ndarray, velocity: np.ndarray, theta: float, order: float) -> np.ndarray:
+def friction_at(world: World, place: np.ndarray, velocity: np.ndarray, theta: float, order: float) -> np.ndarray:
     """Force (k, 2) in W that feet of unit load at places (k, 2), with velocities (k, 2) in W, take to be moved; 0 at rest."""
     e = velocity / np.maximum(np.linalg.norm(velocity, axis=1, keepdims=True), 1e-12)
     along, left = friction(world, place, velocity, theta, order)
@@ -169,7 +169,7 @@ def _load(world: World, feet: np.ndarray, weights: np.ndarray, pose: np.ndarray,
     velocity = (twist[:2] + twist[2] * np.stack((-feet[:, 1], feet[:, 0]), axis=-1)) @ rotation.T
     place = pose[:2] + feet @ rotation.T
     normal = weights * world.mass * GRAVITY
-    force = normal[:, None] * pull_of(world, place, velocity, float(pose[2]), order)
-    pull = world.mass * GRAVITY * slope_at(world, pose[:2])
-    f = (force - weights[:, None] * pull) @ rotation
+    force = normal[:, None] * friction_at(world, place, velocity, float(pose[2]), order)
+    lateral = world.mass * GRAVITY * slope_at(world, pose[:2])
+    f = (force - weights[:, None] * lateral) @ rotation
     return np.array((*f.sum(axis=0), float((feet[:, 0] * f[:, 1] - feet[:, 1] * f[:, 0]).sum())))

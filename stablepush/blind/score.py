@@ -17,7 +17,7 @@ from stablepush.core import binomial_interval
 from stablepush.effects import CATALOGUE
 
 Row = dict[str, Any]
-#: Channel of the strongest finding of ``where``, the wrench unless another is given, and what it should follow.
+#: Channel of the strongest finding of ``where``, the wrench unless another is given, and the covariates expected for an effect.
 CHANNEL = {"latency": "pose"}
 COVARIATE = {
     "anisotropy-world": ("world heading",), "drift": ("order",), "spatial-variation": ("place",), "speed-dependence": ("speed",),
@@ -90,7 +90,7 @@ def outcome(row: Row) -> str:
 
 
 def score_of(rows: list[Row], refused: dict[int, str], codes: int, seed: int, head: str) -> Score:
-    """Return the score of opened sets: ``set``, ``label``, ``answer`` (``diagnosis/1``) and ``known`` (closed shares) of each."""
+    """Return the score of opened sets: ``set``, ``label``, ``answer`` (``diagnosis/1``) and ``known`` (explained fractions)."""
     kinds = {kind: [r for r in rows if r["label"]["kind"] == kind] for kind in ("clean", "trap", "effect", "pair", "outside")}
     detectable = [r for r in kinds["effect"] if r["label"]["applied"][0]["detectable"]]
     lines = [("sets", f"{len(rows)}, seed {seed}{refused_words(refused, codes)}")]
@@ -99,7 +99,7 @@ def score_of(rows: list[Row], refused: dict[int, str], codes: int, seed: int, he
         lines.append((f"false alarms, {kind} sets", share(quiet, len(kinds[kind]))))
     exact = [r for r in kinds["clean"] if r["label"]["friction_off"] == 0.0]
     recalibrated = sum(r["answer"]["verdict"] == "absorbed" for r in exact)
-    lines.append(("clean sets that are called absorbed though the rig is exact", share(recalibrated, len(exact))))
+    lines.append(("clean sets explained by recalibration though the rig is exact", share(recalibrated, len(exact))))
     right = sum(outcome(r) == "right" for r in detectable)
     in_set = sum(outcome(r) in ("right", "in the set", "right and more") for r in detectable)
     top = sum(r["answer"]["ranking"][0]["effect"] in truth_of(r) for r in detectable if r["answer"]["ranking"])
@@ -141,7 +141,7 @@ def score_of(rows: list[Row], refused: dict[int, str], codes: int, seed: int, he
             if chosen.any():
                 calibration.append((float(reported[chosen].mean()), float(acts[chosen].mean()), int(chosen.sum())))
     coverage = _coverage(tops)
-    lines += _closed(detectable) + _parameters(kinds["effect"]) + _where(detectable)
+    lines += _explained(detectable) + _parameters(kinds["effect"]) + _where(detectable)
     seconds = [float(r["answer"].get("seconds", np.nan)) for r in rows]
     if seconds:
         lines.append(("time of a diagnosis", f"median {np.median(seconds):.1f} s, longest {np.max(seconds):.1f} s"))
@@ -189,8 +189,8 @@ def _counts(words: Any) -> str:
     return ", ".join(f"{word} {count}" for word, count in Counter(words).most_common()) or "none"
 
 
-def _closed(detectable: list[Row]) -> list[tuple[str, str]]:
-    """Shares of the gap that close over those of a fit that knows the cause, in the channel in which that closes most."""
+def _explained(detectable: list[Row]) -> list[tuple[str, str]]:
+    """Explained fraction over that of a fit that knows the cause, in the channel in which the latter is largest."""
     ratios = []
     for r in detectable:
         best = max(r["known"], key=lambda c: r["known"][c], default=None)
@@ -203,7 +203,7 @@ def _closed(detectable: list[Row]) -> list[tuple[str, str]]:
     low, median = np.quantile(ratios, (0.1, 0.5))
     return [
         (
-            "closed, over what a fit that knows the cause closes",
+            "explained fraction, over that of a fit that knows the cause",
             f"mean {np.mean(np.minimum(ratios, 1.0)):.2f}, median {median:.2f}, a tenth below {low:.2f}, {len(ratios)} sets",
         )
     ]
@@ -248,7 +248,7 @@ def _where(detectable: list[Row]) -> list[tuple[str, str]]:
         total += 1
         found = r["answer"]["where"]
         hits += bool(found) and found[0]["channel"] == CHANNEL.get(effect, "wrench") and found[0]["covariate"] in wanted
-    return [("strongest finding of where follows what it should", share(hits, total))]
+    return [("strongest finding of where names the expected covariate", share(hits, total))]
 
 
 def _row(row: Row) -> dict[str, Any]:

@@ -68,11 +68,14 @@ def score_of_supports(rows: list[Row], refused: dict[int, str], codes: int, head
     closed = [e["closed"] for r in wrong if (e := _wrench(r))]
     lines = [
         ("cases", f"{len(rows)} of real pokes{refused_words(refused, codes)}"),
-        ("wrong support: the pressure named, or absorbed", share(words[0]["pressure"] + words[0]["absorbed"], len(wrong))),
+        (
+            "wrong support: the pressure named, or explained by recalibration",
+            share(words[0]["pressure"] + words[0]["absorbed"], len(wrong)),
+        ),
         ("wrong support: another cause named", share(words[0]["another cause"], len(wrong))),
         ("wrong support: no cause, nothing to recalibrate", share(words[0]["nothing"], len(wrong))),
         ("wrong support: the corrected wrench is closer", share(len(closer), len(wrong))),
-        ("wrong support: share of the gap that closes", f"median {np.median(closed):.2f}" if closed else "none"),
+        ("wrong support: explained fraction of the gap", f"median {np.median(closed):.2f}" if closed else "none"),
         ("right support: no cause named", share(words[1]["nothing"] + words[1]["absorbed"], len(right))),
         ("last entry of the ledger", head),
     ]
@@ -100,7 +103,7 @@ def _wrench(row: Row) -> dict[str, float] | None:
 
 def _reported(row: Row) -> str:
     entry = _wrench(row)
-    closed = f", {100 * entry['closed']:.0f} % of the wrench's gap closes" if entry else ""
+    closed = f", {100 * entry['closed']:.0f} % of the wrench's gap is explained" if entry else ""
     return f"{row['answer']['verdict']} {' '.join(row['answer']['effects'])}".strip() + closed
 
 

@@ -188,13 +188,13 @@ def _campaign(outline: np.ndarray, radius: float, half: float, count: int, rough
 
 def _push(outline: np.ndarray, radius: float, half: float, rough: bool, rng: np.random.Generator, group: str) -> Push:
     lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
-    room = 2 * half + 2 * radius + 0.006
-    edge = int(rng.choice(np.flatnonzero(lengths > room)))
+    needed = 2 * half + 2 * radius + 0.006
+    edge = int(rng.choice(np.flatnonzero(lengths > needed)))
     a, b = outline[edge], outline[(edge + 1) % len(outline)]
     along = (b - a) / lengths[edge]
     normal = np.array((-along[1], along[0]))
-    free = lengths[edge] - room
-    middle = a + along * (room / 2 + free * rng.uniform(0.1, 0.9))
+    free = lengths[edge] - needed
+    middle = a + along * (needed / 2 + free * rng.uniform(0.1, 0.9))
     start = np.array((*rng.uniform(-0.15, 0.15, 2), rng.uniform(-np.pi, np.pi)))
     place = middle - (radius + 3e-4) * normal
     heading = float(np.arctan2(normal[1], normal[0]))

@@ -22,9 +22,10 @@ _NEEDS = {
 
 
 def blind(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the check; one that was ended goes on there.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the check; an interrupted check in it resumes.")],
     sets: Annotated[
-        int | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Logs to make (12), or to take at most (all).")
+        int | None,
+        typer.Option(parser=whole_number, metavar="INTEGER", help="Number of logs; 12, or all those of the lab, if not given."),
     ] = None,
     generator: Annotated[
         str | None,
@@ -35,17 +36,22 @@ def blind(
     ] = None,
     data: Annotated[Path | None, typer.Option(help="Clone of the lab's logs, for the generator lab.")] = None,
     seed: Annotated[
-        int | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Of the logs; one that nobody knows if not given.")
+        int | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of the logs; a random one if not given.")
     ] = None,
     pushes: Annotated[int | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Pushes of a log (60).")] = None,
     jobs: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Processes.")] = 1,
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask cluster that does the work.")] = None,
     expect: Annotated[
-        list[str] | None, typer.Option(metavar="HASH", help="Hash of the ledger that was noted before; repeatable.")
+        list[str] | None,
+        typer.Option(metavar="HASH", help="Hash of the ledger noted earlier; refused if it is missing; repeatable."),
     ] = None,
     earlier: Annotated[
         int | None,
-        typer.Option(parser=whole_number, metavar="INTEGER", help="Checks on which the diagnosis was improved before."),
+        typer.Option(
+            parser=whole_number,
+            metavar="INTEGER",
+            help="Number of earlier checks whose results were used to improve the diagnosis.",
+        ),
     ] = None,
 ) -> None:
     """Make logs whose cause is sealed, diagnose them, then open the labels and score the answers.

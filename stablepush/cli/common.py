@@ -113,9 +113,9 @@ def require_files(*paths: Path | None, read: Sequence[Path | None] = ()) -> None
             raise InputError("", "cannot write: is a directory", file=path)
         _require_parent(path)
         if path.resolve() in (other.resolve() for other in given[:i]):
-            raise InputError("", "expected different files to write, it is named twice", file=path)
+            raise InputError("", "expected different output files, this one is given twice", file=path)
         if path.resolve() in sources:
-            raise InputError("", "expected a file to write, it is one that is read", file=path)
+            raise InputError("", "expected an output file that is not also an input", file=path)
 
 
 def require_folder(path: Path) -> None:

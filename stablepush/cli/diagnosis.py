@@ -22,7 +22,7 @@ def diagnose(
     pushes: Annotated[Path | None, typer.Option(help="CSV list of the pushes to try next, as simulate takes it.")] = None,
     mended: Annotated[Path | None, typer.Option(help="Folder for rig.json and model.json of the corrected simulation.")] = None,
 ) -> None:
-    """Tell where simulation and reality differ, which effect causes it, and gap reduction."""
+    """Find where simulation and reality differ, which effect causes it, and how much a corrected simulation reduces the gap."""
     from stablepush.diagnosis import diagnose as run, percent
     from stablepush.io import read_pushlog, write_atomically, write_json
 
@@ -30,7 +30,7 @@ def diagnose(
     if mended is not None:
         require_folder(mended)
         if mended in (answer, html, pushes):
-            raise InputError("", "expected different places to write, it is named twice", file=mended)
+            raise InputError("", "expected different output paths, this one is given twice", file=mended)
     for path in (answer, html, pushes, mended):
         if path is not None:
             require_outside(path, log)
@@ -46,14 +46,14 @@ def diagnose(
     if pushes is not None:
         _write_pushes(report, pushes)
     if mended is not None:
-        _write_mended(report, mended)
+        _write_corrected(report, mended)
     print(f"{log}: {report.verdict}{': ' + ', '.join(report.named) if report.named else ''}")
     print(report.sentence)
     for entry in report.reductions:
         low, high = entry.ci95
         unit = "" if entry.unit == "1" else f" {entry.unit}"
         sizes = f"{entry.before:.4g}{unit} before, {entry.after:.4g} after, floor {entry.floor:.4g}"
-        print(f"{entry.channel}: {sizes}; closed {100 * entry.closed:.0f} % ({percent(low)} to {percent(high)})")
+        print(f"{entry.channel}: {sizes}; explained {100 * entry.closed:.0f} % ({percent(low)} to {percent(high)})")
 
 
 def _write_pushes(report: GapReport, path: Path) -> None:
@@ -66,13 +66,11 @@ def _write_pushes(report: GapReport, path: Path) -> None:
         print(f"{path}: not written: {report.next_experiment.why}")
 
 
-def _write_mended(report: GapReport, folder: Path) -> None:
+def _write_corrected(report: GapReport, folder: Path) -> None:
     from stablepush.io import model_to_json, rig_to_json, write_json
 
     if report.surface is None:
-        print(
-            f"{folder}: not written: a corrected simulation needs forces, or a rig that says the mass and the support's friction"
-        )
+        print(f"{folder}: not written: a corrected simulation needs forces in the log, or mass and support friction in rig.json")
         return
     extra = {**(report.rig.extra or {}), "effects": report.effects}
     write_json(folder / "rig.json", rig_to_json(replace(report.rig, extra=extra)))

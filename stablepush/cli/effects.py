@@ -30,7 +30,7 @@ def effects(
         if effect:
             print(f"  a log needs {kind['needs']}")
     if effect is None:
-        print("stablepush effects ID says more of one; stablepush simulate --effect ID:PARAM=VALUE adds one to a rig")
+        print("stablepush effects ID describes one in detail; stablepush simulate --effect ID:PARAM=VALUE adds one to a rig")
 
 
 def _words(parameter: dict[str, Any]) -> str:

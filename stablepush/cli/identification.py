@@ -69,15 +69,15 @@ def fit(
     seed: Annotated[
         int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of the folds, the pressures and the ensemble.")
     ] = 0,
-    no_slider: Annotated[bool, typer.Option("--no-slider", help="Do not use what the log says of the slider.")] = False,
+    no_slider: Annotated[bool, typer.Option("--no-slider", help="Do not use the log's slider as prior knowledge.")] = False,
     loss: Annotated[
         str,
         typer.Option(
-            help="squared, published (the paper's equation) or norm (its authors' code); the latter without the slider."
+            help="squared, published (the paper's equation) or norm (its authors' code); the last two ignore the slider."
         ),
     ] = "squared",
     com_tolerance: Annotated[
-        float, typer.Option(parser=number, metavar="METRES", help="How far off the centre of mass may be, each way.")
+        float, typer.Option(parser=number, metavar="METRES", help="Half width of the box in which the centre of mass may lie.")
     ] = 0.0,
     view: Annotated[Path | None, typer.Option(help="The surface with the pokes on it, as an HTML page.")] = None,
 ) -> None:
@@ -116,8 +116,8 @@ def fit(
         write_atomically(view, page)
     save_model(result.surface, output)
     print(f"{output}: {model} from {len(names)} pokes, {result.status}, {result.total_time:.2f} s")
-    for remark in result.warnings:
-        print(f"note: {remark}")
+    for warning in result.warnings:
+        print(f"note: {warning}")
     if result.prior_weight:
         print("prior: pressures under the slider's outline, weighed by the pokes")
     if result.validation_error is not None:

@@ -23,7 +23,7 @@ RefinementBudget = Annotated[
         "--improve",
         parser=number,
         metavar="STEPS",
-        help="Steps of search for better plans after the first; inf: no end. --improve: its former name.",
+        help="Search steps to refine the first plan; inf: until the time limit. --improve is its former name.",
     ),
 ]
 
@@ -55,19 +55,23 @@ def plan(
         typer.Option(
             parser=number,
             metavar="P",
-            help="Probability that the slider is to stick to the pusher over the whole path; the surest plan that is found if "
-            "there is none; 0: the quickest plan.",
+            help="Wanted probability that the slider sticks to the pusher over the whole path. If no plan reaches it, the most "
+            "probable plan found is taken, with a warning. 0: the quickest plan.",
         ),
     ] = 0.98,
     require_success: Annotated[
-        float, typer.Option(parser=number, metavar="P", help="A plan that is less likely to succeed is none.")
+        float,
+        typer.Option(parser=number, metavar="P", help="Reject plans that are less likely to succeed: no-path, exit code 1."),
     ] = 0.0,
     region: Annotated[str, typer.Option(help="Rotation centres to use: model, all-pressure or conservative.")] = "model",
     probability: Annotated[
         float, typer.Option(parser=number, metavar="P", help="Deprecated. Least probability of each push, by the ensemble.")
     ] = 0.0,
     margin_weight: Annotated[
-        float, typer.Option(parser=number, metavar="W", help="How much more a push with no margin costs than the safest.")
+        float,
+        typer.Option(
+            parser=number, metavar="W", help="Relative extra cost of a push with no margin; 1: twice that of the safest."
+        ),
     ] = 0.0,
     max_twist_rate: Annotated[
         float,
@@ -76,7 +80,7 @@ def plan(
             "--cor-rate",
             parser=number,
             metavar="RAD/S",
-            help="Largest rate of the unit twist from one push to the next; inf: at once. --cor-rate: its former name.",
+            help="Maximum rate of the unit twist between pushes; inf: no blending. --cor-rate is its former name.",
         ),
     ] = math.inf,
     refinement_budget: RefinementBudget = 20_000,
@@ -150,7 +154,7 @@ def compare(
     refinement_budget: RefinementBudget = 20_000,
     table: Annotated[Path | None, typer.Option("--csv", help="Table to write.")] = None,
 ) -> None:
-    """Plan with the model's region, the all-pressure region and STABLE: what each can, and what it costs."""
+    """Compare plans within the model's region, the all-pressure region and STABLE: solved or not, duration, margin."""
     import numpy as np
 
     from stablepush.io import table_text, write_atomically
@@ -190,14 +194,17 @@ def trajectory(
     output: Output,
     rate: Annotated[float, typer.Option(parser=number, metavar="HZ", help="Samples a second.")] = 50.0,
     speed: Annotated[
-        float, typer.Option(parser=number, metavar="M/S", help="Largest speed of any point; inf: as the plan has it.")
+        float, typer.Option(parser=number, metavar="M/S", help="Speed limit of any point; inf: that of the plan.")
     ] = math.inf,
     acceleration: Annotated[
-        float, typer.Option(parser=number, metavar="M/S2", help="Largest acceleration along the path; inf: at once.")
+        float, typer.Option(parser=number, metavar="M/S2", help="Acceleration limit along the path; inf: none.")
     ] = 0.1,
-    jerk: Annotated[float, typer.Option(parser=number, metavar="M/S3", help="Largest jerk along the path; inf: at once.")] = 1.0,
+    jerk: Annotated[float, typer.Option(parser=number, metavar="M/S3", help="Jerk limit along the path; inf: none.")] = 1.0,
     standoff: Annotated[
-        float, typer.Option(parser=number, metavar="METRES", help="Way of approach and retract, as far as there is room.")
+        float,
+        typer.Option(
+            parser=number, metavar="METRES", help="Distance of approach and retract; shorter where obstacles or bounds limit it."
+        ),
     ] = 0.02,
     height: Annotated[
         float | None, typer.Option(parser=number, metavar="METRES", help="Also SE(3) poses of a tool: height of the pusher.")

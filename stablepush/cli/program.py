@@ -91,7 +91,7 @@ def _notes() -> Iterator[list[str]]:
     from stablepush.core import PlausibilityWarning, StablepushWarning
 
     lines: list[str] = []
-    said: set[str] = set()
+    printed: set[str] = set()
     with warnings.catch_warnings():
         warnings.simplefilter("always", StablepushWarning)
         others = warnings.showwarning
@@ -103,9 +103,9 @@ def _notes() -> Iterator[list[str]]:
             text = " ".join(str(message).split())
             doubt, file = (message.doubt, message.file) if isinstance(message, PlausibilityWarning) else (text, "")
             # what was read is made into values more than once: those know no file
-            if text in said or (doubt in said and not file):
+            if text in printed or (doubt in printed and not file):
                 return
-            said.update((text, doubt))
+            printed.update((text, doubt))
             lines.append(f"{'note' if issubclass(category, PlausibilityWarning) else 'warning'}: {text}")
 
         warnings.showwarning = show

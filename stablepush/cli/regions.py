@@ -55,12 +55,17 @@ def draw_map(
         typer.Option(parser=number, metavar="P", help="Also the region that is stable with this probability, by the ensemble."),
     ] = None,
     com_tolerance: Annotated[
-        float, typer.Option(parser=number, metavar="METRES", help="How far off the centre of mass may be, for all-pressure.")
+        float,
+        typer.Option(
+            parser=number, metavar="METRES", help="Half width of the box in which the centre of mass may lie (all-pressure)."
+        ),
     ] = 0.0,
     least_mu: Annotated[
-        float | None, typer.Option(parser=number, metavar="MU", help="Least friction at the contact, for all-pressure.")
+        float | None, typer.Option(parser=number, metavar="MU", help="Lower end of the contact friction (all-pressure).")
     ] = None,
-    margins: Annotated[Path | None, typer.Option(help="Chart of margins over turns each way, as PNG.")] = None,
+    margins: Annotated[
+        Path | None, typer.Option(help="Chart of margins from the tightest right to the tightest left turn, as PNG.")
+    ] = None,
     sphere: Annotated[Path | None, typer.Option(help="Regions on the sphere of unit twists, as PNG.")] = None,
     view: Annotated[
         Path | None, typer.Option(help="The map as an HTML page; it shows the margin of any rotation centre.")

@@ -41,7 +41,7 @@ def simulate(
         list[str] | None,
         typer.Option(
             metavar="ID:PARAM=VALUE,...",
-            help="What the rig has besides the nominal simulation; repeatable; vectors as 0.01/0.02.",
+            help="Effect on the rig that the nominal simulation lacks; repeatable; vectors as 0.01/0.02.",
         ),
     ] = None,
     seed: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of noise and scatter.")] = 0,
@@ -63,17 +63,21 @@ def simulate(
     noise: Annotated[
         tuple[str, str, str], typer.Option(metavar="N M RAD", help="Standard deviations of a row: force, position, angle.")
     ] = ("0", "0", "0"),
-    outliers: Annotated[float, typer.Option(parser=number, metavar="SHARE", help="Share of rows ten times as far off.")] = 0.0,
+    outliers: Annotated[
+        float, typer.Option(parser=number, metavar="SHARE", help="Share of rows with ten times the noise.")
+    ] = 0.0,
     scatter: Annotated[
         float, typer.Option(parser=number, metavar="SHARE", help="Relative standard deviation of friction from push to push.")
     ] = 0.0,
     replan: Annotated[
         float | None,
-        typer.Option(parser=number, metavar="METRES", help="Plan again when the slider is farther off the plan after a push."),
+        typer.Option(
+            parser=number, metavar="METRES", help="Replan when the slider is farther than this from the plan after a push."
+        ),
     ] = None,
     view: Annotated[Path | None, typer.Option(help="Animation of what happened as an HTML page.")] = None,
 ) -> None:
-    """Execute a plan, or a list of pushes, on a simulated rig, with effects that the plan knows nothing of, and log it."""
+    """Execute a plan, or a list of pushes, on a simulated rig with unmodelled effects, and log it."""
     from stablepush.core import check_number, note_finger, note_friction, note_noise
     from stablepush.effects import parse_effect
     from stablepush.io import Noise, write_pushlog
@@ -125,7 +129,7 @@ def simulate(
     write_pushlog(execution.log, output)
     print(f"{output}: {_outcome(execution, None if result is None else problem)}")
     if result is not None:
-        _remark(problem, result, plan_file)
+        _warn_if_invalid(problem, result, plan_file)
 
 
 def _outcome(execution: Execution, problem: PlanningProblem | None) -> str:
@@ -139,25 +143,25 @@ def _outcome(execution: Execution, problem: PlanningProblem | None) -> str:
         words[0] += f", {int(np.nansum(stable))} of {int(np.isfinite(stable).sum())} sticking throughout"
     x, y, theta = execution.final_pose
     if problem is not None:
-        miss = float(np.hypot(*(execution.final_pose[:2] - problem.goal[:2])))
+        error = float(np.hypot(*(execution.final_pose[:2] - problem.goal[:2])))
         turn = math.degrees(abs(math.remainder(float(theta) - float(problem.goal[2]), 2 * math.pi)))
         words.append(
             f"the slider ends at x {x:.4f} m, y {y:.4f} m, theta {math.degrees(theta):.2f} deg, "
-            f"{1000 * miss:.1f} mm and {turn:.2f} deg from the goal"
+            f"{1000 * error:.1f} mm and {turn:.2f} deg from the goal"
         )
     if execution.plans > 1:
         words.append(f"replanned {execution.plans - 1} times")
     if execution.stop_reason:
         words.append(execution.stop_reason)
-    missed = sum(not (trace.modes > 0).any() for trace in execution.traces)
+    untouched = sum(not (trace.modes > 0).any() for trace in execution.traces)
     jams = sum(bool(trace.jammed.any()) for trace in execution.traces)
-    for count, what in ((missed, "never touched the slider"), (jams, "jammed")):
+    for count, what in ((untouched, "never touched the slider"), (jams, "jammed")):
         if count:
             words.append(f"{count} {what}")
     return "; ".join(words)
 
 
-def _remark(problem: PlanningProblem, result: PlanResult, path: Path) -> None:
+def _warn_if_invalid(problem: PlanningProblem, result: PlanResult, path: Path) -> None:
     """Say so where a plan is not one that the scene's own check lets through."""
     import sys
 

@@ -1,6 +1,6 @@
-"""What every room needs: errors, checked arrays, compiled functions, time limits, work side by side.
+"""Shared by all subpackages: errors, checked arrays, compiled functions, time limits, work side by side.
 
-Nothing here knows of pushing. It imports no other room.
+Nothing here knows of pushing. It imports no other subpackage.
 """
 
 import lazy_loader as lazy

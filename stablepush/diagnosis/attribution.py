@@ -26,10 +26,10 @@ _MOST, _TRIED = 4, 4
 #: Gains and scores (in log density) that differ by no more are alike.
 _ALIKE = 1e-6
 #: Alternatives are looked at if they gain at least this share of what the chosen effect gains.
-_RIVAL = 0.5
+_CONFOUNDED_GAIN = 0.5
 #: An alternative that needs values beyond this many times half of their plausible range is none.
 _MOST_PLAUSIBLE = 1.5
-#: Mean square of what is left of the gaps of the fingers, over their noise, from which two effects may hide each other.
+#: Mean square of the residual clearances of the fingers, over their noise, from which two effects may hide each other.
 _LACK = 4.0
 #: Two effects at once must do so many times what one must.
 _TWO = 2.0
@@ -174,10 +174,10 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
     while len(chosen) < _MOST:
         progress(f"effects: {', '.join(chosen) or 'none yet'}")
         tests = system.tests(current, True, [id for id in BEYOND_PRESSURE if id not in chosen])
-        family_wise_p = by_chance(tests)
+        family_wise_p = family_wise_p_values(tests)
         entering = []
         for id, test in tests.items():
-            # times what an effect must do at least that it has to do, if it could be by chance
+            # factor on the thresholds of an effect whose family-wise p-value is too large
             times = 1.0 if family_wise_p[id] <= demands.family_wise_p else demands.certain
             screening = Screening(tuple(chosen), test.gain, test.statistic, family_wise_p[id], _possible(id, test.estimate))
             screened[id] = screening
@@ -213,12 +213,12 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
 
 
 def _masked(system: System, chosen: list[str], current: Fitted) -> list[tuple[Fitted, list[str]]]:
-    """Fits with two effects that hide each other in the gaps of the fingers, neither of which enters alone.
+    """Fits with two effects that hide each other in the clearances of the fingers, neither of which enters alone.
 
     Thicker fingers are farther from the outline, and a delay brings them seemingly nearer.
     """
-    # without a rig that says how noisy it is, nobody knows what noise leaves of the gaps
-    if len(chosen) + 2 > _MOST or system.rig.noise is None or system.lack_of_touch(current) < _LACK:
+    # unless the rig states its noise, the residual that noise leaves in the clearances is unknown
+    if len(chosen) + 2 > _MOST or system.rig.noise is None or system.clearance_lack_of_fit(current) < _LACK:
         return []
     found = []
     for pair in combinations([id for id in IN_CLEARANCES if id not in chosen and id not in system.nuisance], 2):
@@ -247,8 +247,8 @@ def _as_good_as_free(system: System, scores: dict[str, FloatArray], body: dict[s
     return [id for id in enough if id == best or not system.significantly_better(body[best], body[id])] if best in enough else []
 
 
-def by_chance(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[str, float]:
-    """Return how often the most improbable statistic of all effects is as improbable as each one's, when there is no effect.
+def family_wise_p_values(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[str, float]:
+    """Return the family-wise p-value of each effect: how often, without effects, the smallest p-value of all is as small.
 
     The scores are linearised at the fit; trials keep their errors but for the sign, the same for all effects (the least
     p-value of Westfall and Young 1993 by the score bootstrap of Kline and Santos 2012).
@@ -275,13 +275,17 @@ def _confounded(system: System, chosen: list[str], current: Fitted) -> tuple[str
         others = [e for e in chosen if e != id]
         without = system.fit(others, True)
         tests = system.tests(without, True, [e for e in BEYOND_PRESSURE if e not in others])
-        for rival in BEYOND_PRESSURE:
-            if rival in chosen or tests[rival].gain < _RIVAL * tests[id].gain or not _possible(rival, tests[rival].estimate):
+        for other in BEYOND_PRESSURE:
+            if (
+                other in chosen
+                or tests[other].gain < _CONFOUNDED_GAIN * tests[id].gain
+                or not _possible(other, tests[other].estimate)
+            ):
                 continue
-            instead = system.fit([*others, rival], True)
-            plausible = float(np.linalg.norm(instead.values[rival])) <= _MOST_PLAUSIBLE * RANGES[rival]
+            instead = system.fit([*others, other], True)
+            plausible = float(np.linalg.norm(instead.values[other])) <= _MOST_PLAUSIBLE * RANGES[other]
             if plausible and not system.significantly_better(current.density, instead.density):
-                found.append(rival)
+                found.append(other)
         if found:
             return id, found
     return "", []

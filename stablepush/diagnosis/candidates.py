@@ -22,9 +22,9 @@ from stablepush.rig import edge_command
 
 #: Headings of the slider, speeds (m/s) and places (m from the origin of W, both ways) that are looked at.
 _HEADINGS, _SPEEDS, _PLACES = 12, (0.005, 0.02, 0.06), (-0.1, 0.1)
-#: Way of a push, in m.
-_WAY = 0.04
-#: Without forces: places along the room that an edge has, directions (rad from the normal), and how many of all these pushes
+#: Distance of a push, in m.
+_DISTANCE = 0.04
+#: Without forces: positions along the free length of an edge, directions (rad from the normal), and how many of all these pushes
 #: are simulated, drawn at random.
 _ALONG, _DIRECTIONS, _DRAWN = (0.2, 0.5, 0.8), (-0.4, 0.0, 0.4), 120
 #: How much farther (m) from the slider than a lab would such a push begins.
@@ -67,15 +67,15 @@ def loads_of(system: System) -> Candidates:
     return Candidates(entries, readings, lambda id: SMALL.get(id, 1e-4), expected)
 
 
-def ends_of(system: Motions) -> Candidates:
-    """Where the slider ends if a pusher like the log's pushes it, off the middle of an edge and askew as well."""
+def final_poses_of(system: Motions) -> Candidates:
+    """Final poses of the slider if a pusher like the log's pushes it, off the middle of an edge and askew as well."""
     drawn = _drawn(system) if system.pushes else []
     kept, _ = system.predictable([push for _, push in drawn])
     if not kept:
         return Candidates([], lambda *_: np.zeros((0, 3)), lambda _: 0.0, lambda _: {})
     rig, weight = system.rig, system.moving_weight
     table = friction_of(system.surface(system.nominal), {}, weight).compiled()
-    # misses from about where a push ends are small
+    # pose errors about the final pose of a push are small
     kept = [replace(push, end=carry_out(push, table, rig.slider, system.mu, {})) for push in kept]
     noise = np.median(system.spread.reshape(-1, 3), axis=0)
 
@@ -108,7 +108,7 @@ def _drawn(system: Motions) -> list[tuple[EdgePush, Replay]]:
         along = half + share * (length - 2 * half)
         start = np.array((x, y, heading))
         entry = EdgePush.on_edge(
-            slider, edge, along, direction=direction, distance=_WAY, speed=speed, width=pusher.width, start=start
+            slider, edge, along, direction=direction, distance=_DISTANCE, speed=speed, width=pusher.width, start=start
         )
         command = edge_command(entry, pusher, start)
         # from farther away: an effect may bring finger and outline nearer
@@ -125,12 +125,12 @@ def _straight(system: System) -> tuple[list[EdgePush], FloatArray, Observations]
     """Pushes, normals (n, 2) of the edges that they push, and rows as a log of them would have."""
     two = system.rig.contact_kind == "two-point"
     width = _apart(system) if two else 0.0
-    room = width + 2 * (system.observations.finger_radius or 0.0) if two else 0.0
+    needed = width + 2 * (system.observations.finger_radius or 0.0) if two else 0.0
     entries, twists, poses, places, normals = [], [], [], [], []
     for face in range(len(system.rig.slider.vertices)):
         a, b = system.rig.slider.edge(face)
         length = float(np.linalg.norm(b - a))
-        if length <= room:
+        if length <= needed:
             continue
         along = (b - a) / length
         normal, middle = np.array((-along[1], along[0])), (a + b) / 2
@@ -140,14 +140,14 @@ def _straight(system: System) -> tuple[list[EdgePush], FloatArray, Observations]
         for heading, speed, x, y in product(headings, _SPEEDS, _PLACES, _PLACES):
             start = (x, y, float(heading))
             entries.append(
-                EdgePush.on_edge(system.rig.slider, face, length / 2, distance=_WAY, speed=speed, width=width, start=start)
+                EdgePush.on_edge(system.rig.slider, face, length / 2, distance=_DISTANCE, speed=speed, width=width, start=start)
             )
             twists.append(speed * np.array((*normal, turn)) / np.hypot(1.0, turn * system.rho))
             poses.append((x, y, heading))
             places.append(middle)
             normals.append(normal)
     n = len(entries)
-    # a small slider may have no edge with room for the fingers
+    # a small slider may have no edge that is long enough for the fingers
     pose, twist, place = (np.reshape(part, (n, size)) for part, size in ((poses, 3), (twists, 3), (places, 2)))
     rows = replace(
         system.observations,
@@ -179,7 +179,7 @@ def _apart(system: System) -> float:
 
 
 def _clearance_change(id: str, value: FloatArray, normals: FloatArray, twists: FloatArray) -> FloatArray:
-    """What an effect does to the gaps (n,) between finger and outline, in m, of straight pushes along normals (n, 2)."""
+    """Change (n,) of the clearances between finger and outline by an effect, in m, of straight pushes along normals (n, 2)."""
     if id == "contact-geometry":
         return np.full(len(normals), float(value[0]))
     if id == "frame-offset":

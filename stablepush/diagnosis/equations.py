@@ -21,7 +21,7 @@ _RANK = 1e-9
 _SHARES = (1.0, 0.5, 0.25, 0.1, 0.02)
 #: Median of the squares of unit Gaussian noise.
 _MEDIAN = 0.455
-#: Least logarithm of a chance, where its formula underflows.
+#: Least logarithm of a p-value, where its formula underflows.
 _LEAST_LOG = -500.0
 #: Effects that are fitted, and numbers of their parameters.
 SIZES: Mapping[str, int] = {**PARAMETERS, "contact-geometry": 1, "contact-friction": 1}
@@ -38,12 +38,11 @@ Values = dict[str, FloatArray]
 
 
 class Demands(NamedTuple):
-    """What an effect must do to be named.
+    """Thresholds that an effect must pass to be named.
 
-    ``gain``: what the sum of squares over its scale falls by, in one step, and what the statistic is, at least. ``density``: what
-    the log density of the trials rises by, and ``errors``: how many of its standard errors over pushes that must be.
-    ``family_wise_p``: so improbable a statistic, of any effect, comes about by chance at most this often, unless density and
-    errors are ``certain`` times as large.
+    ``gain``: least one-step decrease of the sum of squares over its scale, and least score statistic. ``density``: least increase
+    of the log density of the trials, and ``errors``: the same in its standard errors over pushes. ``family_wise_p``: largest
+    family-wise p-value of the statistic; it is waived if density and errors are ``certain`` times as large.
     """
 
     gain: float
@@ -97,13 +96,13 @@ class ScoreTest:
         total = self.shares.sum(axis=0)
         if not total.any():
             return np.zeros(len(signs))
-        pulls = signs @ self.scores
-        steps = np.linalg.solve(total, pulls.T).T
+        sums = signs @ self.scores
+        steps = np.linalg.solve(total, sums.T).T
         left = signs[:, :, None] * self.scores - np.einsum("tij,nj->nti", self.shares, steps)
-        return statistics(pulls, left)
+        return statistics(sums, left)
 
     def log_p(self, statistic: FloatArray | float) -> FloatArray:
-        """Logarithm of the chance of so large a statistic (any shape) without the effect, as Hotelling's T² has it.
+        """Logarithm of the p-value of a statistic (any shape) by Hotelling's T².
 
         The scatter of few trials is itself uncertain: what counts as their number is ``(Σ s)² / Σ s²`` of their shares in the
         information (Satterthwaite 1946).
@@ -116,12 +115,12 @@ class ScoreTest:
         return np.maximum(f_distribution.logsf(np.asarray(statistic) / d, d, trials - d), _LEAST_LOG)
 
 
-def statistics(pulls: FloatArray, scores: FloatArray) -> FloatArray:
+def statistics(sums: FloatArray, scores: FloatArray) -> FloatArray:
     """Return ``p' S⁻¹ p`` (draws,) of sums (draws, d) whose covariance is that of the scores (draws, trials, d) left."""
-    d = pulls.shape[1]
+    d = sums.shape[1]
     active = np.maximum(2, (np.abs(scores).max(axis=2) > 0).sum(axis=1))
     spread = np.einsum("nti,ntj->nij", scores, scores) * (active / np.maximum(1, active - d))[:, None, None]
-    return np.asarray(np.einsum("ni,nij,nj->n", pulls, np.linalg.pinv(spread, rcond=_RANK, hermitian=True), pulls))
+    return np.asarray(np.einsum("ni,nij,nj->n", sums, np.linalg.pinv(spread, rcond=_RANK, hermitian=True), sums))
 
 
 class Equations(ABC):
@@ -197,15 +196,16 @@ class Equations(ABC):
             prior[:q, :q] = precision * scale
             away = directions.T @ (self.nominal - loads)
             hessian = data + prior + 1e-12 * np.diag(np.diag(data + prior) + 1e-30)
-            pull = design.T @ (weights * residual)
-            pull[:q] += scale * (precision @ away)
-            step = np.linalg.lstsq(hessian, pull, rcond=1e-14)[0]
+            score = design.T @ (weights * residual)
+            score[:q] += scale * (precision @ away)
+            step = np.linalg.lstsq(hessian, score, rcond=1e-14)[0]
             before = after = _loss(residual[use], scale, away, precision)
             for share in _SHARES:
                 new_loads = loads + share * (directions @ step[:q])
                 ends = q + np.cumsum([0, *(SIZES[id] for id in effects)])
                 new_values = {
-                    id: _kept(id, values[id] + share * step[i:j]) for id, i, j in zip(effects, ends[:-1], ends[1:], strict=True)
+                    id: _clipped(id, values[id] + share * step[i:j])
+                    for id, i, j in zip(effects, ends[:-1], ends[1:], strict=True)
                 }
                 new_residual = self.residual(new_loads, new_values)
                 after = _loss(new_residual[use], scale, directions.T @ (self.nominal - new_loads), precision)
@@ -234,9 +234,9 @@ class Equations(ABC):
         for trial in np.unique(self.trial[use]):
             rows = np.flatnonzero((self.trial == trial) & use)
             mine = weights[rows, None] * design[rows]
-            pull = mine.T @ residual[rows]
-            if pull.any():
-                moved = np.linalg.lstsq(hessian - slope * (mine.T @ design[rows]), pull, rcond=_RANK)[0]
+            score = mine.T @ residual[rows]
+            if score.any():
+                moved = np.linalg.lstsq(hessian - slope * (mine.T @ design[rows]), score, rcond=_RANK)[0]
                 total += np.outer(moved, moved)
                 count += 1
         return np.asarray(total * (count - 1) / max(1, count))
@@ -285,14 +285,14 @@ class Equations(ABC):
             if id in self.nuisance or not np.isfinite(information).all() or np.linalg.eigvalsh(information)[0] <= least:
                 found[id] = ScoreTest.blind(information / scale, self.trial)
                 continue
-            pull = clean.T @ (weights * residual)
-            estimate = np.linalg.solve(information, pull)
+            score = clean.T @ (weights * residual)
+            estimate = np.linalg.solve(information, score)
             left = residual - clean @ estimate
             outer = (weights[:, None, None] * clean[:, :, None] * clean[:, None, :]).reshape(len(clean), -1)
             shares = by_trial(self.trial, outer).reshape(-1, SIZES[id], SIZES[id])
             scores = by_trial(self.trial, clean * (weights * left)[:, None])
             found[id] = ScoreTest(
-                float(statistics(pull[None], scores[None])[0]), float(pull @ estimate) / scale, estimate, information / scale,
+                float(statistics(score[None], scores[None])[0]), float(score @ estimate) / scale, estimate, information / scale,
                 scores, shares,
             )  # fmt: skip
         return found
@@ -313,7 +313,7 @@ def _loss(residual: FloatArray, scale: float, away: FloatArray, precision: Float
     return float((_TAIL + 1) * np.log1p(residual**2 / (_TAIL * scale)).sum() + away @ precision @ away)
 
 
-def _kept(id: str, value: FloatArray) -> FloatArray:
+def _clipped(id: str, value: FloatArray) -> FloatArray:
     """Values within what makes sense."""
     if id in ("anisotropy-world", "anisotropy-object"):
         size = float(np.hypot(*value))

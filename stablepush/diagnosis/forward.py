@@ -61,7 +61,7 @@ class ForwardModel:
     points : array, shape (k, 2)
         Support points in B.
     weight : float
-        ``m g`` in N: what a slope of the table pulls with.
+        ``m g`` in N; a slope of the table makes the force ``weight * slope``.
     inertia : float
         Moment of inertia over the mass, in m².
     center : array, shape (2,)

@@ -28,8 +28,8 @@ _RESAMPLES = 500
 _SMOOTH = 0.2
 #: Draws of the noise behind the floor of the directions of motion.
 _DRAWS = 4
-#: Ends are off if they are so many times as far off as noise would leave them, with so small a p-value.
-_OFF, _SURELY = 2.0, 0.01
+#: Pose errors are significant if they are so many times those that noise would leave, with so small a p-value.
+_OFF, _SIGNIFICANT = 2.0, 0.01
 #: Shares of a gap that effects may leave of what a refit without them leaves, and of what the nominal simulation leaves.
 _LEAVES_OF_REFIT, _LEAVES = 0.5, 0.1
 _FITS = ("before", "refit", "after")
@@ -64,14 +64,14 @@ class _Fold:
 def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[Replay]) -> HeldOut:
     """Predict every trial by fits to the others: five folds, repeats kept together.
 
-    ``pushes``: those whose ends are measurements.
+    ``pushes``: those whose final poses are measurements.
     """
     held = HeldOut({}, {}, {}, {}, {})
     folds = list(_folds(system, found))
     if system.has_wrench:
         _wrenches(held, system, folds)
     if any(len(rows) for _, rows in system.clearance_rows):
-        _gaps(held, system, folds)
+        _clearances(held, system, folds)
     if system.has_surface and pushes:
         _ends(held, system, folds, pushes)
     elif "touch" in held.squares:
@@ -90,11 +90,11 @@ def _folds(system: System, found: Attribution) -> Iterator[_Fold]:
         if not test.any():
             continue
         train = ~test if not test.all() else test
-        mended, plain = system.fit(found.chosen, found.free, train, found.final), system.fit([], True, train, free)
+        corrected, plain = system.fit(found.chosen, found.free, train, found.final), system.fit([], True, train, free)
         scaled = system.nominal if system.known_scale else system.fit([], False, train).loads
-        loads = {"before": scaled, "refit": plain.loads, "after": mended.loads}
+        loads = {"before": scaled, "refit": plain.loads, "after": corrected.loads}
         unknown = {id: v for id, v in plain.values.items() if id in system.nuisance}
-        values: dict[str, Values] = {"before": {}, "refit": unknown, "after": {**mended.values, **found.slips(system)}}
+        values: dict[str, Values] = {"before": {}, "refit": unknown, "after": {**corrected.values, **found.slips(system)}}
         surfaces = {k: system.surface(m) for k, m in loads.items()} if system.has_surface else {}
         yield _Fold(test, loads, values, surfaces)
 
@@ -123,7 +123,7 @@ def _wrenches(held: HeldOut, system: System, folds: list[_Fold]) -> None:
 
 
 def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Replay]) -> None:
-    """Where pushes end."""
+    """Final poses of pushes."""
     trial, rig = np.array([push.trial for push in pushes], dtype=int), system.rig
     for key in _FITS:
         ends = np.zeros((len(pushes), 3))
@@ -139,28 +139,28 @@ def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Re
         held.floors["pose"] = float((system.final_pose_noise[simulated] ** 2).sum(axis=1).mean())
 
 
-def _gaps(held: HeldOut, system: System, folds: list[_Fold]) -> None:
-    """Gaps between fingers and outline."""
+def _clearances(held: HeldOut, system: System, folds: list[_Fold]) -> None:
+    """Clearances between fingers and outline."""
     o = system.observations
     trial = np.concatenate([o.trial[rows] for _, rows in system.clearance_rows]).astype(int)
-    gaps = np.concatenate([o.clearance[rows, k] for k, rows in system.clearance_rows])
+    clearances = np.concatenate([o.clearance[rows, k] for k, rows in system.clearance_rows])
     # neither the surface nor what a fit takes for granted changes them
-    held.squares["touch"] = {"before": gaps**2, "refit": gaps**2, "after": np.zeros_like(gaps)}
+    held.squares["touch"] = {"before": clearances**2, "refit": clearances**2, "after": np.zeros_like(clearances)}
     for fold in folds:
-        left = gaps - sum(system.clearance_change(id, v) for id, v in fold.values["after"].items() if id in IN_CLEARANCES)
+        left = clearances - sum(system.clearance_change(id, v) for id, v in fold.values["after"].items() if id in IN_CLEARANCES)
         held.squares["touch"]["after"][fold.test[trial]] = left[fold.test[trial]] ** 2
     held.trials["touch"], held.floors["touch"] = trial, system.clearance_noise**2
 
 
 def _stability(held: HeldOut, folds: list[_Fold], labels: dict[int, tuple[PushContact, FloatArray, bool]]) -> None:
-    """Whether pushes that should have stuck did: 1 where the oracle errs."""
+    """Labels of stability: 1 where the oracle errs."""
     held.squares["stability"] = {k: np.zeros(len(labels)) for k in _FITS}
     held.trials["stability"], held.floors["stability"] = np.array(list(labels)), 0.0
     for at, (trial, (contact, twist, stable)) in enumerate(labels.items()):
         fold = next(fold for fold in folds if fold.test[trial])
         for key, surface in fold.surfaces.items():
-            changed = float(fold.values[key].get("contact-friction", np.zeros(1))[0])
-            touching = replace(contact, mu=max(0.0, contact.mu + changed))
+            shift_of_mu = float(fold.values[key].get("contact-friction", np.zeros(1))[0])
+            touching = replace(contact, mu=max(0.0, contact.mu + shift_of_mu))
             held.squares["stability"][key][at] = float(StabilityOracle(surface, touching).is_stable(twist) != stable)
 
 
@@ -189,19 +189,20 @@ def wrench_floor(system: System) -> float:
     return float((force + motion * most / (motion + most)).mean())
 
 
-def closes_touch(held: HeldOut) -> float:
-    """Return the share of the clearances between fingers and outline that closes; 0 where none are measured."""
+def clearance_reduction(held: HeldOut) -> float:
+    """Return the explained fraction of the clearances between fingers and outline; 0 where none are measured."""
     if "touch" not in held.squares:
         return 0.0
-    return float(_closed("touch", "m", held.trials["touch"], held.squares["touch"], held.floors["touch"]).closed)
+    return float(_reduction("touch", "m", held.trials["touch"], held.squares["touch"], held.floors["touch"]).closed)
 
 
 def explains_most(held: HeldOut, effects: Sequence[str]) -> bool:
-    """Tell whether the corrected simulation closes most of the gap of the wrench.
+    """Return whether the corrected simulation explains most of the gap of the wrench.
 
-    Effects that a refitted pressure cannot take in are to close half of what a refit without effects leaves: what is in no
-    catalogue is followed a little by one or another, an effect of another form than the catalogue's leaves a gap too. The
-    others do what a refit does: they are to leave a tenth of the gap of the nominal simulation or less.
+    Effects that a refitted pressure cannot explain must reduce the gap that a refit without effects leaves to a half. A smaller
+    reduction may come from a cause outside of the catalogue that they fit in part; a larger one is not asked, as an effect whose
+    form differs from the catalogue's leaves a gap, too. The other effects act like a refit: they must leave a tenth of the gap
+    of the nominal simulation or less.
     """
     beyond = any(id in PARAMETERS and id in BEYOND_PRESSURE for id in effects)
     base, most = ("refit", _LEAVES_OF_REFIT) if beyond else ("before", _LEAVES)
@@ -210,12 +211,12 @@ def explains_most(held: HeldOut, effects: Sequence[str]) -> bool:
     return bool((after - floor) < most * (gap - floor))
 
 
-def ends_are_off(held: HeldOut) -> bool:
-    """Tell whether the corrected simulation leaves far more of the poses than noise would, and not in a few pushes only."""
+def pose_errors_are_significant(held: HeldOut) -> bool:
+    """Return whether the pose errors of the corrected simulation are far larger than noise, and not in a few pushes only."""
     if "pose" not in held.squares:
         return False
     left, floor = held.squares["pose"]["after"], held.floors["pose"]
-    return bool(left.mean() > _OFF**2 * floor) and _above(left, held.trials["pose"], floor) < _SURELY
+    return bool(left.mean() > _OFF**2 * floor) and _above(left, held.trials["pose"], floor) < _SIGNIFICANT
 
 
 def _twists(surface: IdealLimitSurface, wrenches: FloatArray) -> FloatArray:
@@ -265,7 +266,7 @@ def _labels(system: System, log: PushLog) -> dict[int, tuple[PushContact, FloatA
 
 
 def percent(share: float) -> str:
-    """A share in percent; where there is hardly a gap its interval says nothing."""
+    """A share in percent, cut at -100: where the gap is within the noise the interval of its share is very wide."""
     return "below -100" if share < -1 else f"{100 * share:.0f}"
 
 
@@ -275,13 +276,13 @@ _UNITS = {"wrench": "N", "twist": "rad", "pose": "m", "stability": "1"}
 def reductions(held: HeldOut) -> list[GapReduction]:
     """Return gap reduction, channel by channel, as ``diagnosis/1`` has it."""
     return [
-        _closed(channel, unit, held.trials[channel], held.squares[channel], held.floors[channel])
+        _reduction(channel, unit, held.trials[channel], held.squares[channel], held.floors[channel])
         for channel, unit in _UNITS.items()
         if channel in held.squares
     ]
 
 
-def _closed(channel: str, unit: str, trial: np.ndarray, squares: dict[str, FloatArray], floor: float) -> GapReduction:
+def _reduction(channel: str, unit: str, trial: np.ndarray, squares: dict[str, FloatArray], floor: float) -> GapReduction:
     """An entry of ``reductions`` from squared residuals of rows, trials resampled for the interval."""
     names, rows = np.unique(trial, return_inverse=True)
     before, after = squares["before"], squares["after"]
@@ -290,7 +291,7 @@ def _closed(channel: str, unit: str, trial: np.ndarray, squares: dict[str, Float
     drawn = sums[rng.integers(0, len(names), (_RESAMPLES, len(names)))].sum(axis=1)
     mean = sums.sum(axis=0)
     b, a = mean[0] / mean[2], mean[1] / mean[2]
-    # what is left cannot be less than the noise: the noise is less than said then
+    # the remaining residual cannot be below the noise: if it is, the noise was overestimated
     floor = min(floor, float(a), 0.999 * float(b))
 
     def share(before: FloatArray, after: FloatArray) -> FloatArray:
@@ -322,8 +323,8 @@ def gap(system: System, held: HeldOut) -> list[ChannelGap]:
         if channel == "wrench":
             p = _lack_of_fit(system.white(o.wrench - held.wrenches["before"]).reshape(-1, 3), o.trial)
         elif channel == "pose" and not held.ends:
-            gaps = np.concatenate([o.clearance[rows, k] for k, rows in system.clearance_rows])
-            p = _lack_of_fit((gaps / system.clearance_noise)[:, None], held.trials["pose"])
+            clearances = np.concatenate([o.clearance[rows, k] for k, rows in system.clearance_rows])
+            p = _lack_of_fit((clearances / system.clearance_noise)[:, None], held.trials["pose"])
         else:
             p = _above(held.squares[channel]["before"], held.trials[channel], held.floors[channel])
         squares = held.squares[channel]

@@ -12,7 +12,14 @@ from stablepush.core import FloatArray, InputError, renamed_fields
 from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out, slip_friction
 from stablepush.diagnosis.equations import SIZES, robust_variance
 from stablepush.diagnosis.evidence import Evidence, evidence, not_identifiable
-from stablepush.diagnosis.gap_reduction import closes_touch, ends_are_off, explains_most, gap, hold_out, reductions
+from stablepush.diagnosis.gap_reduction import (
+    clearance_reduction,
+    explains_most,
+    gap,
+    hold_out,
+    pose_errors_are_significant,
+    reductions,
+)
 from stablepush.diagnosis.motions import Motions, motions_of
 from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
@@ -27,15 +34,15 @@ from stablepush.surfaces import IdealLimitSurface
 
 #: The words of a verdict.
 VERDICTS = tuple(Verdict)
-#: What is left counts as unknown if so much of it follows place, heading, order or speed, and it is so much larger than the
-#: noise.
+#: The verdict is "unknown" if place, heading, order or speed explain so much of the residuals, with so small a p-value, and the
+#: residuals are so many times the noise.
 _UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
-#: Residuals so many times the noise are no fit, whatever they follow.
+#: Residuals so many times the noise are no fit, whatever they depend on.
 _MISFIT = 4.0
 #: Nor are means of trials so large over the noise, in mean square, if repeats of a push share them with so small a p-value.
 _COMMON, _P_COMMON = 8.0, 1e-3
-#: A sentence speaks of a channel whose gap closes by more than this share.
-_SAID = 0.05
+#: A sentence names a channel whose gap is reduced by more than this share.
+_REPORTED = 0.05
 
 
 @renamed_fields(shrink="reductions")
@@ -146,11 +153,11 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         size = float(np.sqrt(robust_variance(white**2)))
         share, p_share = flexible_share(system, white)
         common, p_common = repeats_share(system, found.final.residual[: white.size].reshape(-1, 3))
-    closed = reductions(held)
+    reduced = reductions(held)
     unknown = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
     # a cause that brings no channel nearer on trials that it was not fitted to explains nothing
-    touch = closes_touch(held)
-    worse = bool(named and closed) and max(touch, *(entry.closed for entry in closed)) <= 0
+    touch = clearance_reduction(held)
+    worse = bool(named and reduced) and max(touch, *(entry.closed for entry in reduced)) <= 0
     if worse and found.chosen and found.scores:
         # a few uninformative rows may hide it from the mean square
         folds = folds_of(system)
@@ -168,14 +175,18 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         verdict, effects = "named", named
     else:
         verdict, effects = ("absorbed" if found.recalibrated else "none"), []
-        # rows that hardly any model fits, and not because of a few of them; something that repeats of a push have in common; ends
-        # that are far off in many pushes
-        if size > _MISFIT or (common > _COMMON and p_common < _P_COMMON) or (not forces and ends_are_off(held)):
+        # residuals that no model fits, not only in a few rows; residuals that repeats of a push share; large pose errors in many
+        # pushes
+        if size > _MISFIT or (common > _COMMON and p_common < _P_COMMON) or (not forces and pose_errors_are_significant(held)):
             verdict = "unknown"
-    why = "it brings held-out pushes no nearer" if worse else "what is left with it still follows place, heading, order or speed"
+    why = (
+        "it does not reduce the residuals of held-out pushes"
+        if worse
+        else "the remaining residuals still depend on place, heading, order or speed"
+    )
     progress("where the gap lies")
-    ends, ended = held.ends.get("before", np.zeros((0, 3))), np.array([push.trial for push in pushes], dtype=int)
-    where = localise(system, residuals(system, held.wrenches.get("before"), ends, ended, held.floors))
+    ends, trials_of_errors = held.ends.get("before", np.zeros((0, 3))), np.array([push.trial for push in pushes], dtype=int)
+    where = localise(system, residuals(system, held.wrenches.get("before"), ends, trials_of_errors, held.floors))
     ranking = rank(system, found, effects)
     # poses alone determine the shape of the surface, not its size
     sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
@@ -187,16 +198,16 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     return GapReport(
         log=name,
         trials=len(log),
-        channels=[entry.channel for entry in closed],
+        channels=[entry.channel for entry in reduced],
         verdict=Verdict(verdict),
         named=effects,
         gap=gap(system, held),
         where=where,
         ranking=ranking,
-        reductions=closed,
-        worse=[entry.channel for entry in closed if entry.after > 1.02 * entry.before],
+        reductions=reduced,
+        worse=[entry.channel for entry in reduced if entry.after > 1.02 * entry.before],
         next_experiment=_next(system, found, effects, ranking),
-        sentence=_sentence(verdict, effects, closed, touch, system.has_wrench, log.rig.noise is not None),
+        sentence=_sentence(verdict, effects, reduced, touch, system.has_wrench, log.rig.noise is not None),
         notes=notes,
         rig=_completed(log.rig, system, found),
         surface=surface,
@@ -229,7 +240,7 @@ def gap_reductions_with(log: PushLog, effects: list[str]) -> list[GapReduction]:
 
 
 def _equations(log: PushLog, observations: Observations) -> tuple[System, list[Replay], int]:
-    """The equations of a log, the pushes whose ends are measurements, and how many others the log has."""
+    """The equations of a log, the pushes whose final poses are measurements, and how many others the log has."""
     replayed = replays(log, observations)
     if replayed and not observations.has_wrench.any():
         motions = motions_of(observations, log.rig, replayed)
@@ -244,7 +255,7 @@ def _too_little(log: PushLog, name: str) -> GapReport:
     words = "the log has fewer than two pushes in which the slider is seen to move: it cannot be diagnosed"
     ranking = [RankedEffect(id, 0.02, {}, False, UNSEEN[id]) for id in CATALOGUE]
     nothing = np.zeros((0, 3))
-    after = NextExperiment([], [], "more pushes in headings, places, speeds and faces that vary, in random order")
+    after = NextExperiment([], [], "make more pushes, at varied headings, places, speeds and faces, in random order")
     sentence = f"{words[0].upper()}{words[1:]}."
     return GapReport(
         name, len(log), [], Verdict.NONE, [], [], [], ranking, [], [], after, sentence, [words], log.rig, None,
@@ -278,9 +289,9 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
     pair = list(dict.fromkeys(id for id in likely if id in SIZES and id not in unseen))[:2]
     if found.confounded:
         pair = [found.confounded_with, found.confounded[0]]
-    # a log of neither loads nor ends shows nothing that pushes could be chosen by
+    # without loads and final poses there is nothing to choose pushes by
     if len(pair) < 2 or unseen & set(pair) or not (system.has_wrench or isinstance(system, Motions)):
-        why = "more pushes in headings, places, speeds and faces that vary, in random order"
+        why = "make more pushes, at varied headings, places, speeds and faces, in random order"
         return NextExperiment(pair, [], why)
     from stablepush.diagnosis.separation import separating_pushes
 
@@ -289,8 +300,8 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
     why = f"{pair[0]} and {pair[1]} predict readings that differ most here, at the sizes estimated from this log"
     if not pushes:
         why = (
-            f"{pair[0]} and {pair[1]} predict the same, within the noise, for straight pushes of all edges that the pusher fits "
-            "on: use another pusher, or measure one of them by itself"
+            f"{pair[0]} and {pair[1]} predict the same readings, within the noise, for straight pushes of every edge on which "
+            "the pusher fits: use another pusher, or measure one of the effects separately"
         )
     return NextExperiment(pair, pushes, why)
 
@@ -298,8 +309,8 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
 def _sentence(verdict: str, effects: list[str], reductions: list[GapReduction], touch: float, forces: bool, noise: bool) -> str:
     # of the first channel that comes nearer: a cause need not show in all
     shares = {f"the {entry.channel}": entry.closed for entry in reductions} | {"how fingers touch": touch}
-    nearer = [(channel, share) for channel, share in shares.items() if share > _SAID]
-    how = f"; {100 * nearer[0][1]:.0f} % of the gap in {nearer[0][0]} closes on held-out trials" if nearer else ""
+    nearer = [(channel, share) for channel, share in shares.items() if share > _REPORTED]
+    how = f"; {100 * nearer[0][1]:.0f} % of the gap in {nearer[0][0]} is explained on held-out trials" if nearer else ""
     words = [CATALOGUE[id].what for id in effects]
     if verdict == "none":
         if not forces:
@@ -307,7 +318,9 @@ def _sentence(verdict: str, effects: list[str], reductions: list[GapReduction], 
             seen = "No cause stands out from the scatter of the poses" if carried else "Nothing stands out"
             return f"{seen}; without forces little more is identifiable."
         if not noise:
-            return "The nominal simulation fits as well as any pressure would, and no cause stands out from the scatter."
+            return (
+                "The nominal simulation fits as well as one with a refitted pressure, and no cause stands out from the scatter."
+            )
         return "The nominal simulation fits within the noise."
     if verdict == "absorbed":
         return f"The surface and friction differ from the nominal ones, and no other cause stands out{how}."
@@ -324,20 +337,24 @@ def _notes(
     notes = []
     rig = log.rig
     if rig.noise is None:
-        notes.append("rig.json has no noise: the residuals of a free pressure were taken for noise")
+        notes.append("rig.json has no noise: it was estimated from the residuals of a fit with a free pressure")
     if not system.has_wrench:
         notes.append("no forces: only what shows in the poses is identifiable")
     if not any(len(rows) for _, rows in system.clearance_rows):
-        notes.append("no poses of fingers to compare with the outline: latency and contact geometry cannot be seen there")
+        notes.append("no finger poses to compare with the outline: no clearances to show latency and contact geometry")
     elif rig.finger_radius is None:
         radius = system.observations.finger_radius or 0.0
-        notes.append(f"rig.json has no finger radius: {1000 * radius:.2g} mm was taken, their median distance from the outline")
+        notes.append(
+            f"rig.json has no finger radius: {1000 * radius:.2g} mm was used, the median distance of the fingers from the outline"
+        )
     if left_out:
-        notes.append(f"{left_out} pushes were left out of the poses: they cannot be simulated, or noise decides where they end")
+        notes.append(
+            f"final poses of {left_out} pushes were not used: they cannot be simulated, or noise of the start dominates them"
+        )
     if not any(system.observations.group):
-        notes.append("no repeated pushes: the scatter of repeats is not known")
+        notes.append("no repeated pushes: the repeatability is unknown")
     if system.has_wrench and not system.known_scale:
-        notes.append("friction of the support or mass unknown: the nominal load was scaled to the log")
+        notes.append("support friction or mass unknown: the nominal friction load was scaled to fit the log")
     if share > 0.05:
         notes.append(
             f"a Gaussian process of place, heading, order and speed could explain up to {100 * share:.0f} % of the residuals "
@@ -348,7 +365,7 @@ def _notes(
         side = ("left", "right")[off.index(1.0)]
         notes.append(
             f"the radius is that of the {side} finger alone, seen along the push: the other is as in rig.json; "
-            "the corrected rig, whose fingers are alike, leaves it out"
+            "the corrected rig, which has one radius for both, does not include it"
         )
     if found.contact is not None:
         notes.append(f"friction at the fingers from {found.contact.trials} trials that slip: {found.contact.estimate:.4g}")

@@ -1,8 +1,8 @@
-"""The equations of a log without forces: where pushes end, against where they end in simulation.
+"""The equations of a log without forces: measured against simulated final poses.
 
-``log(p(θ, s)⁻¹ q) = noise`` in ``(x, y, rho θ)`` for the measured end ``q`` of a push and its end ``p`` when it is carried out
-again with effects ``θ`` on a surface ``s``: the nominal pressure moved and stretched about its centre (an affine map).
-With these go the gaps of the fingers.
+``log(p(θ, s)⁻¹ q) = noise`` in ``(x, y, rho θ)`` for the measured final pose ``q`` of a push and its final pose ``p`` when it is
+simulated again with effects ``θ`` on a surface ``s``: the nominal pressure moved and stretched about its centre (an affine map).
+The clearances of the fingers are added to these.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ _PRIOR = (0.2, 0.2, 0.2, 0.2, 0.2)
 _SMALL = (0.02, 0.02, 0.05, 0.05, 0.05)
 #: Cells along each side in which the nominal pressure is gathered.
 _CELLS = 5
-#: Share of what the prior lets the surface do to an end that counts as noise, before what a free pressure leaves is known.
+#: Share of what the prior lets the surface move a final pose that counts as noise, before what a free pressure leaves is known.
 _SHARE = 0.1
 #: Friction of the fingers, where it is not known, that is tried to begin with.
-_GRIPS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15)
+_CONTACT_MUS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15)
 
 
 class Motions(System):
@@ -41,12 +41,12 @@ class Motions(System):
     pushes : list of Replay
         Those that can be simulated.
     spread : array, shape (3n,)
-        Noise in m of the components of the ends.
+        Noise in m of the components of the final poses.
     """
 
     # every residual is a simulation of all pushes
     steps, few, tolerance = 5, 4, 1e-3
-    # ends follow effects far from linearly: one step shows little, and the fit itself may say enough
+    # final poses depend nonlinearly on effects: a single step is a poor test, so the gain of a full fit may decide
     demands = Demands(4.0, 12.0, 3.0, 0.01, 1.5)
 
     def __init__(self, observations: Observations, rig: Rig, pushes: list[Replay]) -> None:
@@ -60,24 +60,24 @@ class Motions(System):
         self.nominal = np.zeros(len(_SMALL))
         if rig.contact_friction is None:
             self.nuisance = (*self.nuisance, "contact-friction")
-            self.mu = self._likely_grip(pushes)
+            self.mu = self._likely_contact_mu(pushes)
         self._slopes: dict[str, FloatArray] = {}
         self._fits: dict[Any, Fitted] = {}
         #: What fits begin at, slopes about it, and fits that were made: before one was settled on.
         self._first = self.about, self._slopes, self._fits
         self._found: dict[Any, FloatArray] = {}
         self.pushes, self.final_pose_noise = self.predictable(pushes)
-        #: How far (m, for a component of an end each) the surface moves it within its prior: pushes that friction decides
-        #: scatter with it, those that stay stuck end where the pusher goes.
+        #: How far (m, for each component of a final pose) the surface moves it within its prior: the final pose of a push
+        #: that slips depends on friction, that of a push that sticks follows the pusher.
         self.reach = np.linalg.norm(self._slope("", _SMALL) * _PRIOR, axis=1)
         self.spread = np.hypot(self.final_pose_noise.ravel(), _SHARE * self.reach)
         self.trial = np.concatenate((np.repeat([p.trial for p in self.pushes], 3), self.trial)).astype(int)
 
-    def _likely_grip(self, pushes: list[Replay]) -> float:
-        """Friction of the fingers with which the nominal simulation is nearest to the ends: where fits of it begin."""
+    def _likely_contact_mu(self, pushes: list[Replay]) -> float:
+        """Friction of the fingers that minimises the pose errors of the nominal simulation: the start of fits."""
         surface, slider = self.surface(self.nominal), self.rig.slider
-        missed = [np.linalg.norm(pose_errors(pushes, surface, slider, mu, self.moving_weight, {}), axis=1) for mu in _GRIPS]
-        return _GRIPS[first_least([np.nan_to_num(m, nan=10 * self.rho).sum() for m in missed], 1e-6 * len(pushes))]
+        errors = [np.linalg.norm(pose_errors(pushes, surface, slider, mu, self.moving_weight, {}), axis=1) for mu in _CONTACT_MUS]
+        return _CONTACT_MUS[first_least([np.nan_to_num(m, nan=10 * self.rho).sum() for m in errors], 1e-6 * len(pushes))]
 
     def surface(self, loads: FloatArray) -> IdealLimitSurface:
         """Return the nominal pressure moved and stretched."""
@@ -88,7 +88,7 @@ class Motions(System):
         return IdealLimitSurface(SupportDistribution(points, ideal.support.weights), ideal.friction_load, self.rho)
 
     def pose_errors(self, loads: FloatArray, values: Values) -> FloatArray:
-        """Return how far (n, 3) the slider was measured from where pushes end, in ``(x, y, rho θ)`` of its frame, in m."""
+        """Return pose errors (n, 3): measured minus simulated final poses, in ``(x, y, rho θ)`` of the simulated frame, in m."""
         key = loads.tobytes(), tuple((id, values[id].tobytes()) for id in sorted(values) if values[id].any())
         if key not in self._found:
             found = pose_errors(self.pushes, self.surface(loads), self.rig.slider, self.mu, self.moving_weight, values)
@@ -115,7 +115,7 @@ class Motions(System):
     def fit(self, effects: Sequence[str], free: bool, chosen: BoolArray | None = None, start: Fitted | None = None) -> Fitted:
         """As :meth:`Equations.fit`, from several starts, of which the one counts that fits best.
 
-        Ends follow effects and surface far from linearly: a step may lead away from where a smaller model fits.
+        Final poses depend nonlinearly on effects and surface: a step may lead away from where a smaller model fits.
         """
         if start is not None:
             return super().fit(effects, free, chosen, start)
@@ -147,7 +147,7 @@ class Motions(System):
         self._first = self.about, self._slopes, self._fits
 
     def _slope(self, id: str, small: tuple[float, ...]) -> FloatArray:
-        """Derivatives (3n, d) of the ends, by differences about the nominal simulation or the last fit that was
+        """Derivatives (3n, d) of the final poses, by differences about the nominal simulation or the last fit that was
         settled on: the fits use these."""
         if id not in self._slopes:
             found = []
@@ -160,7 +160,7 @@ class Motions(System):
         return self._slopes[id]
 
     def _nearby(self, id: str, step: FloatArray) -> FloatArray:
-        """Misses at a step in the surface, or in the parameters of an effect, from where fits begin."""
+        """Pose errors at a step in the surface, or in the parameters of an effect, from where fits begin."""
         loads, values = (self.nominal, {}) if self.about is None else (self.about.loads, self.about.values)
         if not id:
             return self.pose_errors(loads + step, values)
@@ -171,7 +171,7 @@ class Motions(System):
         self._slopes, self._fits = {}, {}
 
     def trust(self, spread: FloatArray) -> None:
-        """Set the noise of the components of the ends; fits that were made with another are forgotten."""
+        """Set the noise of the components of the final poses; fits made with another noise are dropped."""
         self.spread = spread
         self._fits.clear()
 
@@ -196,7 +196,7 @@ def _coarse(support: SupportDistribution) -> SupportDistribution:
 
 
 def motions_of(observations: Observations, rig: Rig, pushes: list[Replay]) -> Motions:
-    """Return the equations of a log without forces; the noise of ends is at least what the noise of poses makes of it, and what a
+    """Return the equations of a log without forces; the noise of final poses is at least that of measured poses, and what a
     free pressure leaves of them: of those that the surface hardly moves, and of the others.
 
     Where friction of the fingers is not known fits begin at what it is like, with the slopes there.
@@ -207,7 +207,7 @@ def motions_of(observations: Observations, rig: Rig, pushes: list[Replay]) -> Mo
     plain = system.fit([], True)
     left = plain.residual[: 3 * len(system.pushes)] * system.spread
     reach, noise = system.reach, system.final_pose_noise.ravel()
-    # ends that the surface moves by a thousandth of their noise it does not move
+    # a final pose that the surface moves by less than a thousandth of its noise counts as not moved
     stuck = reach <= np.maximum(np.median(reach), 1e-3 * noise)
     still = noise * max(1.0, float(np.sqrt(robust_variance((left[stuck] / noise[stuck]) ** 2))))
     moved = np.maximum(left[~stuck] ** 2 - still[~stuck] ** 2, 0.0) / np.maximum(reach[~stuck], 1e-12) ** 2

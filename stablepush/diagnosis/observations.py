@@ -14,14 +14,14 @@ from stablepush.io import PushLog, distinct
 #: Fingers farther (m) than this from where fingers usually are, beside the outline, do not touch it; nor do those that are
 #: farther from it than the other length. Where contact points are logged, they decide, and the other length alone counts.
 _TOUCH, _NEAR = 3e-3, 8e-3
-#: One finger alone is off if its gaps are, and differ from the other's, by so many standard errors, and the other's are off by
-#: less than this share of its.
+#: Only one finger is off if its clearance differs from zero, and from that of the other finger, by so many standard errors, and
+#: the clearance of the other is less than this share of its own.
 _ONE, _OTHER = 6.0, 0.2
 #: And by at least this (m).
 _LEAST_OFF = 2e-4
 #: Fingers farther (m) from the outline than this certainly do not touch it.
 _AWAY = 1e-3
-#: Radius (m) that fingers have at most, where it is not said.
+#: Largest radius (m) of fingers where the rig does not state it.
 _WIDEST = 0.03
 #: Rows of a trial, at most: of more, means over equal parts are taken.
 _MOST_ROWS = 12
@@ -241,7 +241,7 @@ def _fingers(
     pusher: FloatArray,
     points: FloatArray,
 ) -> tuple[float | None, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Radius, normals, places, gaps and slip of the fingers, from the pusher's poses, else from the contact points that are
+    """Radius, normals, places, clearances and slip of the fingers, from the pusher's poses, else from the contact points that are
     logged."""
     n = len(pose)
     normal, place = np.full((n, 2, 2), np.nan), np.full((n, 2, 2), np.nan)
@@ -266,7 +266,7 @@ def _fingers(
             near_by = np.abs(clearance) < _WIDEST
             radius = max(0.0, float(np.median(clearance[near_by]))) if near_by.any() else None
         clearance -= radius or 0.0
-        # fingers of a radius that is not quite the nominal one touch at the gap that most rows have
+        # fingers of a radius that is not quite the nominal one touch at the clearance that most rows have
         near_by = np.abs(clearance) < _NEAR
         robust_variance = float(np.median(clearance[near_by])) if near_by.any() else 0.0
         touching = np.abs(clearance - robust_variance) < _TOUCH

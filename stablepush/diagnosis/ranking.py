@@ -80,7 +80,7 @@ def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, Par
 
 def rank(system: System, found: Attribution, effects: list[str]) -> list[RankedEffect]:
     """Return the effects of the catalogue, the most probable first; ``effects``: those that the verdict names."""
-    # causes that the log cannot tell apart share the probability of the one that was fitted
+    # confounded causes share the probability of the one that was fitted
     apart = (found.confounded_with, *found.confounded) if found.confounded else ()
     shared = _of_fit(found.confounded_with, system, found, effects)[0] / len(apart) if apart else 0.0
     entries = []

@@ -35,8 +35,8 @@ from stablepush.surfaces import IdealLimitSurface
 _RADIUS = 5e-3
 #: Contact points nearer than this (m) are one finger's.
 _SAME_POINT = 1e-3
-#: Way of a finger in a step of the simulation, in m and over the slider's radius of gyration, the greater of the two: ends are
-#: within about 0.1 mm of those of small steps on a slider of 5 cm.
+#: Travel of a finger in a step of the simulation, in m and over the slider's radius of gyration, the greater of the two: final
+#: poses are within about 0.1 mm of those of small steps on a slider of 5 cm.
 _STEP, _STEP_SHARE = 2e-3, 0.04
 #: Parameters of effects that change where a slider goes, sizes of them that count as small, and the least radius of a finger.
 MOVING: Mapping[str, float] = {
@@ -45,7 +45,7 @@ MOVING: Mapping[str, float] = {
     "latency": 0.02,
 }  # fmt: skip
 _THIN = 1e-4
-#: Pieces of constant twist that a logged path is followed in, at most.
+#: Largest number of pieces of constant twist that stand for a logged path.
 _MOST_PIECES = 16
 #: Lever (m) by which turns of the pusher count as travel.
 _ARM = 0.05
@@ -66,8 +66,8 @@ class Replay:
     start, end : array, shape (3,)
         First and last pose of the tracked frame in W.
     pusher : Pusher
-    place, course
-        The pusher's first pose in W, and its motion from there.
+    place, profile
+        The pusher's first pose in W, and its motion profile from there.
     logged : bool
         Whether the motion is the path as it was logged, up to the last pose; else as it was commanded, to rest.
     off : tuple of floats
@@ -191,8 +191,8 @@ def _commanded(sheet: _Sheet, trial: int, name: str) -> Replay | None:
     cor_x, cor_y, sense, angle = (float(sheet.log.trials[c][trial]) for c in wanted)
     contact = sheet.contact(touched[:1])
     # where the slider was last seen while it was pushed, the rotation was not at its end
-    under_way = sheet.phases is not None and sheet.phases[seen[-1]] == "push"
-    if contact is None or under_way or not np.isfinite((cor_x, cor_y, sense, angle)).all():
+    unfinished = sheet.phases is not None and sheet.phases[seen[-1]] == "push"
+    if contact is None or unfinished or not np.isfinite((cor_x, cor_y, sense, angle)).all():
         return None
     pusher = Pusher.of_contact(contact, sheet.radius)
     docked = pusher.docked(contact)
@@ -242,23 +242,23 @@ def pose_errors(
     weight: float,
     values: Mapping[str, FloatArray],
 ) -> FloatArray:
-    """Return how far (n, 3) the slider was measured from where pushes end: the twist from one to the other, as ``(x, y, rho θ)``
-    in m; NaN where a push cannot be simulated."""
+    """Return pose errors (n, 3): the twist from the simulated to the measured final pose, as ``(x, y, rho θ)`` in m; NaN where a
+    push cannot be simulated."""
     try:
         table = friction_of(surface, values, weight).compiled()
     except InputError:
         # parameters beyond all sense
         return np.full((len(pushes), 3), np.nan)
 
-    def missed(push: Replay) -> FloatArray:
-        miss = compose(inverse(carry_out(push, table, slider, mu, values)), push.end)
-        miss[2] = wrap_angle(miss[2])
-        return np.asarray(log_of(miss) * (1, 1, slider.characteristic_length))
+    def pose_error(push: Replay) -> FloatArray:
+        error = compose(inverse(carry_out(push, table, slider, mu, values)), push.end)
+        error[2] = wrap_angle(error[2])
+        return np.asarray(log_of(error) * (1, 1, slider.characteristic_length))
 
     # compiled code lets go of the interpreter
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     with ThreadPoolExecutor(min(_MOST_THREADS, usable)) as threads:
-        return np.reshape(list(threads.map(missed, pushes)), (-1, 3))
+        return np.reshape(list(threads.map(pose_error, pushes)), (-1, 3))
 
 
 def carried(

@@ -12,7 +12,7 @@ from stablepush.objects import EdgePush
 
 
 class Verdict(Word):
-    """The answer to a log in one word."""
+    """The result of a diagnosis, in one word."""
 
     NONE = "none", "the nominal simulation fits within the noise: nothing to correct"
     ABSORBED = "absorbed", "a refitted surface and friction fit: use the corrected model; no other cause stands out"

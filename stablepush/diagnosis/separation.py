@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from stablepush.core import first_least
-from stablepush.diagnosis.candidates import Candidates, ends_of, loads_of
+from stablepush.diagnosis.candidates import Candidates, final_poses_of, loads_of
 from stablepush.diagnosis.equations import SIZES, Fitted
 from stablepush.diagnosis.motions import Motions
 from stablepush.diagnosis.system import System
 from stablepush.objects import EdgePush
 
-#: Pushes proposed, how often each is to be made, and what the sum of squares must differ by, between the causes, for them to be
-#: worth while.
-_PROPOSED, _TIMES, _TOLD = 8, 2, 10.0
+#: Pushes proposed, repeats of each, and the least difference of the sum of squares between the causes for which they are worth
+#: making.
+_PROPOSED, _TIMES, _SEPARATED = 8, 2, 10.0
 #: Directions of parameters whose information is this share of the greatest are not determined.
 _RANK = 1e-9
 #: Pushes whose information differs by less than this share are alike.
@@ -33,7 +33,7 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[Edge
     They are straight, and ``expected`` has the differences of the readings: of loads (N) and of clearances between fingers and
     outline (m), or without forces of final poses (m; turns times the radius of gyration).
     """
-    candidates: Candidates = ends_of(system) if isinstance(system, Motions) else loads_of(system)
+    candidates: Candidates = final_poses_of(system) if isinstance(system, Motions) else loads_of(system)
     if not candidates.entries:
         return []
     predicted, slopes, known = [], [], []
@@ -51,25 +51,25 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[Edge
     predicted, slopes = [part[usable] for part in predicted], [part[usable] for part in slopes]
     difference = predicted[0] - predicted[1]
     squares = (difference**2).sum(axis=1)
-    pulls = [np.einsum("nrd,nr->nd", slope, difference) for slope in slopes]
+    gradients = [np.einsum("nrd,nr->nd", slope, difference) for slope in slopes]
     grams = [np.einsum("nrd,nre->nde", slope, slope) for slope in slopes]
     chosen: list[int] = []
-    total, told, pulled, informed = 0.0, 0.0, [np.zeros(len(k)) for k in known], list(known)
+    total, separation, gathered, informed = 0.0, 0.0, [np.zeros(len(k)) for k in known], list(known)
     while len(chosen) < min(_PROPOSED // _TIMES, len(squares)):
         left = np.full(len(squares), np.inf)
-        for pull, gram, b, a in zip(pulls, grams, pulled, informed, strict=True):
-            slope, information = b + _TIMES * pull, a + _TIMES * gram
+        for gradient, gram, b, a in zip(gradients, grams, gathered, informed, strict=True):
+            slope, information = b + _TIMES * gradient, a + _TIMES * gram
             taken = np.einsum("nd,nde,ne->n", slope, np.linalg.pinv(information, rcond=_RANK, hermitian=True), slope)
             left = np.minimum(left, total + _TIMES * squares - taken)
         left[chosen] = -np.inf
         # of equally informative pushes, as at mirrored places: the first
-        best = first_least(-left, _ALIKE * max(float(left.max()), _TOLD))
-        told = float(left[best])
+        best = first_least(-left, _ALIKE * max(float(left.max()), _SEPARATED))
+        separation = float(left[best])
         chosen.append(best)
         total += _TIMES * float(squares[best])
-        pulled = [b + _TIMES * pull[best] for b, pull in zip(pulled, pulls, strict=True)]
+        gathered = [b + _TIMES * gradient[best] for b, gradient in zip(gathered, gradients, strict=True)]
         informed = [a + _TIMES * gram[best] for a, gram in zip(informed, grams, strict=True)]
-    if told < _TOLD:
+    if separation < _SEPARATED:
         return []
     pushes = [replace(candidates.entries[usable[i]], expected=candidates.expected(difference[i])) for i in chosen]
     return [push for push in pushes for _ in range(_TIMES)]

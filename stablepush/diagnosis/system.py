@@ -1,4 +1,4 @@
-"""The equations of a log, whitened: loads of support points and parameters of effects against measured wrenches and gaps.
+"""The equations of a log, whitened: loads of support points and parameters of effects against measured wrenches and clearances.
 
 ``y = G(θ) m + c(θ) + noise`` for the wrenches, ``clearance = Z θ + noise`` for the fingers: ``m`` are friction loads of support
 points with a Gaussian prior about the nominal ones (wide along their scale), ``θ`` the parameters of effects. The noise of a row
@@ -34,7 +34,7 @@ _FORCE, _POSITION, _ANGLE = 0.02, 2e-4, 3e-3
 _UNSTEADY = (0.25, 0.3)
 #: How far (in units of the position noise) a rotation centre may be from a support point that it is taken to be at.
 _PIVOT = 4.0
-#: A push is no measurement of the end if noise of its first pose moves the end so many times as far as noise of its last.
+#: A push does not measure its final pose if noise of its first pose moves that pose so many times as far as noise of its last.
 _AMPLIFIED = 10.0
 #: Motions over which pressures are compared.
 _MOTIONS = 150
@@ -71,7 +71,7 @@ class System(Equations):
         #: Friction of the fingers; 1 where it is not known.
         self.mu = rig.contact_friction if rig.contact_friction is not None else 1.0
         self.known_scale = bool(self.weight and rig.support_friction)
-        #: Weight (N) with which a slope of the table pulls at a slider whose friction is known; else 0.
+        #: Weight (N), which a slope of the table turns into a force, of a slider whose friction is known; else 0.
         self.moving_weight = self.weight if self.has_wrench or self.known_scale else 0.0
         shares = np.concatenate((support.weights, np.zeros(len(grid))))
         self.rho = slider.characteristic_length
@@ -88,7 +88,7 @@ class System(Equations):
                 total = float((one * measured).sum() / (one * one).sum())
             self._whiten(shares * total)
         self.nominal = shares * total
-        # rows of the gaps: finger by finger, where one touches
+        # rows of the clearances: finger by finger, where one touches
         self.clearance_rows = [(k, np.flatnonzero(np.isfinite(o.clearance[:, k]))) for k in range(2)]
         self.clearance_noise = float(np.hypot(self.noise.position * 1.05, (o.finger_radius or 0.0) * self.noise.angle))
         trial, self.rest = o.rest if self.has_wrench else (np.zeros(0, dtype=int), np.zeros((0, 2)))
@@ -131,9 +131,9 @@ class System(Equations):
         self._w = np.linalg.inv(np.linalg.cholesky(covariance))
 
     def predictable(self, pushes: list[Replay]) -> tuple[list[Replay], FloatArray]:
-        """Return the pushes whose ends the noise of the first pose hardly moves, and the noise (n, 3) of these ends, in m.
+        """Return the pushes whose final pose does not depend on noise of the first pose, and its noise (n, 3) in m.
 
-        Where a finger passes a corner by a hair, say, the end is anyone's guess.
+        For example, the final pose of a push whose finger just passes a corner cannot be predicted.
         """
         if not self.has_surface or not pushes:
             return [], np.zeros((0, 3))
@@ -146,20 +146,20 @@ class System(Equations):
         """Whitened rows (3n, ...) of arrays (n, 3, ...)."""
         return np.einsum("nij,nj...->ni...", self._w, wrenches).reshape(3 * len(wrenches), *wrenches.shape[2:])
 
-    def lack_of_touch(self, fitted: Fitted) -> float:
-        """Robust mean square of what a fit leaves of the gaps, over their noise; 0 where none are measured."""
+    def clearance_lack_of_fit(self, fitted: Fitted) -> float:
+        """Robust mean square of the residual clearances of a fit, over their noise; 0 where none are measured."""
         count = sum(len(rows) for _, rows in self.clearance_rows)
         behind = len(fitted.residual) - self.rest.size
         left = fitted.residual[behind - count : behind]
         return float(robust_variance(left**2)) if count else 0.0
 
     def clearance_change(self, id: str, value: FloatArray) -> FloatArray:
-        """What an effect does to the gaps (g,), in m."""
+        """Change (g,) of the clearances by an effect, in m."""
         half = 0.5 * value if id == "latency" else np.zeros_like(value)
         return np.asarray(self.clearance_columns(id, half) @ value) * self.clearance_noise
 
     def clearance_columns(self, id: str, value: FloatArray | None = None) -> FloatArray:
-        """Whitened columns (g, d) of the derivatives of the gaps by an effect's parameters, at a value (none if not given)."""
+        """Whitened columns (g, d) of the clearance derivatives by an effect's parameters, at a value (none if not given)."""
         o, parts = self.observations, []
         for k, rows in self.clearance_rows:
             normal = o.normal[rows, k]

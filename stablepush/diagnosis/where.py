@@ -1,4 +1,4 @@
-"""Where the gap lies: what the residuals of the nominal simulation follow, on trials that were not used to learn it."""
+"""Where the gap lies: residuals of the nominal simulation by covariate, on held-out trials."""
 
 from __future__ import annotations
 
@@ -18,22 +18,21 @@ from stablepush.geometry import rotate_vectors
 _PERMUTATIONS, _FALSE = 1999, 0.05
 #: Ridge on standardised features.
 _RIDGE = 3.0
-#: Components of where pushes end.
-ENDS = ("end x body", "end y body", "end turn")
+#: Components of final poses.
+FINAL_POSE = ("end x body", "end y body", "end turn")
 _FOLDS = 5
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Share of a component's residual variance (between trials, held out) that follows a covariate, and how probable that is by
-    chance."""
+    """Share of a component's residual variance (between trials, held out) that depends on a covariate, with its p-value."""
 
     channel: str
     component: str
     covariate: str
     share: float
     p_value: float
-    #: Robust variance that follows the covariate, in units of the noise's: what findings are sorted by.
+    #: Robust variance explained by the covariate, in units of the noise variance; findings are sorted by it.
     strength: float
 
 
@@ -62,13 +61,13 @@ Residuals = Mapping[tuple[str, str], tuple[np.ndarray, FloatArray]]
 
 
 def residuals(
-    system: System, wrenches: FloatArray | None, ends: FloatArray, ended: np.ndarray, floors: Mapping[str, float]
+    system: System, wrenches: FloatArray | None, ends: FloatArray, trials_of_errors: np.ndarray, floors: Mapping[str, float]
 ) -> Residuals:
     """Return the residuals of the nominal simulation in the frames that separate causes, in units of the noise.
 
     ``wrenches`` (n, 3) that it predicts, in B, if the log has forces: their size as a whole, the level of friction, is fitted;
-    ``ends`` (m, 3) of pushes, ``(x, y, rho θ)`` in B, and their trials ``ended``; the clearances between fingers and outline are
-    the observations'. ``floors``: mean squares of the noise by channel.
+    ``ends`` (m, 3): pose errors ``(x, y, rho θ)`` in B, of the trials ``trials_of_errors``. Clearances are the
+    observations'. ``floors``: mean squares of the noise by channel.
     """
     o = system.observations
     found: dict[tuple[str, str], tuple[np.ndarray, FloatArray]] = {}
@@ -85,11 +84,11 @@ def residuals(
         found |= {("wrench", name): (o.trial, values) for name, values in parts.items()}
     trial = np.concatenate([o.trial[rows] for _, rows in system.clearance_rows]).astype(int)
     if len(trial):
-        gaps = np.concatenate([o.clearance[rows, k] for k, rows in system.clearance_rows])
-        found["pose", "clearance of fingers"] = trial, gaps / system.clearance_noise
+        clearances = np.concatenate([o.clearance[rows, k] for k, rows in system.clearance_rows])
+        found["pose", "clearance of fingers"] = trial, clearances / system.clearance_noise
     good = np.isfinite(ends).all(axis=1)
-    for k, name in enumerate(ENDS):
-        found["pose", name] = ended[good], ends[good, k] / np.sqrt(floors.get("pose", 1.0) / 3)
+    for k, name in enumerate(FINAL_POSE):
+        found["pose", name] = trials_of_errors[good], ends[good, k] / np.sqrt(floors.get("pose", 1.0) / 3)
     return found
 
 
@@ -111,14 +110,14 @@ def localise(system: System, residuals: Residuals, seed: int = 0) -> list[Findin
     for rank, finding in enumerate(found, start=1):
         if finding.p_value <= _FALSE * rank / len(found):
             kept = rank
-    shown = sorted((f for f in found[:kept] if f.share > 0), key=lambda f: f.component in ENDS)
+    shown = sorted((f for f in found[:kept] if f.share > 0), key=lambda f: f.component in FINAL_POSE)
     # findings as strong as each other, of covariates that are one on this log, stay in the order in which they were looked for
     last = 1 + max((f.strength for f in shown), default=0.0)
-    return [shown[k] for k in order_with_ties([last * (f.component in ENDS) - f.strength for f in shown], 1e-9 * last)]
+    return [shown[k] for k in order_with_ties([last * (f.component in FINAL_POSE) - f.strength for f in shown], 1e-9 * last)]
 
 
 def _findings(rows: np.ndarray, features: Mapping[str, FloatArray], residuals: Residuals, seed: int) -> list[Finding]:
-    """What residuals of the same trials follow; ``features`` (n, q) are of rows of trials ``rows`` (n,)."""
+    """Findings for residuals of the same trials; ``features`` (n, q) are of rows of trials ``rows`` (n,)."""
     trials = np.intersect1d(np.concatenate([trial for trial, _ in residuals.values()]), rows)
     if len(trials) < 2 * _FOLDS:
         return []
@@ -133,7 +132,7 @@ def _findings(rows: np.ndarray, features: Mapping[str, FloatArray], residuals: R
         return np.stack([np.bincount(at, column, len(trials)) / counts for column in values[mine].T], axis=-1)
 
     targets = np.concatenate([means(trial, values[:, None]) for trial, values in residuals.values()], axis=1)
-    # the usual size: a few pushes that go their own way do not make a finding strong
+    # the robust variance: a few outlying pushes do not make a finding strong
     sizes = robust_variance((targets - np.median(targets, axis=0)) ** 2, axis=0)
     targets = targets - targets.mean(axis=0)
     found: list[Finding] = []

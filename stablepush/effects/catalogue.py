@@ -118,7 +118,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "tilt",
             "the table is not level",
             "support",
-            "headings that vary, forces, and rows at rest to tell it from a bias of the sensor",
+            "headings that vary, forces, and rows at rest to separate it from a sensor bias",
             (Parameter("slope", "rad in W", 0.0, -0.05, 0.05, 2, least=-0.5, most=0.5),),
         ),
         EffectKind(

@@ -8,7 +8,7 @@ import shapely
 
 from stablepush.engines.executor import FOOT, GRAVITY, HALF, HEAVY, HEIGHT, IN_FEET, Executor, Fingers, SliderOnFeet
 
-#: Step (s), and after how many of them the motion is set anew.
+#: Step (s), and after how many steps the commanded motion is updated.
 _STEP, _EVERY = 5e-4, 4
 #: Contacts of feet: with a time constant of 1 ms instead of 10 the forces of the fingers chatter, and the slider creeps along
 #: them by half a millimetre a second.

@@ -88,14 +88,15 @@ class NormWeights:
 class Part:
     """Some of the pairs, reduced: their moments, the shrinkage, and pseudo pairs from the pressures that they leave likely.
 
-    ``stiffness`` (m, m), ``pull`` (m,): the penalty ``|a - a0|²`` is ``aᵀ stiffness a - 2 pull·a + pull_constant``.
+    ``stiffness`` (m, m), ``linear_term`` (m,): the penalty ``|a - a0|²`` is
+    ``aᵀ stiffness a - 2 linear_term·a + penalty_constant``.
     ``pair_weights`` (n,): robust weights of the pairs. ``rows``: the pairs themselves, for a loss that moments do not determine.
     """
 
     pairs: Moments
     stiffness: FloatArray
-    pull: FloatArray
-    pull_constant: float
+    linear_term: FloatArray
+    penalty_constant: float
     pair_weights: FloatArray
     pseudo: Moments | None = None
     pressures: PressureEnsemble | None = None
@@ -125,12 +126,12 @@ class SquaredLoss:
 
     def prepare(self, pairs: Pairs) -> Part:
         """Reduce pairs; draws pressures, fits the ellipsoid and finds robust weights where those are used."""
-        stiffness, pull, constant = self._penalty(pairs)
+        stiffness, linear_term, constant = self._penalty(pairs)
         moments = Moments.from_pairs(pairs.loads, pairs.directions, self.degree)
         weights = np.ones(len(pairs))
         if self._robust and len(pairs):
             for _ in range(2):
-                part = Part(moments, stiffness, pull, constant, weights)
+                part = Part(moments, stiffness, linear_term, constant, weights)
                 fitted = self.solve(part, SquaredWeights(MIDDLE, MIDDLE)).coefficients
                 weights = robust_weights(fitted, pairs, self.degree)
                 moments = Moments.from_pairs(pairs.loads, pairs.directions, self.degree, weights)
@@ -139,7 +140,7 @@ class SquaredLoss:
             pressures = self._sampler.posterior(pairs.loads, pairs.directions, pairs.rho)
             # the ideal surface is linear in the pressure: the mean of the loads is that of the mean pressure
             pseudo = Moments.from_pairs(pressures.wrenches(pseudo_twists(), pairs.rho).mean(axis=0), pseudo_twists(), self.degree)
-        return Part(moments, stiffness, pull, constant, weights, pseudo, pressures)
+        return Part(moments, stiffness, linear_term, constant, weights, pseudo, pressures)
 
     def solve(self, part: Part, weights: SquaredWeights) -> Estimate:
         """Return the coefficients under ``weights``."""
@@ -149,7 +150,7 @@ class SquaredLoss:
     def normal_equations(self, part: Part, weights: SquaredWeights) -> tuple[FloatArray, FloatArray]:
         """Return ``P`` (m, m) and ``q`` (m,) of the objective ``aᵀ P a - 2 q·a``."""
         quadratic = part.stiffness + weights.eta1 * part.pairs.slip + weights.eta2 * part.pairs.level
-        linear = part.pull + weights.eta2 * part.pairs.target
+        linear = part.linear_term + weights.eta2 * part.pairs.target
         if weights.prior and part.pseudo is not None:
             share = PRIOR_SCALE * weights.prior / part.pseudo.count
             quadratic = quadratic + share * (part.pseudo.slip + part.pseudo.level)
@@ -168,12 +169,12 @@ class SquaredLoss:
         count = len(bombieri_norms(self.degree))
         if self._shrink == "zero":
             return np.eye(count), np.zeros(count), 0.0
-        stiffness, pull, constant = sphere_penalty(self.degree)
+        stiffness, linear_term, constant = sphere_penalty(self.degree)
         if self.degree == 2:
-            return stiffness, pull, constant
+            return stiffness, linear_term, constant
         # the coefficients in coordinates in which the ellipsoid is the unit sphere are T a
         whitened = substitution(_ellipsoid_axes(pairs), self.degree)
-        return whitened.T @ stiffness @ whitened, whitened.T @ pull, constant
+        return whitened.T @ stiffness @ whitened, whitened.T @ linear_term, constant
 
 
 class NormLoss:

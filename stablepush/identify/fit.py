@@ -202,7 +202,7 @@ def fit_limit_surface(
             "wrenches, twists", f"expected at least one pair; without any, only {' and '.join(WITH_PRIOR)} have a prior"
         )
     if slider is not None and not takes_prior:
-        warnings.append("the slider gives the characteristic length and no more: this fit has no prior")
+        warnings.append("this fit has no prior: of the slider it uses only the characteristic length")
     if model == "gp":
         return _fit_gp(pairs, train, started, warnings)
     degree, convex = POLYNOMIALS[model]
@@ -252,18 +252,18 @@ def fit_limit_surface(
         factor = _level(best.coefficients, pairs.take(train), whole.pair_weights, degree)
         ensemble = [factor * a for a in ensemble]
         best = replace(best, coefficients=factor * best.coefficients, gram=None if best.gram is None else factor * best.gram)
-    warnings += _remarks_on_prior(sampler, weights, whole)
+    warnings += _warnings_about_prior(sampler, weights, whole)
     if taken_over:
-        warnings.append(f"{taken_over} of {done} solves were taken over by the second solver")
+        warnings.append(f"the first solver failed in {taken_over} of {done} solves; the second one solved them")
     if loss == "norm" and np.median(monomials(pairs.loads, degree) @ best.coefficients) < COLLAPSED:
         warnings.append(
-            "the penalty outweighs the pairs: what is left of the surface has a shape and no size (weak loads, in N?)"
+            "the penalty outweighs the pairs: the surface has a shape, but its size has no meaning (are the loads in N?)"
         )
     pair_weights = np.zeros(len(pairs))
     pair_weights[train] = whole.pair_weights
     outliers = int((whole.pair_weights < OUTLIER_WEIGHT).sum())
     if outliers and not weights.prior:
-        warnings.append(f"{outliers} of {len(train)} pairs are outliers and count for little")
+        warnings.append(f"{outliers} of {len(train)} pairs are outliers and have little weight")
 
     certificate = None if best.gram is None else certify(best.coefficients, best.gram, degree)
     surface = surface_from_scaled(
@@ -316,8 +316,8 @@ def _held_out_errors(
     return errors[:, np.concatenate(tests)]
 
 
-def _remarks_on_prior(sampler: PressureSampler | None, weights: Any, whole: Part) -> list[str]:
-    """What became of the slider's prior."""
+def _warnings_about_prior(sampler: PressureSampler | None, weights: Any, whole: Part) -> list[str]:
+    """Warnings about the slider's prior."""
     warnings = []
     if sampler is not None and weights.prior == 0:
         warnings.append(
@@ -325,9 +325,7 @@ def _remarks_on_prior(sampler: PressureSampler | None, weights: Any, whole: Part
             "the fit follows the pokes (is the outline, the centre of mass or the sign of a moment wrong?)"
         )
     if weights.prior and whole.pressures is not None and whole.pressures.acceptance < LEAST_ACCEPTANCE:
-        warnings.append(
-            f"only {whole.pressures.acceptance:.1%} of the moves of the likely pressures were taken: their spread may be off"
-        )
+        warnings.append(f"only {whole.pressures.acceptance:.1%} of the Metropolis steps were accepted: the spread may be wrong")
     return warnings
 
 
@@ -383,7 +381,7 @@ def _choose(errors: FloatArray, with_prior: int) -> int:
 
     Of the first ``with_prior`` candidates, which use a prior and lean on it less and less, the first that is not worse than the
     best of them by more than the standard error of the difference (Breiman et al. 1984). It gives way to a candidate without
-    a prior only if that is better at the 5 % level (paired t test): a prior is given up for evidence, not for luck.
+    a prior only if that is better at the 5 % level (paired t test): the prior is dropped only on significant evidence.
     """
     mean = errors.mean(axis=1)
     count = errors.shape[1]

@@ -56,16 +56,16 @@ class OnlineIdentifier:
     ``"moments"``: every update solves ``minimise |a - a0|² + Σ_i λ^(n-i) (eta1 α_i + eta2 β_i)`` exactly: the sums are two
     Gram matrices and a vector that fade by the forgetting factor ``λ``, so that an update costs the same after a million
     pokes. ``a0`` is the unit sphere, in Bombieri's norm. ``"projected-gradient"``: one step along the gradient of the newest
-    poke's loss, then the nearest SOS-convex polynomial (the direction that Zhou et al. 2016, section III-C, point to); without
-    memory of its own, its step decides what it forgets.
+    poke's loss, then the nearest SOS-convex polynomial (the direction that Zhou et al. 2016, section III-C, point to); its step
+    size sets how fast older pokes are forgotten.
 
     Parameters
     ----------
     characteristic_length : float
         ``rho`` in m.
     forgetting_factor : float
-        ``λ`` in (0, 1]: a poke counts for ``λ`` of what it did before the next one; memory is ``1/(1 - λ)`` pokes. 1 forgets
-        nothing.
+        ``λ`` in (0, 1]: each new poke multiplies the weight of the older ones by ``λ``; the effective sample size tends to
+        ``1/(1 - λ)`` pokes. 1 keeps all pokes.
     degree : int
         Even degree, 2 or more.
     eta1, eta2 : float
@@ -130,9 +130,9 @@ class OnlineIdentifier:
             moments = faded.rescaled(float(np.exp(self._log_scale - log_scale)), self._degree) + newest
         scale = float(np.exp(log_scale))
         if self._method == "moments":
-            stiffness, pull, _ = sphere_penalty(self._degree)
+            stiffness, linear_term, _ = sphere_penalty(self._degree)
             quadratic = stiffness + self._eta1 * moments.slip + self._eta2 * moments.level
-            solution = squared_program(self._degree).solve(quadratic, pull + self._eta2 * moments.target)
+            solution = squared_program(self._degree).solve(quadratic, linear_term + self._eta2 * moments.target)
         else:
             # loss aᵀPa - 2q·a of the newest poke, whose gradient is 2(Pa - q): steps of 1/λ_max(P) along Pa - q reach its minimum
             before = (

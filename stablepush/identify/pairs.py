@@ -95,7 +95,7 @@ class Pairs:
         return np.flatnonzero((sizes > 1 / LARGEST_RATIO) & (sizes < LARGEST_RATIO))
 
     def warnings(self, needed: int, slider: Slider | None) -> list[str]:
-        """Say what the pairs leave open, for a model that takes ``needed`` pairs of general position to settle."""
+        """Return warnings about what the pairs do not determine, for a model that needs ``needed`` pairs in general position."""
         warnings: list[str] = []
         if not len(self):
             return warnings
@@ -112,16 +112,15 @@ class Pairs:
             warnings.append(f"{len(self) - distinct} of {len(self)} pairs repeat the direction of another load")
         if distinct < needed:
             warnings.append(
-                f"{distinct} different loads leave the surface open, which takes {needed}: "
-                "what they leave open the penalty settles"
+                f"{distinct} different loads do not determine the surface, {needed} are needed: the penalty determines the rest"
             )
         elif (spread := np.linalg.svd(directions, compute_uv=False))[-1] < LEAST_SPREAD * spread[0]:
             warnings.append(
-                "the loads lie nearly in one plane: off it the penalty settles the surface (poke at other places and angles)"
+                "the loads lie nearly in one plane: outside it the penalty determines the surface (poke at other angles)"
             )
         opposed = int(((self.loads * self.directions).sum(axis=1) < 0).sum())
         if opposed:
-            warnings.append(f"{opposed} of {len(self)} pairs have F·V < 0, which no friction has: measurement errors, or a sign")
+            warnings.append(f"{opposed} of {len(self)} pairs have F·V < 0, impossible for friction: noise, or a wrong sign")
         return warnings
 
 

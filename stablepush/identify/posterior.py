@@ -44,7 +44,7 @@ def draw_coefficients(
     quadratic, linear = estimator.normal_equations(part, weights)
     # value of the objective with its constants: three residuals a pair and the penalty, which counts as much as the
     # coefficients take away
-    residual = float(best @ quadratic @ best - 2 * linear @ best + weights.eta2 * part.pairs.count + part.pull_constant)
+    residual = float(best @ quadratic @ best - 2 * linear @ best + weights.eta2 * part.pairs.count + part.penalty_constant)
     scatter = MISFIT * np.sqrt(max(residual, 0.0) / (3 * part.pairs.count))
     root = np.linalg.cholesky(quadratic)
     noise = np.random.default_rng(seed).standard_normal((MEMBERS, len(linear)))

@@ -32,7 +32,7 @@ from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
 #: Names of the modes of a contact, by number. Left: the slider slips to the left of the inward normal, seen from the pusher.
 MODES = ("open", "sticking", "left", "right")
-#: Radius (m) of a finger that is said to have none: it rounds corners.
+#: Radius (m) used for a finger of radius 0: it rounds corners.
 _POINT = 1e-6
 #: How deep (m) a finger without a radius may be in the slider: contacts are kept that deep.
 _POINT_DEPTH = 2e-4
@@ -159,7 +159,7 @@ class PushAnswer:
     solutions: int
 
 
-@renamed_fields(of_slider="body_anisotropy", of_table="world_anisotropy", pull="external_force")
+@renamed_fields(of_slider="body_anisotropy", of_table="world_anisotropy", pull="external_force", changed="perturbed")
 @dataclass(frozen=True, slots=True, eq=False)
 class TableFriction:
     """Friction between a slider and a table, ready for simulation.
@@ -170,9 +170,10 @@ class TableFriction:
         An ideal surface acts at its support points, so that effects of place, direction and speed mean what they do on a table. A
         polynomial one acts as a whole.
     points : IdealLimitSurface, optional
-        Support points under a polynomial surface: what place, direction and speed change of their friction comes on top.
-    changed : IdealLimitSurface, optional
-        Those points with a pressure that differs.
+        Support points that stand for a polynomial surface. What place, direction and speed change of their friction is added to
+        the friction of the surface.
+    perturbed : IdealLimitSurface, optional
+        The support points with a perturbed pressure; ``points`` if not given.
     load : float
         ``mu*N`` in N, for surfaces with forces in units of ``mu*N``.
     body_anisotropy, world_anisotropy : array-like, shape (2, 2)
@@ -190,7 +191,7 @@ class TableFriction:
     surface: LimitSurface
     load: float = 1.0
     points: IdealLimitSurface | None = None
-    changed: IdealLimitSurface | None = None
+    perturbed: IdealLimitSurface | None = None
     body_anisotropy: ArrayLike = ((1.0, 0.0), (0.0, 1.0))
     world_anisotropy: ArrayLike = ((1.0, 0.0), (0.0, 1.0))
     gradient: ArrayLike = (0.0, 0.0)
@@ -204,8 +205,12 @@ class TableFriction:
         from stablepush.mechanics.kernels.friction import Table
 
         surface = self.surface
-        slider, table = (check_array(a, "anisotropy", (2, 2)) for a in (self.body_anisotropy, self.world_anisotropy))
-        gradient, external_force = check_array(self.gradient, "gradient", (2,)), check_array(self.external_force, "pull", (2,))
+        slider = check_array(self.body_anisotropy, "body_anisotropy", (2, 2))
+        table = check_array(self.world_anisotropy, "world_anisotropy", (2, 2))
+        gradient, external_force = (
+            check_array(self.gradient, "gradient", (2,)),
+            check_array(self.external_force, "external_force", (2,)),
+        )
         plain = bool((slider == np.eye(2)).all() and (table == np.eye(2)).all())
         none = np.zeros((0, 2)), np.zeros(0)
         degree, hessian, axes, factor = 0, np.zeros((6, 1)), np.ones(3), 1.0
@@ -219,7 +224,7 @@ class TableFriction:
             factor *= self.load if surface.force_unit == "mu*N" else 1.0
             if self.points is not None:
                 nominal = self.points.point_loads
-                points = nominal if self.changed is None else self.changed.point_loads
+                points = nominal if self.perturbed is None else self.perturbed.point_loads
             elif not plain or gradient.any() or self.slope:
                 raise InputError("points", "expected support points: place, direction and speed act on points under the slider")
         return Table(
@@ -264,7 +269,7 @@ def push_twist(
         Of B in W; it counts where friction depends on place or direction.
     """
     from stablepush.mechanics.kernels.contact_law import respond
-    from stablepush.mechanics.kernels.contacts import MOST_CONTACTS, new_answer, new_touch, new_work
+    from stablepush.mechanics.kernels.contacts import MOST_CONTACTS, new_solution, new_touch, new_work
     from stablepush.mechanics.kernels.friction import Motion
 
     table = _friction(friction).compiled()
@@ -273,14 +278,14 @@ def push_twist(
     count = len(contact.points)
     if count > MOST_CONTACTS:
         raise InputError("contact.points", f"expected at most {MOST_CONTACTS}", count)
-    touch, answer, work = new_touch(), new_answer(), new_work()
+    touch, solution, work = new_touch(), new_solution(), new_work()
     touch.number[0] = count
     touch.point[:count], touch.normal[:count] = contact.points, contact.normals
     touch.velocity[:count] = point_velocity(pushed, contact.points)
     at = Motion(x, y, math.cos(theta), math.sin(theta), 0.0, 0.0, 0.0, 1.0)
-    respond(table, at, touch, np.array(pushed), contact.mu, table.rho, 1.0, True, answer, work)
-    modes = [MODES[m] for m in answer.mode[:count]]
-    return PushAnswer(answer.twist, answer.load, answer.force[:count].copy(), modes, int(answer.found[0]))
+    respond(table, at, touch, np.array(pushed), contact.mu, table.rho, 1.0, True, solution, work)
+    modes = [MODES[m] for m in solution.mode[:count]]
+    return PushAnswer(solution.twist, solution.load, solution.force[:count].copy(), modes, int(solution.found[0]))
 
 
 def simulate_push(
@@ -313,7 +318,7 @@ def simulate_push(
     motion : sequence of (twist, duration)
         Twists (3,) of the pusher in its own frame (m/s, rad/s), held for durations in s, one after the other.
     step : float
-        Way (m) of the fastest finger in a step, at most.
+        Longest travel (m) of the fastest finger in a step.
     scale : float
         Friction over its nominal value.
     """
@@ -353,7 +358,7 @@ def rollout(
 ) -> PushTrace:
     """Simulate a push of which all is ready: :meth:`TableFriction.compiled`, :func:`motion_profile`."""
     from stablepush.mechanics.kernels import rollout as _pushing
-    from stablepush.mechanics.kernels.contacts import new_answer, new_touch, new_work
+    from stablepush.mechanics.kernels.contacts import new_solution, new_touch, new_work
 
     _require_outside(slider, pusher, start, place)
     total = int(profile.counts.sum())
@@ -367,7 +372,7 @@ def rollout(
         table, np.array(slider.vertices), body, mu, np.array(start), np.array(place),
         profile.twists, profile.durations, profile.counts, float(table.rho),
         poses, pushers, moves, loads, points, modes, forces, times, jams,
-        new_touch(), new_touch(), new_answer(), new_work(),
+        new_touch(), new_touch(), new_solution(), new_work(),
     )  # fmt: skip
     return PushTrace(np.concatenate(((0.0,), times)), poses, pushers, moves, loads, points, modes, forces, jams)
 
@@ -393,7 +398,7 @@ def final_poses(
     pusher's frame. The rest is as for :func:`simulate_push`. A row is NaN where the centre of a finger would lie in the slider.
     """
     from stablepush.mechanics.kernels import rollout as _pushing
-    from stablepush.mechanics.kernels.contacts import new_answer, new_touch, new_work
+    from stablepush.mechanics.kernels.contacts import new_solution, new_touch, new_work
 
     profile = motion_profile(pusher, motion, step)
     total = int(profile.counts.sum())
@@ -406,7 +411,7 @@ def final_poses(
     moves, loads = np.zeros((total, 3)), np.zeros((total, 3))
     points, forces = np.zeros((total, 2, 2)), np.zeros((total, 2, 2))
     modes, times, jams = np.zeros((total, 2), dtype=np.int64), np.zeros(total), np.zeros(total, dtype=np.bool_)
-    room = new_touch(), new_touch(), new_answer(), new_work()
+    room = new_touch(), new_touch(), new_solution(), new_work()
     for row in np.flatnonzero(clear):
         table = tables[int(which[row])]
         body = _pushing.Pusher(moved[row], max(pusher.radius, _POINT), 0.0)

@@ -5,7 +5,7 @@ the origin of B,
 
     m (dv/dt + omega J v) = -f,        I domega/dt = -tau.
 
-In coordinates ``U = (√m vx, √m vy, √I omega)`` the kinetic energy is ``|U|²/2`` and friction pulls along ``-G``,
+In coordinates ``U = (√m vx, √m vy, √I omega)`` the kinetic energy is ``|U|²/2`` and friction acts along ``-G``,
 ``G = (fx/√m, fy/√m, tau/√I)``, which depends on the direction ``u = U/|U|`` alone. The speed ``r = |U|`` vanishes in finite
 time while ``u`` converges, so the clock of the integration is ``s`` with ``dt = r ds``:
 
@@ -145,7 +145,7 @@ def simulate_free_sliding(
         return Slide(np.zeros(1), start[None], still, still, np.zeros(1), np.zeros(3), np.full(2, np.nan), True)
     turning = body.turning if variant == "body" else lambda _: np.zeros(3)
     # in units of the first speed and of the time that the largest deceleration takes to stop it
-    strongest = float(np.linalg.norm(body.external_force(np.concatenate((np.eye(3), scaled[None] / speed))), axis=1).max())
+    strongest = float(np.linalg.norm(body.friction(np.concatenate((np.eye(3), scaled[None] / speed))), axis=1).max())
     unit_time = speed / strongest if strongest > 0 else limit
     if not 0 < unit_time < np.inf:
         raise InputError("slider", "expected a mass and a friction that stop it in a time that numbers hold", f"{unit_time:g} s")
@@ -171,13 +171,13 @@ def simulate_free_sliding(
         u, shrink = state[:3], np.exp(state[3])
         norm = np.linalg.norm(u)
         u = u / norm
-        external_force = body.external_force(u[None])[0] * (unit_time / speed)
-        along = external_force @ u
+        friction = body.friction(u[None])[0] * (unit_time / speed)
+        along = friction @ u
         v = u / body.roots * (speed * unit_time)
         cos, sin = np.cos(state[7]), np.sin(state[7])
         bend = turning(u) * (speed * unit_time * shrink**2)
         # the length of u is kept at one
-        direction = along * u - external_force - bend + (1 - norm) * u
+        direction = along * u - friction - bend + (1 - norm) * u
         place = shrink**2 * np.array((cos * v[0] - sin * v[1], sin * v[0] + cos * v[1], v[2]))
         return np.concatenate((direction, (-along, shrink), place))
 
@@ -193,14 +193,14 @@ def simulate_free_sliding(
         rate, (0.0, 1e4), state, method="LSODA", rtol=_RELATIVE, atol=1e-12, events=(over, cut), dense_output=True
     )
     if solution.status != 1:
-        why = solution.message if solution.status < 0 else "the body does not come to rest in the time that it should take"
+        why = solution.message if solution.status < 0 else "the body does not come to rest within the integration limit"
         raise ConvergenceError(f"free sliding: {why}")
     at_rest = len(solution.t_events[0]) > 0
     clock = _even(solution.sol, float(solution.t[-1]), samples)
     states = solution.sol(clock).T
     directions = unit(states[:, :3])
     shrink = np.exp(states[:, 3])
-    pulls = body.external_force(directions)
+    friction = body.friction(directions)
     t = unit_time * states[:, 4]
     t[0] = 0.0
     twists = (speed * shrink)[:, None] * directions / body.roots
@@ -208,14 +208,14 @@ def simulate_free_sliding(
     energy = 0.5 * (speed * shrink) ** 2
     if at_rest:
         # the rest of the path at the last deceleration
-        t[-1] += speed * shrink[-1] / float(pulls[-1] @ directions[-1])
+        t[-1] += speed * shrink[-1] / float(friction[-1] @ directions[-1])
         twists[-1], energy[-1] = 0.0, 0.0
     last = directions[-1] / body.roots
     rho = surface.characteristic_length
     direction = unit(last * (1, 1, rho)) / (1, 1, rho)
     # what turns less translates: the integration knows no better
     cor = cor_from_twist(direction)[0] if abs(rho * direction[2]) > _TURNS else np.full(2, np.nan)
-    return Slide(t, states[:, 5:].copy(), twists, pulls * body.roots, energy, direction, cor, at_rest)
+    return Slide(t, states[:, 5:].copy(), twists, friction * body.roots, energy, direction, cor, at_rest)
 
 
 def _even(state: Callable[[FloatArray], FloatArray], end: float, samples: int) -> FloatArray:

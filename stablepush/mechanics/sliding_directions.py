@@ -91,7 +91,7 @@ def eigen_directions(surface: LimitSurface, slider: Slider, *, mu: float | None 
     # mirrored directions have the same power: the stable first, then by their angle
     found.sort(key=lambda one: (one[1], *np.round(np.arctan2(one[0][[1, 2]], one[0][[0, 0]]), 6)))
     directions = np.array([u for u, _ in found]).reshape(-1, 3)
-    power = (body.external_force(directions) * directions).sum(axis=1) if len(directions) else np.zeros(0)
+    power = (body.friction(directions) * directions).sum(axis=1) if len(directions) else np.zeros(0)
     order = order_with_ties(power, 1e-9 * float(np.abs(power).max(initial=0.0)))
     rho = surface.characteristic_length
     twists = unit(directions / body.roots * (1, 1, rho)) / (1, 1, rho)
@@ -133,8 +133,8 @@ def _sphere(count: int) -> FloatArray:
 
 def _drift(body: Body, directions: FloatArray) -> FloatArray:
     """Rates (n, 3) at which directions change: down the slope of the power on the sphere."""
-    external_force = body.external_force(directions)
-    return (external_force * directions).sum(axis=1, keepdims=True) * directions - external_force
+    friction = body.friction(directions)
+    return (friction * directions).sum(axis=1, keepdims=True) * directions - friction
 
 
 def _tangents(u: FloatArray) -> FloatArray:
@@ -156,7 +156,7 @@ def _slopes(body: Body, u: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _critical(body: Body, start: FloatArray) -> FloatArray | None:
     """Newton from a direction to a critical point of the power nearby, or None."""
     u = start
-    scale = float(np.linalg.norm(body.external_force(u[None])))
+    scale = float(np.linalg.norm(body.friction(u[None])))
     for _ in range(50):
         slope, bend = _slopes(body, u)
         if np.linalg.norm(slope) < 1e-10 * scale:
@@ -185,7 +185,7 @@ def _belt(height: float) -> FloatArray:
 
 def _translations(body: Body) -> tuple[bool, FloatArray]:
     """Whether friction keeps all translations, and the intervals of angles (n, 2) of those that attract."""
-    if np.abs(_drift(body, _belt(0.0))).max() > 1e-9 * np.abs(body.external_force(_belt(0.0))).max():
+    if np.abs(_drift(body, _belt(0.0))).max() > 1e-9 * np.abs(body.friction(_belt(0.0))).max():
         return False, np.zeros((0, 2))
     height = _BELT / 2
     # they attract where both neighbours drift back
@@ -225,8 +225,8 @@ def _pivots(body: Body) -> list[FloatArray]:
             others: BoolArray = np.linalg.norm(points - points[k], axis=1) > 1e-12
             held = float(loads[~others].sum())
             metric = np.array(((1.0, 0.0, -points[k, 1]), (0.0, 1.0, points[k, 0]))) / body.roots
-            external_force = _drift(body, u[None])[0]
-            force, *_ = np.linalg.lstsq(_tangents(u) @ metric.T, _tangents(u) @ external_force, rcond=None)
+            drift = _drift(body, u[None])[0]
+            force, *_ = np.linalg.lstsq(_tangents(u) @ metric.T, _tangents(u) @ drift, rcond=None)
             if np.linalg.norm(force) < held:
                 result.append(u)
     return result

@@ -67,7 +67,7 @@ def _check_probabilities(problem: PlanningProblem, result: PlanResult) -> list[s
     found = []
     for (name, value), (low, high) in zip(stated.items(), own.intervals(_CERTAINTY), strict=True):
         if value is not None and not low - _STATED <= value <= high + _STATED:
-            found.append(f"{name}: says {value:.4g}, scenarios of the check give {low:.4g} to {high:.4g}")
+            found.append(f"{name}: states {value:.4g}, scenarios of the check give {low:.4g} to {high:.4g}")
     return found
 
 
@@ -82,7 +82,7 @@ def _check_sums(problem: PlanningProblem, result: PlanResult) -> list[str]:
     }
     for name, (stated, summed) in sums.items():
         if abs(stated - summed) > TOLERANCE:
-            found.append(f"{name}: says {stated:.9g}, the segments give {summed:.9g}")
+            found.append(f"{name}: states {stated:.9g}, the segments give {summed:.9g}")
     if result.lower_bound is not None and result.lower_bound > result.duration + TOLERANCE:
         found.append(f"lower_bound: {result.lower_bound:.9g} s is above the duration {result.duration:.9g} s")
     if result.planning_time < 0:
@@ -132,7 +132,7 @@ def _check_push(problem: PlanningProblem, push: Push, place: str) -> list[str]:
         found.append(f"{place}: a point of the outline moves at {speed:.6g} m/s, the limit is {problem.speed:g}")
     margin = float(StabilityOracle(problem.surface, problem.contacts[push.contact]).margin(push.twist))
     if abs(margin - push.margin) > TOLERANCE:
-        found.append(f"{place}: says a margin of {push.margin:.9g} rad, the oracle gives {margin:.9g}")
+        found.append(f"{place}: states a margin of {push.margin:.9g} rad, the oracle gives {margin:.9g}")
     least = max(0.0, problem.min_margin)
     if margin < least - TOLERANCE:
         found.append(f"{place}: margin {margin:.6g} rad is below {least:g}")
@@ -176,8 +176,8 @@ def _check_transfer(problem: PlanningProblem, transfer: Transfer, pose: FloatArr
         ]
     path = transfer.pusher_path
     if not len(path):
-        takes_room = bool(problem.pusher_outlines(problem.contacts[transfer.source]))
-        return [*found, f"{place}: expected a path for the pusher"] if takes_room else found
+        has_outline = bool(problem.pusher_outlines(problem.contacts[transfer.source]))
+        return [*found, f"{place}: expected a path for the pusher"] if has_outline else found
     for name, contact, end in (("first", transfer.source, path[0]), ("last", transfer.target, path[-1])):
         error = _pose_difference(end, compose(pose, problem.contacts[contact].frame))
         if error > TOLERANCE:
@@ -268,7 +268,7 @@ def _pose_difference(a: FloatArray, b: FloatArray) -> float:
 
 
 def _shrunk(outline: FloatArray) -> list[FloatArray]:
-    """Rings of an outline moved inwards by the tolerance, so that what only touches does not overlap."""
+    """Polygons of an outline, moved inwards by the tolerance so that bodies that only touch do not overlap."""
     inner = shapely.buffer(shapely.Polygon(outline), -TOLERANCE, join_style="mitre")
     return [
         shapely.get_coordinates(shapely.get_exterior_ring(part))[:-1]

@@ -171,7 +171,7 @@ def _margin(problem: PlanningProblem) -> str:
 
 
 def _turn(problem: PlanningProblem) -> str:
-    """Whether the bounds leave the only contact no room to turn the slider to the goal's heading.
+    """Return why the bounds keep the only contact from turning the slider to the heading of the goal; empty if they do not.
 
     While the slider turns by ``d``, the origin of B travels at least ``d`` times the radius ``r`` of the tightest stable turn, in
     body directions that lie within ``f`` of a middle one: ahead by at least ``r (sin(f + d) - sin(f))``.
@@ -230,7 +230,7 @@ def _first_push(problem: PlanningProblem, bodies: list[_Body]) -> str:
     ends = compose(problem.start, exp(twists * (step / problem.push_speed(twists))[:, None]))
     for contact, body in zip(problem.contacts, bodies, strict=True):
         if not body.collides(problem.start[None], -2 * step).any():
-            # room all round
+            # free all round
             return ""
         try:
             held = StabilityOracle(problem.surface, contact).is_stable(twists)

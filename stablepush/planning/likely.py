@@ -17,11 +17,11 @@ from stablepush.stability import StableRegion
 
 #: Fresh scenarios on which a level counts as met.
 _TESTED = 1000
-#: Scenarios that a choice always leaves too many: about as many bound a plan's motions, and its share is optimistic by them.
+#: Scenarios fewer than the level allows that a choice leaves out: about as many bound a plan's motions and bias its share.
 _BOUNDING = 4
-#: Scenarios of which all are to hold, once it is not enough that the first do.
+#: Numbers of scenarios that must all hold, tried when those of the first choice are not enough.
 _MORE = (600, 900)
-#: Shares of scenarios that are tried where there is no plan at the level, from the surest to the least.
+#: Shares of scenarios that are tried where there is no plan at the level, in falling order.
 _LESS = (0.9, 0.75, 0.5, 0.25)
 #: Time limits (s) below which the quickest plan is made first.
 _HURRIED = 5.0
@@ -42,10 +42,10 @@ class _Candidate:
 def likely_plan(
     problem: PlanningProblem, level: float, attempt: Attempt, deadline: Deadline, limit: float, effort: float, seed: int
 ) -> tuple[PlanResult, bool]:
-    """Return a plan that sticks throughout with the probability ``level``, or the surest that was found, and whether it does.
+    """Return a plan that sticks throughout with the probability ``level``, else the most probable one found, and whether it does.
 
     ``attempt(regions, deadline, effort)`` plans within regions of the contacts, with so much work on better plans. Half of the
-    time is kept for the surest plan where there is none at the level.
+    time is reserved to find the most probable plan where there is none at the level.
     """
     quickest = _Candidate(PlanResult("no-path", ""), -1.0)
     if limit < _HURRIED:
@@ -56,7 +56,7 @@ def likely_plan(
     search = _Search(problem, level, attempt, seed)
     best = search.at_level(deadline.reserving(limit / 2), deadline, effort)
     if not best.result.solved and not deadline.stopped:
-        best = search.surest(deadline)
+        best = search.most_probable(deadline)
     if not best.result.solved and quickest.result.solved:
         best = quickest
     return best.result, best.held >= level
@@ -69,7 +69,7 @@ class _Search:
         self._tests = 0
 
     def at_level(self, first: Deadline, deadline: Deadline, effort: float) -> _Candidate:
-        """A plan that meets the level and has been refined, else the surest of those that were made on the way.
+        """A plan that meets the level and has been refined, else the most probable of those made meanwhile.
 
         A first plan is looked for until the deadline ``first``.
         """
@@ -93,8 +93,8 @@ class _Search:
                 break
         return best
 
-    def surest(self, deadline: Deadline) -> _Candidate:
-        """The surest plan of those in the common sets of ever fewer scenarios; the quickest if there is none."""
+    def most_probable(self, deadline: Deadline) -> _Candidate:
+        """The first plan, over common sets of ever fewer scenarios, more probable than the quickest; else the quickest."""
         # without a quickest plan there is none
         best = self._tested((), deadline, 0.0)
         for share in _LESS:

@@ -22,9 +22,10 @@ class PlanOptions:
     Parameters
     ----------
     region : {"model", "all-pressure", "conservative"}
-        Which CORs may be used: those the limit surface calls stable, or only those of these that hold for every pressure
-        distribution, all of them or what Lynch and Mason's STABLE finds of them, with every friction and place of the fingers
-        that the problem's ``uncertainty`` allows (:meth:`Uncertainty.worst_contact`). They take the centre of mass as exact.
+        CORs that a plan may use. ``"model"``: those that the limit surface calls stable. ``"all-pressure"``: of these, the ones
+        that are stable for every pressure distribution. ``"conservative"``: of these, the ones that Lynch and Mason's STABLE
+        finds. The last two hold for every contact friction and finger position that the problem's ``uncertainty`` allows
+        (:meth:`Uncertainty.worst_contact`) and assume an exact centre of mass.
     probability : float
         Least share of the surface's ensemble that must call each push stable (a chance constraint for each arc); 0 asks nothing.
     margin_weight : float
@@ -32,14 +33,14 @@ class PlanOptions:
         with 1, one on the boundary of the stable set costs twice as much as the safest. 0 minimises the duration.
     max_twist_rate : float
         Largest rate (rad/s) at which the unit twist ``(vx, vy, rho omega)`` turns from one push to the next at the same contact:
-        corners are blended by short pushes between the two. Infinite: at once. A corner that cannot be blended, since its
-        pushes are too short or the blend would not be stable or free, is left for the slider to stop at.
+        corners are blended by short pushes between the two. Infinite: no blending. A corner stays, and the slider stops there,
+        if its pushes are too short or the blend would be unstable or in collision.
     refinement_budget : float
-        Steps of search (poses expanded, motions looked at) in which planners that can look for better plans after the first; a
-        count and not a time, so that plans repeat. Infinite: until the time limit.
+        Search steps (poses expanded, motions tested) that anytime planners spend on refining the first plan. It is a count, not
+        a time, so that plans are reproducible. Infinite: until the time limit.
     regions : tuple of StableRegion
-        Motions that pushes must lie in besides, one region for each contact; empty asks nothing. :func:`stablepush.plan` gives
-        those that hold in the scenarios that it has chosen.
+        Further regions, one for each contact, in which all pushes must lie; empty: no further condition. :func:`stablepush.plan`
+        sets the common stable regions of the scenarios that it has chosen.
     """
 
     region: str = "model"

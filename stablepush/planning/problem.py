@@ -56,7 +56,7 @@ class PlanningProblem:
     surface : LimitSurface
         Limit surface that decides which pushes are stable.
     contacts : sequence of PushContact
-        Ways of pushing; the pusher starts docked at the first.
+        Contacts that the pusher may use; it starts docked at the first.
     start, goal : array-like, shape (3,)
         Poses ``(x, y, theta)`` of B in W (m, rad).
     obstacles : sequence of array-like, shape (n, 2)
@@ -76,7 +76,7 @@ class PlanningProblem:
     uncertainty : Uncertainty, optional
         How far the rig may differ from all this.
     finger_radius : float
-        Radius (m) of the fingers: discs behind the contact points. What takes room is the pusher's outline, if one is given.
+        Radius (m) of the fingers: discs behind the contact points. A pusher outline, if given, takes their place.
     """
 
     slider: Slider

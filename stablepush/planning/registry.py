@@ -95,12 +95,12 @@ def plan(
     seed : int, optional
         Seed of planners that draw random numbers; 0 if not given.
     success : float, optional
-        Probability that the plan is to succeed with: that the slider sticks to the pusher over the whole path, over the likely
-        surfaces and ``problem.uncertainty`` together. Where no such plan is found the surest one that is comes with a
+        Wanted probability that the slider sticks to the pusher over the whole path, given the likely surfaces and
+        ``problem.uncertainty`` together. If no plan reaches it, the most probable one found is returned with a
         :class:`~stablepush.PlanWarning`. 0 gives the quickest plan. A surface that is no limit surface (a Gaussian process) has
         no such probability: its plan is the quickest.
     require_success : float
-        A plan that is less likely to succeed is none: the status is ``"no-path"``.
+        Plans that are less likely to succeed are rejected: the status is ``"no-path"``.
     region, margin_weight, probability
         What each push must be besides, or cost: see :class:`PlanOptions`. ``probability`` is deprecated: it knows the surface
         only, and each push by itself.
@@ -163,12 +163,12 @@ def plan(
         result = _with_success(problem, result)
         held = result.success_probability or 0.0
         # rounded down: 0.9998 is not 1
-        sure = f"{math.floor(1e4 * held) / 1e4:g}"
+        stated = f"{math.floor(1e4 * held) / 1e4:g}"
         if held < least:
-            words = f"the surest plan that was found succeeds with probability {sure}, {least:g} is required"
+            words = f"the most probable plan found succeeds with probability {stated}, {least:g} is required"
             result = PlanResult("no-path", planner, seed=number, message=words)
         elif not met and held < level:
-            doubts.append(f"no plan was found that succeeds with probability {level:g}; this one does with {sure}")
+            doubts.append(f"no plan was found that succeeds with probability {level:g}; this one does with {stated}")
     if result.solved and region != "model":
         result = replace(result, message="; ".join(filter(None, (result.message, _assumptions(problem)))))
     if result.solved:
@@ -180,7 +180,7 @@ def plan(
 
 
 def _alignment(problem: PlanningProblem, region: str) -> tuple[Push | None, str, str]:
-    """The push that aligns a slider whose start is uncertain, if any; why there is no plan then; and what is doubtful."""
+    """Return the push that aligns a slider whose start is uncertain, if any, the reason for infeasibility, and a warning."""
     if not any(problem.uncertainty.start):
         return None, "", ""
     contact, push = problem.contacts[0], alignment_push(problem)
@@ -189,11 +189,11 @@ def _alignment(problem: PlanningProblem, region: str) -> tuple[Push | None, str,
         return None, "", f"the start is uncertain, and contact 0 does not align the slider: {why}"
     words = f"the straight push of {1000 * push.length:.3g} mm that aligns the slider"
     if not SweptBody(problem, contact).push_is_free(push.start, push.twist, push.duration):
-        return None, f"start: no room for {words}", ""
+        return None, f"start: obstacles or bounds block {words}", ""
     if region in PROMISED:
         promised = PROMISED[region](problem.slider, problem.uncertainty.worst_contact(contact))
         if not promised.contains_twists(push.twist[None])[0]:
-            return None, f"start: {words} does not hold for every pressure, friction and place", ""
+            return None, f"start: {words} is not stable for every pressure, contact friction and finger position", ""
     return push, "", ""
 
 
@@ -206,7 +206,7 @@ def _unaligned(problem: PlanningProblem, result: PlanResult) -> list[str]:
 
 
 def _preceded(result: PlanResult, push: Push) -> PlanResult:
-    """A plan with a push before it. What bounds the time of the rest does not bound that of plans without the push."""
+    """A plan with a push before it, without a lower bound: that of the rest does not hold for plans without the push."""
     return PlanResult.from_segments(
         [push, *result.segments], planner=result.planner, seed=result.seed, message=result.message, lower_bound=None
     )
@@ -217,9 +217,9 @@ def _assumptions(problem: PlanningProblem) -> str:
     ranges = [problem.uncertainty.friction_range(contact.mu) for contact in problem.contacts]
     low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
     return (
-        f"holds for every pressure under the slider, contact friction from {low:.3g} to {high:.3g}, and fingers up to "
-        f"{1000 * problem.uncertainty.contact_place:.3g} mm along their edge from their places; takes the centre of mass, the "
-        "outline and the start under the pusher as exact"
+        f"stable for every pressure under the slider, contact friction from {low:.3g} to {high:.3g}, and fingers up to "
+        f"{1000 * problem.uncertainty.contact_place:.3g} mm off along their edge; the centre of mass, the outline and the start "
+        "under the pusher are assumed exact"
     )
 
 

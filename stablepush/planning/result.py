@@ -23,11 +23,11 @@ class PlanStatus(Word):
     SOLVED = "solved", "simulate it, then execute it"
     NO_PATH = (
         "no-path",
-        "there is none, or the search space is exhausted: try other contacts or a larger tolerance",
+        "no plan exists, or the search space is exhausted: try other contacts or a larger tolerance",
     )
-    TIMEOUT = "timeout", "no path was found in time, which does not mean that there is none: a longer time limit, another planner"
-    INTERRUPTED = "interrupted", "it was stopped before there was a path"
-    REJECTED = "rejected", "the check refuses what the planner made, which is an error of the planner: report it"
+    TIMEOUT = "timeout", "no path was found in time, but one may exist: try a longer time limit or another planner"
+    INTERRUPTED = "interrupted", "the search was stopped before it found a path"
+    REJECTED = "rejected", "the independent check refused the planner's path, which is a bug in the planner: report it"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,7 +49,7 @@ class Push:
 
     @property
     def length(self) -> float:
-        """Way (m) of the body origin."""
+        """Path length (m) of the body origin."""
         return float(np.hypot(self.twist[0], self.twist[1])) * self.duration
 
     def poses(self, times: ArrayLike) -> FloatArray:

@@ -34,7 +34,7 @@ from stablepush.surfaces import IdealLimitSurface, LimitSurface
 _PRESSURES = 64
 #: Lengths of an alignment push that are tried, in what the start may be off, on how many scenarios, and what is enough.
 _LENGTHS, _TRIED, _NEARLY_ALL = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0), 150, 0.993
-#: Share of the way to the outline that a centre of mass may be away.
+#: Largest distance of a centre of mass from the origin, as a share of the distance to the outline.
 _INSIDE = 0.9
 #: Scenarios that a choice is made among, and the most that are drawn for one.
 CHOICE, MOST = 300, 900

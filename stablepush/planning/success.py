@@ -28,7 +28,7 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Success:
-    """What scenarios say of a plan.
+    """Probabilities of a plan, estimated on scenarios.
 
     Attributes
     ----------

@@ -104,20 +104,20 @@ def sample_plan(
 
     The pusher comes straight to the first contact, and goes straight back from the last. It rests where the unit twist of the
     slider jumps by more than :data:`PASSES`, and at the corners of its path in a change of contact; blended corners are passed.
-    Between, the way of the fastest point, of the slider's outline and the pusher's frame, is the quickest motion from rest to
-    rest within the limits (Ruckig, Berscheid and Kroeger 2021). So the clock may run longer than the plan's.
+    Between rests, the path length of the fastest point, of the slider's outline and the pusher's frame, follows the quickest
+    profile from rest to rest within the limits (Ruckig, Berscheid and Kroeger 2021). So the clock may run longer than the plan's.
 
     Parameters
     ----------
     rate : float
         Samples a second.
     acceleration, jerk : float
-        Largest acceleration (m/s²) and jerk (m/s³) along that way; infinite: at once. A push is quasi-static where the
+        Largest acceleration (m/s²) and jerk (m/s³) along that path; infinite: no limit. A push is quasi-static where the
         acceleration is small against ``mu g`` of the support.
     speed : float
         Largest speed (m/s) of that point; the plan's if that is less.
     standoff : float
-        Way (m) of approach and retract; more where the start is so uncertain, less where obstacles or bounds leave no room.
+        Distance (m) of approach and retract: longer if the start is more uncertain, shorter where obstacles or bounds limit it.
 
     Raises
     ------
@@ -157,10 +157,10 @@ States = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Leg:
-    """A motion from rest to rest in segment ``number``: ``length`` (m) of the way of its fastest point, ``speed`` (m/s) at most.
+    """A motion from rest to rest in segment ``number``: ``length`` (m) of the path of its fastest point, ``speed`` (m/s) at most.
 
-    ``states`` gives poses of slider and pusher, velocities of the pusher and numbers of segment and contact, after ways (n,) at
-    paces (n,) in m/s.
+    ``states`` gives poses of slider and pusher, velocities of the pusher and numbers of segment and contact, after path
+    lengths (n,) at speeds (n,) in m/s.
     """
 
     phase: str
@@ -171,7 +171,7 @@ class _Leg:
 
 
 def _rest_to_rest(length: float, speed: float, limits: dict[str, float]) -> tuple[float, Callable[[float], tuple[float, float]]]:
-    """How long (s) a way takes, and way and pace at a time."""
+    """Duration (s) of a path, and path length (m) and speed (m/s) at a time."""
     import ruckig
 
     if length <= 0:
@@ -184,8 +184,8 @@ def _rest_to_rest(length: float, speed: float, limits: dict[str, float]) -> tupl
     def at(now: float) -> tuple[float, float]:
         if now >= found.duration:
             return length, 0.0
-        way, pace, _ = found.at_time(max(now, 0.0))
-        return min(max(way[0], 0.0), length), max(pace[0], 0.0)
+        position, pace, _ = found.at_time(max(now, 0.0))
+        return min(max(position[0], 0.0), length), max(pace[0], 0.0)
 
     return found.duration, at
 
@@ -264,7 +264,7 @@ def _pushing(problem: PlanningProblem, first: int, pushes: Sequence[Push]) -> _L
 def _line(
     problem: PlanningProblem, pose: FloatArray, a: FloatArray, b: FloatArray, phase: str, number: int, radii: tuple[float, float]
 ) -> _Leg:
-    """A straight way of the docked frame from one pose (3,) to another while the slider rests; the heading turns evenly.
+    """A straight path of the docked frame from one pose (3,) to another while the slider rests; the heading turns evenly.
 
     ``radii``: how far (m) the fingers' centres lie behind it, at both ends.
     """
@@ -289,15 +289,15 @@ def _line(
 def _straight(problem: PlanningProblem, pose: FloatArray, contact: int, standoff: float, phase: str, number: int) -> _Leg:
     docked = compose(pose, problem.contacts[contact].frame)
     ahead = np.array((math.cos(docked[2]), math.sin(docked[2]), 0.0))
-    away = docked - _free_way(problem, pose, contact, ahead[:2], standoff) * ahead
+    away = docked - _free_distance(problem, pose, contact, ahead[:2], standoff) * ahead
     ends = (away, docked) if phase == "approach" else (docked, away)
     behind = _behind(problem.contacts[contact], problem.finger_radius)
     return _line(problem, pose, *ends, phase, number, (behind, behind))
 
 
-def _free_way(problem: PlanningProblem, pose: FloatArray, contact: int, ahead: FloatArray, standoff: float) -> float:
+def _free_distance(problem: PlanningProblem, pose: FloatArray, contact: int, ahead: FloatArray, standoff: float) -> float:
     """How far (m), up to the standoff, the docked pusher can go back without hitting anything."""
-    # points are a little wide, or the way of one finger would have no area
+    # points get a small width, or the swept area of one finger would be empty
     filled = problem.docked_outlines(problem.contacts[contact]) or [problem.contacts[contact].points]
     placed = transform_points(pose, np.concatenate(filled))
     # what only touches does not hit

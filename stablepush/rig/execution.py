@@ -81,8 +81,8 @@ def execute_closed_loop(
             made += 1
             if progress is not None:
                 progress(f"plan {number}, push {made}")
-            miss = transform_points(pose, problem.slider.vertices) - transform_points(push.end, problem.slider.vertices)
-            left = float(np.hypot(*miss.T).max()) > limit
+            error = transform_points(pose, problem.slider.vertices) - transform_points(push.end, problem.slider.vertices)
+            left = float(np.hypot(*error.T).max()) > limit
             # the last plan is followed to its end wherever it leads
             if left and number <= attempts:
                 break
@@ -93,9 +93,9 @@ def execute_closed_loop(
         here = problem.starting_at(pose)
         again = plan(here, planner, seed=seed)
         if not again.solved or not again.pushes:
-            return replace(session.done(), plans=number, stop_reason=f"no plan from where the slider was left: {again.status}")
+            return replace(session.done(), plans=number, stop_reason=f"no plan from the slider's pose: {again.status}")
         followed = again
-    return replace(session.done(), plans=attempts + 1, stop_reason=f"off the plan still after {attempts} new ones")
+    return replace(session.done(), plans=attempts + 1, stop_reason=f"still off the plan after {attempts} replanned ones")
 
 
 def require_contacts(problem: PlanningProblem) -> None:

@@ -37,10 +37,10 @@ _ON_POINTS = (
 )
 #: Motions whose loads stand for a surface when another kind of surface takes its place.
 _MOTIONS = 200
-#: Fingers deeper (m) in the slider than this start farther back; steps of that way; places looked at along a flat edge.
+#: Fingers deeper (m) in the slider than this start farther back; steps of that distance; points checked along a flat edge.
 _DEEP, _BACK_STEP, _EDGE_PLACES = 1e-6, 2.5e-4, 21
-#: Speed (m/s) of a pusher on its way to a push that does not move.
-_WAY_SPEED = 0.02
+#: Speed (m/s) of the approach to a push that does not move.
+_APPROACH_SPEED = 0.02
 #: Steps of the simulation in which the pusher moves as far as the slider's radius.
 _STEPS = 400
 #: Least share of the nominal friction that must be left where a slider is pushed.
@@ -94,7 +94,7 @@ class VirtualRig:
     gravity : float
         In m/s².
     step : float, optional
-        Way of the pusher in a step of the simulation, in m; a four-hundredth of the slider's radius if not given.
+        Travel of the pusher in a step of the simulation, in m; a four-hundredth of the slider's radius if not given.
 
     Raises
     ------
@@ -147,24 +147,25 @@ class VirtualRig:
                 raise InputError("support_friction", "expected one, since the forces of the surface are in units of mu*N")
             if not self.slider.mass:
                 raise InputError("slider.mass", "expected a mass > 0 in kg, since the forces of the surface are in units of mu*N")
-        object.__setattr__(self, "_slope_share", self._pull_share())
+        object.__setattr__(self, "_slope_share", self._tilt_share())
         object.__setattr__(self, "_points", _as_points(self.surface, self.slider, self._load()))
         object.__setattr__(self, "_friction", self._make_friction())
 
-    def _pull_share(self) -> float:
-        """How much of what the nominal friction holds a slope of the table pulls with."""
+    def _tilt_share(self) -> float:
+        """Downhill force of a tilted table as a share of the force that the nominal friction can hold."""
         if "tilt" not in self._by_id:
             return 0.0
         if not self.slider.mass:
             raise EffectError("effect tilt", "expected a slider with a mass")
         angles = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
-        size = float(np.hypot(*self._pull())) / self._load()
+        size = float(np.hypot(*self._slope_force())) / self._load()
         loads = size * np.stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))), axis=-1)
         # H grows with a power of the load
         share = float(np.max(self.surface.value(loads))) ** (1 / self.surface.degree)
         if share >= 1.0:
             raise EffectError(
-                "effect tilt: slope", f"expected one on which friction holds the slider, it pulls with {share:.3g} of that"
+                "effect tilt: slope",
+                f"expected one on which friction holds the slider, its force is {share:.3g} of that friction",
             )
         return share
 
@@ -175,14 +176,14 @@ class VirtualRig:
         if least < _LEAST_FRICTION:
             raise EffectError(
                 "effects and scatter",
-                f"expected friction of at least {_LEAST_FRICTION:g} of the nominal one, "
-                f"at x {pose[0]:.3f} m, y {pose[1]:.3f} m it is {least:.3g} of it",
+                f"expected friction of at least {_LEAST_FRICTION:g} of the nominal one everywhere under the slider, "
+                f"at x {pose[0]:.3f} m, y {pose[1]:.3f} m it is {least:.3g}",
             )
         if self._slope_share >= least:
             raise EffectError(
                 "effect tilt: slope",
-                f"expected one on which friction holds the slider, it pulls with {self._slope_share:.3g} of what the nominal "
-                f"friction holds; {least:.3g} of it is left",
+                f"expected one on which friction holds the slider, its force is {self._slope_share:.3g} of the nominal friction, "
+                f"of which {least:.3g} is left at this place",
             )
 
     def _load(self) -> float:
@@ -191,8 +192,8 @@ class VirtualRig:
             return 1.0
         return float(self.support_friction or 0.0) * float(self.slider.mass or 0.0) * self.gravity
 
-    def _pull(self) -> FloatArray:
-        """Force (2,) in N in W that a slope of the table makes."""
+    def _slope_force(self) -> FloatArray:
+        """Downhill force (2,) of a tilted table, in N in W."""
         if "tilt" not in self._by_id:
             return np.zeros(2)
         return float(self.slider.mass or 0.0) * self.gravity * np.array(self._by_id["tilt"].vector("slope"))
@@ -206,12 +207,12 @@ class VirtualRig:
         by_id = self._by_id
         surface, load = self._of_other_shape(self._load())
         points: IdealLimitSurface | None = None
-        changed: IdealLimitSurface | None = None
+        perturbed: IdealLimitSurface | None = None
         if surface.point_loads is not None:
             surface = self._moved_pressure(_as_points(surface, self.slider, load))
         elif any(id in by_id for id in _ON_POINTS):
             points = self._points if surface is self.surface else _as_points(surface, self.slider, load)
-            changed = self._moved_pressure(points)
+            perturbed = self._moved_pressure(points)
         tables = [np.eye(2), np.eye(2)]
         for i, id in enumerate(("anisotropy-object", "anisotropy-world")):
             if id in by_id:
@@ -224,13 +225,13 @@ class VirtualRig:
             surface,
             load,
             points,
-            changed,
+            perturbed,
             tables[0],
             tables[1],
             gradient or (0.0, 0.0),
             slope or 0.0,
             REFERENCE_SPEED,
-            self._pull(),
+            self._slope_force(),
             inertia,
         )
 
@@ -422,7 +423,7 @@ def _from_outside(
     clear = float(back[inside[-1]]) + AWAY if len(inside) else AWAY
     first = np.asarray(command.motion[0][0])
     x, y = pusher.fingers.T
-    speed = float(np.hypot(first[0] - first[2] * y, first[1] + first[2] * x).max()) or _WAY_SPEED
+    speed = float(np.hypot(first[0] - first[2] * y, first[1] + first[2] * x).max()) or _APPROACH_SPEED
     return compose(command.pusher_pose, (-clear, 0.0, 0.0)), [(np.array((speed, 0.0, 0.0)), clear / speed), *command.motion]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError, check_array, check_number, first_least, read_only
 from stablepush.geometry import unit
 from stablepush.objects import PushContact, Slider
-from stablepush.stability.kernels.chart import Rings, hemisphere, new_places, rings_from_disc, whole_disc
+from stablepush.stability.kernels.chart import SphericalPolygons, hemisphere, new_places, spherical_polygons_from_disc, whole_disc
 from stablepush.stability.region import EXTENT_RADII, Interval, StableRegion, all_turns, cut_parts
 
 #: A load may leave the cone by this much, for a friction load of one, and still count as on its boundary.
@@ -192,7 +192,7 @@ class _StableUnderAll:
     def accepts(self, twists: FloatArray) -> BoolArray:
         return self.support.holds(self.support.normalized(twists), self.support.facets)
 
-    def rings(self, sense: int) -> Rings:
+    def spherical_polygons(self, sense: int) -> SphericalPolygons:
         facets = self.support.facets
         if len(facets) == 0:
             return all_turns(self.extent, self.support.rho, sense)
@@ -202,7 +202,7 @@ class _StableUnderAll:
             # the same curves bound turns of both senses
             self._traced.extend(_trace(self.support, facet, np.delete(facets, i, axis=0)) for i, facet in enumerate(facets))
         parts = [_facet_disc(self.support, facet, line, sense) for facet, line in zip(facets, self._traced, strict=True)]
-        return rings_from_disc(shapely.intersection_all(parts), sense)
+        return spherical_polygons_from_disc(shapely.intersection_all(parts), sense)
 
 
 def worst_pressure(
@@ -290,8 +290,8 @@ def _trace(support: _Support, facet: FloatArray, others: FloatArray) -> FloatArr
         at, share = new_places(parts)
         new = azimuth[at] + (azimuth[at + 1] - azimuth[at]) * share
         guess = angles[at] + (angles[at + 1] - angles[at]) * share
-        room = 0.05 * np.abs(angles[at + 1] - angles[at]) + 1e-5
-        new_angles, new_twists = edge(new, guess - room, guess + room)
+        padding = 0.05 * np.abs(angles[at + 1] - angles[at]) + 1e-5
+        new_angles, new_twists = edge(new, guess - padding, guess + padding)
         twists = np.insert(twists, at + 1, new_twists, axis=0)
         azimuth, angles = np.insert(azimuth, at + 1, new), np.insert(angles, at + 1, new_angles)
     return twists[:-1]

@@ -12,7 +12,14 @@ import shapely
 from stablepush.core import BoolArray, FloatArray, read_only
 from stablepush.geometry import normalize_twist, unit
 from stablepush.objects import PushContact
-from stablepush.stability.kernels.chart import Rings, disc_from_twists, hemisphere, only_polygons, rings_from_disc, whole_disc
+from stablepush.stability.kernels.chart import (
+    SphericalPolygons,
+    disc_from_twists,
+    hemisphere,
+    only_polygons,
+    spherical_polygons_from_disc,
+    whole_disc,
+)
 from stablepush.stability.region import EXTENT_RADII, StableRegion, common_intervals, stable_region
 from stablepush.surfaces import LimitSurface
 
@@ -99,5 +106,5 @@ class _Common:
             good[still] |= np.mod(angles - low + _SLACK, 2 * np.pi) <= high - low + 2 * _SLACK
         return good
 
-    def rings(self, sense: int) -> Rings:
-        return rings_from_disc(self.counter_clockwise if sense > 0 else self.clockwise, sense)
+    def spherical_polygons(self, sense: int) -> SphericalPolygons:
+        return spherical_polygons_from_disc(self.counter_clockwise if sense > 0 else self.clockwise, sense)

@@ -28,7 +28,7 @@ from stablepush.surfaces import LimitSurface
 #: What contacts may be ranked by: their attribute, and the sign that sorts the best first.
 MEASURES = {"area": ("area", -1.0), "tightest-turn": ("tightest_turn", 1.0), "margin": ("margin", -1.0)}
 _DIRECTIONS = 181
-#: Fingers that have less room (m) than this on an edge stand on its ends. Contacts whose measures differ by no more than this
+#: Fingers that have less slack (m) than this on an edge stand on its ends. Contacts whose measures differ by no more than this
 #: share are as good as each other, and stay in the order of edge, width and centre.
 _FULL, _ALIKE = 1e-6, 1e-6
 
@@ -125,11 +125,11 @@ def rank_contacts(
     for edge in chosen:
         slider.edge(edge)
         for width in spacings:
-            room = lengths[edge] - width
-            if room > _FULL:
-                centers = width / 2 + room * (np.arange(places) + 0.5) / places
+            free = lengths[edge] - width
+            if free > _FULL:
+                centers = width / 2 + free * (np.arange(places) + 0.5) / places
                 settings += [(edge, float(center), float(width)) for center in centers]
-            elif room > -_FULL:
+            elif free > -_FULL:
                 # fingers on both ends of the edge: one place
                 settings.append((edge, lengths[edge] / 2, min(float(width), lengths[edge])))
     if not settings:

@@ -10,7 +10,7 @@ import numpy as np
 from stablepush.core import BoolArray, FloatArray, UnsupportedContactError, check_number
 from stablepush.geometry import unit, wrap_angle
 from stablepush.objects import PushContact, Slider
-from stablepush.stability.kernels.chart import Rings, clip_loop, square_of_cors, twists_from_homogeneous
+from stablepush.stability.kernels.chart import SphericalPolygons, clip_loop, square_of_cors, twists_from_homogeneous
 from stablepush.stability.region import EXTENT_RADII, FAR, Interval, StableRegion
 
 #: Slack of the closed inequalities, relative to the size of their terms: rounding must not open the set.
@@ -80,7 +80,7 @@ class _HalfPlanes:
             good[still] = np.mod(angle - low + _SLACK, 2 * np.pi) <= high - low + 2 * _SLACK
         return good
 
-    def rings(self, sense: int) -> Rings:
+    def spherical_polygons(self, sense: int) -> SphericalPolygons:
         return [[_ring(*self.planes[float(sense)], FAR * self.radius, sense) * (1.0, 1.0, self.rho)]]
 
 

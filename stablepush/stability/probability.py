@@ -10,7 +10,13 @@ import shapely
 
 from stablepush.core import BoolArray, FloatArray, InputError, check_count, check_number, read_only
 from stablepush.objects import PushContact
-from stablepush.stability.kernels.chart import Rings, add_coverage, grid_places, only_polygons, rings_from_disc
+from stablepush.stability.kernels.chart import (
+    SphericalPolygons,
+    add_coverage,
+    grid_places,
+    only_polygons,
+    spherical_polygons_from_disc,
+)
 from stablepush.stability.oracle import StabilityOracle
 from stablepush.stability.region import EXTENT_RADII, StableRegion, common_intervals, stable_region
 from stablepush.surfaces import LimitSurface
@@ -103,8 +109,8 @@ class _ProbablyStable:
         assert share is not None
         return np.asarray(share >= self.needed / len(self.regions) - _SLACK)
 
-    def rings(self, sense: int) -> Rings:
-        return rings_from_disc(_covered([region.disc(sense) for region in self.regions], self.needed), sense)
+    def spherical_polygons(self, sense: int) -> SphericalPolygons:
+        return spherical_polygons_from_disc(_covered([region.disc(sense) for region in self.regions], self.needed), sense)
 
 
 def _member_regions(surface: LimitSurface, contact: PushContact) -> list[StableRegion]:

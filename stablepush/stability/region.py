@@ -31,14 +31,14 @@ from stablepush.core import (
 from stablepush.geometry import cor_from_twist, normalize_twist, twist_from_cor, wrap_angle
 from stablepush.objects import PushContact, WrenchCone
 from stablepush.stability.kernels.chart import (
-    Rings,
+    SphericalPolygons,
     add_coverage,
     cor_polygons,
     disc_polygons,
     encloses,
     hemisphere,
     new_places,
-    rings_from_disc,
+    spherical_polygons_from_disc,
     square_of_cors,
     twists_from_disc,
     twists_from_homogeneous,
@@ -67,7 +67,7 @@ class MotionSet(Protocol):
     def accepts(self, twists: FloatArray) -> BoolArray:
         """Return whether body twists (n, 3) are in the set."""
 
-    def rings(self, sense: int) -> Rings:
+    def spherical_polygons(self, sense: int) -> SphericalPolygons:
         """Return the boundary of each piece of turns of a sense, as unit normalised twists."""
 
 
@@ -101,7 +101,7 @@ class StableRegion:
     motions: MotionSet = field(repr=False)
     curve: FloatArray | None = None
     loop: FloatArray | None = field(default=None, repr=False)
-    _known: dict[int, Rings] = field(default_factory=dict, repr=False)
+    _known: dict[int, SphericalPolygons] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         # intervals begin between -pi and pi, and nobody writes into the curve
@@ -148,12 +148,12 @@ class StableRegion:
         A COR ``c`` lies at ``2 sin(theta/2)`` from the middle in its own direction, with ``tan(theta) = |c|/rho``; translations
         lie on the rim.
         """
-        return disc_polygons(self._rings_of(sense), _one_sense(sense))
+        return disc_polygons(self._spherical_polygons_of(sense), _one_sense(sense))
 
     def polygons(self, sense: int, extent: float | None = None) -> list[shapely.Polygon]:
         """Return the region of one sense as polygons in the COR plane (m, in B), cut at ``|x|, |y| <= extent`` (m)."""
         size = self.default_extent if extent is None else check_number(extent, "extent", positive=True)
-        return cor_polygons(self._rings_of(sense), _one_sense(sense), self.characteristic_length, size)
+        return cor_polygons(self._spherical_polygons_of(sense), _one_sense(sense), self.characteristic_length, size)
 
     def raster(self, sense: int, extent: float, cells: int = 400) -> BoolArray:
         """Return which CORs at the middles of ``cells x cells`` squares, over ``|x|, |y| <= extent`` (m), are in the region.
@@ -191,12 +191,14 @@ class StableRegion:
 
     def boundary_twists(self, sense: int) -> list[FloatArray]:
         """Return the boundary of one sense as rings (n, 3) of body twists, unit in ``(vx, vy, rho*omega)``."""
-        return [ring / (1.0, 1.0, self.characteristic_length) for polygon in self._rings_of(sense) for ring in polygon]
+        return [
+            ring / (1.0, 1.0, self.characteristic_length) for polygon in self._spherical_polygons_of(sense) for ring in polygon
+        ]
 
-    def _rings_of(self, sense: int) -> Rings:
+    def _spherical_polygons_of(self, sense: int) -> SphericalPolygons:
         sign = _one_sense(sense)
         if sign not in self._known:
-            self._known[sign] = self.motions.rings(sign)
+            self._known[sign] = self.motions.spherical_polygons(sign)
         return self._known[sign]
 
 
@@ -211,7 +213,7 @@ def _one_sense(sense: int) -> int:
 FAR = 1e9
 
 
-def all_turns(extent: float, rho: float, sense: int) -> Rings:
+def all_turns(extent: float, rho: float, sense: int) -> SphericalPolygons:
     """Return the rings of all turns of a sense."""
     return [[twists_from_homogeneous(square_of_cors(FAR * extent), sense) * (1.0, 1.0, rho)]]
 
@@ -227,13 +229,13 @@ class _StableMotions:
     def accepts(self, twists: FloatArray) -> BoolArray:
         return self.oracle.is_stable(twists)
 
-    def rings(self, sense: int) -> Rings:
+    def spherical_polygons(self, sense: int) -> SphericalPolygons:
         if self.boundary is None:
             return all_turns(self.extent, self.oracle.surface.characteristic_length, sense)
         # a flat cone, or a rotation about one support point, has no interior
         if self.oracle.cone.rank < 3 or len(self.boundary) == 1:
             return []
-        return rings_from_disc(hemisphere(self.boundary, sense), sense)
+        return spherical_polygons_from_disc(hemisphere(self.boundary, sense), sense)
 
 
 def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
@@ -269,7 +271,7 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
             "stable region: expected a wrench cone without a line in it, or all wrenches; these contacts can press against each "
             "other without holding the slider (ask StabilityOracle about single motions)"
         )
-    boundary = trace_cone(surface, cone)
+    boundary = trace_boundary(surface, cone)
     # translations up to rounding are translations
     boundary[np.abs(boundary[:, 2]) < _STILL, 2] = 0.0
     if cone.rank == 3 and np.ptp(boundary, axis=0).max() < _STILL:
@@ -281,7 +283,7 @@ def stable_region(surface: LimitSurface, contact: PushContact) -> StableRegion:
     return StableRegion("model", rho, extent, translation_intervals(boundary), motions, loop=boundary)
 
 
-def trace_cone(surface: LimitSurface, cone: WrenchCone) -> FloatArray:
+def trace_boundary(surface: LimitSurface, cone: WrenchCone) -> FloatArray:
     """Unit normalised slip twists (n, 3) along the boundary of a cone, once round with the cone on the left, or along a flat
     cone.
 

@@ -111,8 +111,8 @@ class GaussianProcessSurface(LimitSurface):
             sums[name] = entry.checked(partial(KernelSum, inputs, coefficients, length))
         size, rho = node["mean_size"].number(positive=True), node["characteristic_length"].number(positive=True)
         provenance = node["provenance"]
-        said = None if provenance.value is None else provenance.object()
-        return node.checked(lambda: cls(sums["slip"], sums["log_size"], sums["load"], size, rho, provenance=said))
+        origin = None if provenance.value is None else provenance.object()
+        return node.checked(lambda: cls(sums["slip"], sums["log_size"], sums["load"], size, rho, provenance=origin))
 
     def value(self, wrenches: ArrayLike) -> FloatArray:
         """Return the size (...) of wrenches (..., 3) over the size that slips in their direction: 1 on the surface."""

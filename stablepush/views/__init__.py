@@ -1,4 +1,4 @@
-"""Pages and pictures of what the other rooms return. Nothing is computed here that a result does not hold.
+"""Pages and pictures of what the other subpackages return. Nothing is computed here that a result does not hold.
 
 Imports everything but ``cli``.
 """

@@ -38,15 +38,13 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     ]
     if report.gap:
         sections.append(Section("How large the gap is", size, [(entry.channel, _gap(entry)) for entry in report.gap]))
-    left_out = (
-        "Root mean squares on trials that the corrected simulation was not fitted to; the floor is no higher than what is left."
-    )
+    left_out = "Root mean squares on held-out trials. The floor is the noise level, capped at the remaining residual."
     reductions = [
         (
             entry.channel,
             f"{readable(entry.before)}{_unit(entry)} before, {readable(entry.after)} after, "
             f"floor {readable(entry.floor)}; "
-            f"closed {100 * entry.closed:.0f} % ({percent(entry.ci95[0])} to {percent(entry.ci95[1])}), "
+            f"explained {100 * entry.closed:.0f} % ({percent(entry.ci95[0])} to {percent(entry.ci95[1])}), "
             f"{entry.held_out_trials} held-out trials",
         )
         for entry in report.reductions
@@ -98,7 +96,7 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     sections.append(Section("Data quality", "", [("note", note) for note in report.notes] or [("note", "none")]))
     lead = f"{report.log}, {report.trials} pushes"
     values = {"title": title, "lead": lead, "sections": sections}
-    seen = _rows_of_loads(report) if report.residuals else _rows_of_ends(report)
+    seen = _rows_of_loads(report) if report.residuals else _rows_of_final_poses(report)
     if not seen.rows:
         return render("report.html", **values)
     about, label = seen.about, "the slider on the table with what the simulations leave, as arrows"
@@ -107,7 +105,7 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """What can be looked at row by row: poses of the slider, arrows and components before and after mending, covariates.
+    """What can be looked at row by row: poses of the slider, arrows and components before and after the correction, covariates.
 
     ``scale``: m of the table for a unit of an arrow; ``behind``: whether arrows end where the slider is, else they begin there.
     """
@@ -158,25 +156,25 @@ def _rows_of_loads(report: GapReport) -> _Seen:
     )
     rows = _rows(report.row_names, report.poses, arrows, parts, covariates)
     return _Seen(
-        "Arrows: the force that a simulation lacks, from where the slider lay.",
+        "Arrows: measured minus simulated force, drawn at the slider's position.",
         rows,
         [("along the load", "N"), ("across the load", "N"), ("moment", "N mm")],
-        [("heading of the motion", "deg"), ("place in the log", ""), ("speed", "mm/s"), *_PLACE],
+        [("heading of the motion", "deg"), ("order in the log", ""), ("speed", "mm/s"), *_PLACE],
         _scale(rows, report.rig.slider),
         behind=False,
     )
 
 
-def _rows_of_ends(report: GapReport) -> _Seen:
+def _rows_of_final_poses(report: GapReport) -> _Seen:
     ends: dict[str, FloatArray] = {key: report.ends[key] for key in ("before", "after") if key in report.ends}
-    parts = {key: 1000 * miss for key, miss in ends.items()}
+    parts = {key: 1000 * error for key, error in ends.items()}
     arrows = {key: report.pose_errors(key) for key in ends}
     covariates = np.column_stack((report.places[:, :2], np.degrees(report.places[:, 2]), np.arange(len(report.places))))
     rows = _rows(report.end_names, report.places, arrows, parts, covariates)
     scale = max(1.0, round(_scale(rows, report.rig.slider)))
     longer = f", {scale:.0f} times as long" if scale > 1 else ""
     return _Seen(
-        f"Arrows: from where a push ends in simulation to where the slider was measured to end{longer}.",
+        f"Arrows: from the simulated to the measured final position{longer}.",
         rows,
         [("along x of the slider", "mm"), ("along y of the slider", "mm"), ("turn times the radius of gyration", "mm")],
         [*_PLACE, ("number", "")],

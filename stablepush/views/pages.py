@@ -231,16 +231,16 @@ def _motion_page(
     bounds = None if problem is None or problem.bounds is None else problem.bounds
     fingers = [np.array(row["fingers"]) for row in rows if "fingers" in row]
     points = np.concatenate([corners, *fingers, *obstacles, *([] if bounds is None else [bounds.reshape(2, 2)])])
-    room = 0.3 * slider.radius
+    padding = 0.3 * slider.radius
     data = {
         "slider": slider.vertices.tolist(),
         "radius": max((row["radius"] for row in rows if "radius" in row), default=0.0),
-        "frame": [*(points.min(axis=0) - room).tolist(), *(points.max(axis=0) + room).tolist()],
+        "frame": [*(points.min(axis=0) - padding).tolist(), *(points.max(axis=0) + padding).tolist()],
         "bounds": None if bounds is None else bounds.tolist(),
         "obstacles": [o.tolist() for o in obstacles],
         "first": rows[0]["pose"],
         "last": rows[-1]["pose"] if problem is None or result is None else problem.goal.tolist(),
-        "planned": [] if result is None else _planned_way(result),
+        "planned": [] if result is None else _planned_path(result),
         "pushes": 1 + rows[-1]["push"],
         "rows": rows,
     }
@@ -253,7 +253,7 @@ def _motion_page(
     return render("motion.html", title=title, label=label, key=key, data=script(data))
 
 
-def _planned_way(result: PlanResult) -> list[list[float]]:
+def _planned_path(result: PlanResult) -> list[list[float]]:
     """Places of the body origin along the pushes of a plan."""
     times = np.linspace(0.0, 1.0, _PUSH_PLACES)[:, None]
     paths = [compose(push.start, exp(times * push.duration * push.twist))[:, :2] for push in result.pushes]
@@ -285,7 +285,7 @@ def _plan_data(problem: PlanningProblem, result: PlanResult) -> dict[str, Any]:
         else:
             entry = {"kind": "transfer", "from": segment.source, "duration": segment.duration, "pose": pose.tolist()}
             shares = np.linspace(0.0, 1.0, _TRANSFER_POSES)
-            entry["way"] = pusher_in_transfer(problem, segment, pose, shares).tolist()
+            entry["path"] = pusher_in_transfer(problem, segment, pose, shares).tolist()
         segments.append(entry)
     docked = [[outline.tolist() for outline in problem.docked_outlines(contact)] for contact in problem.contacts]
     return {
@@ -312,8 +312,8 @@ def _frame(problem: PlanningProblem, result: PlanResult) -> FloatArray:
         ends = [p.end[None, :2] for p in result.pushes]
         points = np.concatenate([problem.start[None, :2], problem.goal[None, :2], *problem.obstacles, *ends])
         low, high = points.min(axis=0) - 2 * problem.slider.radius, points.max(axis=0) + 2 * problem.slider.radius
-    room = 0.02 * float((high - low).max())
-    return np.concatenate((low - room, high + room))
+    padding = 0.02 * float((high - low).max())
+    return np.concatenate((low - padding, high + padding))
 
 
 def render(template: str, **values: Any) -> str:

@@ -444,7 +444,7 @@ def test_the_score_of_supports_counts() -> None:
         case(True, "unknown", [], 1.2), case(False, "none", [], 1.0), case(False, "named", ["drift"], 0.9),
     ]  # fmt: skip
     lines = dict(score_of_supports(rows, {}, 1, "").lines)
-    assert lines["wrong support: the pressure named, or absorbed"].startswith("2 of 4")
+    assert lines["wrong support: the pressure named, or explained by recalibration"].startswith("2 of 4")
     assert lines["wrong support: another cause named"].startswith("1 of 4")
     assert lines["wrong support: the corrected wrench is closer"].startswith("3 of 4")
     assert lines["right support: no cause named"].startswith("1 of 2")

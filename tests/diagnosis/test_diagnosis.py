@@ -9,7 +9,7 @@ from conftest import LOAD, MASS, QUIET, check_schema, edited, make_log, pressure
 
 import stablepush as sp
 from stablepush.cli import main
-from stablepush.diagnosis.attribution import _as_good_as_free, by_chance
+from stablepush.diagnosis.attribution import _as_good_as_free, family_wise_p_values
 from stablepush.diagnosis.equations import SIZES, ScoreTest, statistics
 from stablepush.diagnosis.forward import ForwardModel
 from stablepush.diagnosis.gap_reduction import HeldOut, explains_most
@@ -273,7 +273,7 @@ def test_the_command_leaves_answer_page_and_mended_rig(tmp_path, capsys):
     arguments += ["--pushes", str(tmp_path / "next.csv")]
     assert main([*arguments, "--mended", str(tmp_path / "corrected")]) == 0
     out = capsys.readouterr().out
-    assert "named: drift" in out and "closed" in out
+    assert "named: drift" in out and "explained" in out
     value = json.loads((tmp_path / "d.json").read_text())
     assert value["effects"] == ["drift"] and value["trials"] == 40
     slider = sp.Slider(triangle().vertices, MASS, pressure())
@@ -338,7 +338,7 @@ def test_chance_is_even_where_there_is_no_effect():
             spread = left.T @ left * 40 / (40 - SIZES[id])
             statistic = float(pull @ np.linalg.solve(spread, pull))
             tests[id] = ScoreTest(statistic, 0.0, np.zeros(SIZES[id]), total, left, shares)
-        found.append(min(by_chance(tests, seed=k).values()))
+        found.append(min(family_wise_p_values(tests, seed=k).values()))
     for level in (0.05, 0.2, 0.5):
         share = float(np.mean(np.array(found) <= level))
         assert abs(share - level) < 4 * math.sqrt(level * (1 - level) / 200)

@@ -112,12 +112,12 @@ def test_a_fit_that_collapses_says_so():
     fit = sp.fit_limit_surface(
         0.02 * f, v, "quadratic", characteristic_length=RHO, loss="norm", validation_indices=np.arange(10, 15)
     )
-    assert any("no size" in remark for remark in fit.warnings)
+    assert any("size has no meaning" in warning for warning in fit.warnings)
     assert np.isfinite(fit.surface.wrench(v)).all()
     fit = sp.fit_limit_surface(
         5 * f, v, "quadratic", characteristic_length=RHO, loss="norm", validation_indices=np.arange(10, 15)
     )
-    assert not any("no size" in remark for remark in fit.warnings)
+    assert not any("size has no meaning" in warning for warning in fit.warnings)
 
 
 def test_published_loss_is_the_papers_equation():
@@ -192,12 +192,12 @@ def test_shrinkage_to_the_ellipsoid_vanishes_there_and_only_there():
     power = np.linalg.lstsq(monomials(points, 4), np.einsum("ni,ij,nj->n", points, form, points) ** 2)[0]
 
     def penalty(a):
-        return a @ part.stiffness @ a - 2 * part.pull @ a + part.pull_constant
+        return a @ part.stiffness @ a - 2 * part.linear_term @ a + part.penalty_constant
 
     # zero by construction: sums of 15 terms, of which rounding leaves 1e-14 on any processor
-    assert penalty(power) == pytest.approx(0, abs=1e-9 * part.pull_constant)
+    assert penalty(power) == pytest.approx(0, abs=1e-9 * part.penalty_constant)
     assert penalty(power * 1.1) > 1e-3 and penalty(sphere_power(4)) > 1e-3
-    np.testing.assert_allclose(part.stiffness @ power, part.pull, atol=1e-9 * np.abs(part.pull).max())
+    np.testing.assert_allclose(part.stiffness @ power, part.linear_term, atol=1e-9 * np.abs(part.linear_term).max())
 
 
 def test_fits_turn_with_the_body_frame():

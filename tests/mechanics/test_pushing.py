@@ -288,7 +288,7 @@ def _fitted(model, true, twists):
 def test_effects_on_a_polynomial_surface_add_what_they_change():
     surface = _fitted("poly4-cvx", uniform(), None)
     twist = np.array((0.03, -0.01, 0.5))
-    same = TableFriction(surface, points=uniform(), changed=uniform())
+    same = TableFriction(surface, points=uniform(), perturbed=uniform())
     np.testing.assert_allclose(held(same, twist), surface.wrench(twist), atol=1e-6)
     shifted = TableFriction(surface, points=uniform(), gradient=(0.5, 0.0))
     change = held(shifted, twist, (0.1, 0, 0)) - surface.wrench(twist)

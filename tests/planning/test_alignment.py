@@ -113,7 +113,7 @@ def test_no_room_to_align_is_no_path():
     wall = [ahead + d for d in ((-0.3, 0.0), (0.3, 0.0), (0.3, 0.01), (-0.3, 0.01))]
     blocked = uncertain(obstacles=[np.array(wall)], bounds=(-1, -1, 2, 2))
     result = sp.plan(blocked, time_limit=60, refinement_budget=0)
-    assert result.status == "no-path" and "no room for the straight push" in result.message
+    assert result.status == "no-path" and "obstacles or bounds block the straight push" in result.message
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         certain = replace_uncertainty(blocked)

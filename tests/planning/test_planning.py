@@ -333,7 +333,7 @@ def test_walled_in_means_no_path():
     walls = [((0.4, -0.1), (0.5, -0.1), (0.5, 1.1), (0.4, 1.1))]
     result = sp.plan(small_scene(obstacles=walls), time_limit=100)
     assert result.status == "no-path"
-    assert "close off" in result.message
+    assert "enclose the goal" in result.message
     assert result.segments == ()
 
 

@@ -30,7 +30,7 @@ def test_scenes_are_solved_or_refused(name):
         assert result.switches > 0
         page = plan_html(problem, result)
         (transfer,) = [s for s in json.loads(re.search(r"const data = (.*);", page)[1])["segments"] if s["kind"] == "transfer"]
-        np.testing.assert_allclose(transfer["way"][-1][:2], compose(problem.start, problem.contacts[1].frame)[:2], atol=0.5)
+        np.testing.assert_allclose(transfer["path"][-1][:2], compose(problem.start, problem.contacts[1].frame)[:2], atol=0.5)
         settings = {"contacts": problem.contacts[:1], "obstacles": problem.obstacles, "bounds": problem.bounds}
         settings |= {name: getattr(problem, name) for name in ("pusher", "tolerance", "speed", "switch_cost", "min_margin")}
         alone = sp.PlanningProblem(problem.slider, problem.surface, start=problem.start, goal=problem.goal, **settings)

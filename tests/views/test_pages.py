@@ -25,9 +25,9 @@ MOVES = {
     "diagnosis": (
         "bar.value = 5; bar.dispatchEvent(new Event('input')); covariate.value = 2; covariate.dispatchEvent(new Event('change'));"
         " show.click();",
-        r"Push \d+, slider at .* nominal leaves along the load .* mended leaves .* N mm",
+        r"Push \d+, slider at .* nominal residual along the load .* corrected residual .* N mm",
     ),
-    "ends": ("bar.value = 5; bar.dispatchEvent(new Event('input'));", r"Push \d+, slider at .* mended leaves .* mm"),
+    "ends": ("bar.value = 5; bar.dispatchEvent(new Event('input'));", r"Push \d+, slider at .* corrected residual .* mm"),
     "region": ("bar.value = 30; bar.dispatchEvent(new Event('input'));", r"model: stable · .*margin [\d.]+° · heading 30°"),
     "plan": (
         "bar.value = 500; bar.dispatchEvent(new Event('input'));",

@@ -40,7 +40,7 @@ _SENSOR = np.sqrt(0.5) * np.array(((1.0, 1.0), (1.0, -1.0)))
 _PATCH_SPACING = 0.01
 #: A tracked pose tilted by more than this (rad) off the table is a failure of the tracker.
 _LARGEST_TILT = math.radians(20)
-#: A two-finger push counts as stable below these misses of the commanded pose: heading (rad), along the normal and along
+#: A two-finger push counts as stable below these errors of the final pose: heading (rad), along the normal and along
 #: the edge (m).
 _STABLE_LIMITS = (math.radians(0.95), 0.002, 0.010)
 #: Columns of a row that are lengths, forces or quaternions, by the number of its columns; others begin with epoch seconds.
@@ -148,7 +148,7 @@ def _coordinates(arrangement: str) -> list[float] | None:
 
 
 def _kind_of(file: Path, explicit: bool) -> str | None:
-    """Tell the kind of a file from its name and first lines; a file named outright is never passed over in silence."""
+    """Tell the kind of a file from its name and first lines; a file that is given directly is never skipped silently."""
     if "pushaction" in file.name:
         return None
     if not explicit and file.stat().st_size == 0:
@@ -338,8 +338,8 @@ def _poke_tables(pushes: list[RawPush]) -> tuple[dict[str, Any], dict[str, Any],
         if not len(kept):
             notes.append(f"push {number}: left out, no force stands out")
             continue
-        way_of_robot = np.column_stack((push.robot[:, 1:3] / 1000, np.unwrap(_heading(push.robot[:, 4:]))))
-        robot = _interpolate(seconds, push.robot[:, 0], way_of_robot)
+        robot_path = np.column_stack((push.robot[:, 1:3] / 1000, np.unwrap(_heading(push.robot[:, 4:]))))
+        robot = _interpolate(seconds, push.robot[:, 0], robot_path)
         share = np.clip((np.arange(n) - kept[0]) / max(1, kept[-1] - kept[0]), 0.0, 1.0)
         share[kept] = np.linspace(0.0, 1.0, len(kept))
         poses = before + share[:, None] * (after - before)
@@ -372,10 +372,10 @@ def _interpolate(at: FloatArray, times: FloatArray, values: FloatArray) -> Float
 
 
 def _rotation_tables(pushes: list[RawPush], actions: list[Action]) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
-    """Two-finger rotations: commanded motion, poses before and after, the robot's way, and whether the push held.
+    """Two-finger rotations: commanded motion, poses before and after, the robot's path, and whether the push held.
 
-    A push held when the slider ended where the command would have carried it: heading, the push point's miss along the
-    normal and along the edge within the limits. Forces are not kept: they cover the first half of the path at most, and
+    A push held when the slider ended where the command would have carried it: heading, and the push point's error along
+    the normal and along the edge, within the limits. Forces are not kept: they cover the first half of the path at most, and
     the sensor has no reading before contact to refer to.
     """
     trial_keys = ("trial", "start_time", "group", "cor_x", "cor_y", "sense", "angle", "stable")
@@ -398,10 +398,10 @@ def _rotation_tables(pushes: list[RawPush], actions: list[Action]) -> tuple[dict
         # a pose after the push that is tilted off the table is no measurement, but nor is it where the command leads
         if tracked[0]:
             expected = compose(before, exp(np.array((cor[1], -cor[0], 1.0)) * action.angle))
-            miss = compose(inverse(expected), after)
-            slip = transform_points(miss, point[None])[0] - point
-            misses = (abs(float(wrap_angle(miss[2]))), abs(slip @ normal), abs(slip @ edge))
-            stable = float(all(m < limit for m, limit in zip(misses, _STABLE_LIMITS, strict=True)))
+            error = compose(inverse(expected), after)
+            slip = transform_points(error, point[None])[0] - point
+            errors = (abs(float(wrap_angle(error[2]))), abs(slip @ normal), abs(slip @ edge))
+            stable = float(all(m < limit for m, limit in zip(errors, _STABLE_LIMITS, strict=True)))
         trials["trial"].append(str(number))
         trials["start_time"].append(start - origin if math.isfinite(start) else float(number))
         trials["group"].append("")

@@ -44,19 +44,19 @@ def _free_twist(table, at, twist, load):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _first_answer(found, twist, load, answer):  # type: ignore[no-untyped-def]
-    """Count an answer; whether it is the first, which is kept: its twist and load."""
-    answer.found[0] = found
+def _first_solution(found, twist, load, solution):  # type: ignore[no-untyped-def]
+    """Count a solution and store the first; return whether this is the first."""
+    solution.found[0] = found
     if found > 1:
         return False
     for q in range(3):
-        answer.twist[q], answer.load[q] = twist[q], load[q]
+        solution.twist[q], solution.load[q] = twist[q], load[q]
     return True
 
 
 @compiled
-def respond(table, at, touch, pushed, mu, length, dt, every, answer, work):  # type: ignore[no-untyped-def]
-    """Fill ``answer`` with how the slider moves: ``pushed`` (3,) is the twist it would have if it were stuck to the pusher.
+def respond(table, at, touch, pushed, mu, length, dt, every, solution, work):  # type: ignore[no-untyped-def]
+    """Fill ``solution`` with how the slider moves: ``pushed`` (3,) is the twist it would have if it were stuck to the pusher.
 
     Sticking comes before sliding, more contacts before fewer. ``every`` counts all combinations of modes that are consistent;
     else the first ends the search. Without any the slider stays, jammed.
@@ -69,13 +69,13 @@ def respond(table, at, touch, pushed, mu, length, dt, every, answer, work):  # t
     found = 0
     twist, load, force, line = work.twist, work.load, work.force, work.line
     _free_twist(table, at, twist, load)
-    clear_forces(answer.force)
+    clear_forces(solution.force)
     for m in range(MOST_CONTACTS):
-        answer.mode[m] = OPEN
+        solution.mode[m] = OPEN
     free = others_open(touch, -1, -1, twist, dt, slack)
     if not free:
         twist[0] = twist[1] = twist[2] = 0.0
-    _first_answer(1 if free else 0, twist, load, answer)
+    _first_solution(1 if free else 0, twist, load, solution)
     if free:
         return
     # all stick: pairs of several
@@ -95,11 +95,11 @@ def respond(table, at, touch, pushed, mu, length, dt, every, answer, work):  # t
             if not held:
                 continue
             found += 1
-            if _first_answer(found, twist, load, answer):
+            if _first_solution(found, twist, load, solution):
                 for m in range(k):
-                    answer.force[m, 0], answer.force[m, 1] = force[m, 0], force[m, 1]
+                    solution.force[m, 0], solution.force[m, 1] = force[m, 0], force[m, 1]
                     if force[m, 0] != 0.0 or force[m, 1] != 0.0:
-                        answer.mode[m] = STICKING
+                        solution.mode[m] = STICKING
             if not every:
                 return
     # one contact: first sticking, then sliding
@@ -116,9 +116,9 @@ def respond(table, at, touch, pushed, mu, length, dt, every, answer, work):  # t
             if mode < 0 or (sliding and mode == STICKING) or not others_open(touch, i, i, twist, dt, slack):
                 continue
             found += 1
-            if _first_answer(found, twist, load, answer):
-                answer.force[i, 0], answer.force[i, 1] = load[0], load[1]
-                answer.mode[i] = mode
+            if _first_solution(found, twist, load, solution):
+                solution.force[i, 0], solution.force[i, 1] = load[0], load[1]
+                solution.mode[i] = mode
             if not every:
                 return
         if sliding:
@@ -130,10 +130,10 @@ def respond(table, at, touch, pushed, mu, length, dt, every, answer, work):  # t
                 if not two_slide(table, at, touch, i, j, mu, length, dt, slack, work):
                     continue
                 found += 1
-                if _first_answer(found, twist, load, answer):
+                if _first_solution(found, twist, load, solution):
                     for side in range(2):
                         m = i if side == 0 else j
-                        answer.force[m, 0], answer.force[m, 1] = force[m, 0], force[m, 1]
-                        answer.mode[m] = work.mode[m]
+                        solution.force[m, 0], solution.force[m, 1] = force[m, 0], force[m, 1]
+                        solution.mode[m] = work.mode[m]
                 if not every:
                     return

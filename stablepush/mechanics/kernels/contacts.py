@@ -1,4 +1,4 @@
-"""Compiled: contacts of an instant, what they answer, and room for what is tried."""
+"""Compiled: the contacts at an instant, the motion that solves the contact law, and workspace for candidate modes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Touch(NamedTuple):
     finger: np.ndarray
 
 
-class Answer(NamedTuple):
+class Solution(NamedTuple):
     """Twist (3,) in B, load (3,), forces (k, 2) and modes (k,) of the contacts; ``found`` (1,): how many combinations of modes
     are consistent: one is the rule, none is a jam."""
 
@@ -38,7 +38,7 @@ class Answer(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Room for what is tried: twist (3,), load (3,), forces (k, 2) and modes (k,), a line of twists (2, 3), edges of cones
+    """Workspace for candidate modes: twist (3,), load (3,), forces (k, 2) and modes (k,), a line of twists (2, 3), edges of cones
     (2 k, 3), shares (3,)."""
 
     twist: FloatArray
@@ -51,19 +51,19 @@ class Work(NamedTuple):
 
 
 def new_touch() -> Touch:
-    """Return room for contacts."""
+    """Return empty arrays for contacts."""
     k = MOST_CONTACTS
     return Touch(np.zeros(1, np.int64), np.zeros((k, 2)), np.zeros((k, 2)), np.zeros(k), np.zeros((k, 2)), np.zeros(k, np.int64))
 
 
-def new_answer() -> Answer:
-    """Return room for an answer."""
+def new_solution() -> Solution:
+    """Return empty arrays for a solution."""
     k = MOST_CONTACTS
-    return Answer(np.zeros(3), np.zeros(3), np.zeros((k, 2)), np.zeros(k, np.int64), np.zeros(1, np.int64))
+    return Solution(np.zeros(3), np.zeros(3), np.zeros((k, 2)), np.zeros(k, np.int64), np.zeros(1, np.int64))
 
 
 def new_work() -> Work:
-    """Return room for what is tried."""
+    """Return the workspace."""
     k = MOST_CONTACTS
     modes = np.zeros(k, np.int64)
     return Work(np.zeros(3), np.zeros(3), np.zeros((k, 2)), modes, np.zeros((2, 3)), np.zeros((2 * k, 3)), np.zeros(3))

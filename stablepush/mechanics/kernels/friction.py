@@ -125,7 +125,7 @@ def _friction_of_points(table, at, vx, vy, w):  # type: ignore[no-untyped-def]
 
 @inner
 def load_of(table, at, vx, vy, w, load):  # type: ignore[no-untyped-def]
-    """Fill ``load`` (3,), in B, with what the pusher has to apply for a body twist: friction, less the pull, and inertia."""
+    """Fill ``load`` (3,), in B, with the load that a body twist takes: friction, minus the external force, plus inertia."""
     if table.degree > 0 and (vx != 0.0 or vy != 0.0 or w != 0.0):
         powers, form = np.ones((3, table.degree - 1)), np.empty(table.hessian.shape[1])
         fx, fy, fz, _ = load_on_surface(table.degree, table.hessian, table.half_axes, vx, vy, table.rho * w, powers, form)

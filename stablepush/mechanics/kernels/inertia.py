@@ -38,8 +38,8 @@ class Body:
         #: Time that an evaluation takes, in that of few points.
         self.cost = 1 + len(self.points) // _CHEAP_POINTS
 
-    def external_force(self, directions: FloatArray) -> FloatArray:
-        """``G`` (n, 3) of unit vectors U (n, 3)."""
+    def friction(self, directions: FloatArray) -> FloatArray:
+        """Friction load ``G = (fx/√m, fy/√m, tau/√I)`` (n, 3) of unit vectors U (n, 3)."""
         twists = directions / self.roots
         if len(self.points):
             return self._wrench_of_points(twists) / self.roots

@@ -86,7 +86,7 @@ def _turn_about(table, at, px, py, ux, uy, guess, length, load):  # type: ignore
 
 @inner
 def _slip_residuals(table, at, px, py, nx, ny, ux, uy, mu, side, w, slip, length, load):  # type: ignore[no-untyped-def]
-    """What the load of a turn ``w`` and a slip misses by: torque about the contact over ``length``, and the edge of the cone."""
+    """Residuals of a turn ``w`` and a slip: torque about the contact over ``length``, and the edge of the cone."""
     torque = _torque_about(table, at, px, py, ux - side * slip * ny, uy + side * slip * nx, w, load)
     return torque / length, side * (nx * load[1] - ny * load[0]) + mu * (nx * load[0] + ny * load[1])
 

@@ -1,4 +1,4 @@
-"""Compiled: a slider followed through the imposed motion of a pusher, with the contacts that they make and break."""
+"""Compiled: the rollout of a slider under the imposed motion of a pusher, with contacts that close and open."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def run(  # type: ignore[no-untyped-def]
     jams,
     touch,
     before,
-    answer,
+    solution,
     work,
 ):
     """Follow a pusher through pieces of constant twist (n, 3), in ``steps`` (n,) even steps each; returns how many steps were
@@ -160,7 +160,7 @@ def run(  # type: ignore[no-untyped-def]
     A step takes the contacts' places and the load half way through it (the midpoint rule), and closes or keeps the gaps that its
     start has: what a step leaves of a gap, the next one takes back, so they do not add up. ``poses``, ``pushers`` (m + 1, 3); the
     rest has a row for each step: twists in B, loads in B, points (m, 2, 2) and modes (m, 2) and forces (m, 2, 2) of the fingers,
-    times at its end, whether nothing was consistent. ``touch``, ``before``, ``answer`` and ``work`` are room.
+    times at its end, whether nothing was consistent. ``touch``, ``before``, ``solution`` and ``work`` are workspace.
     """
     x, y, theta = start[0], start[1], start[2]
     c, s = math.cos(theta), math.sin(theta)
@@ -199,37 +199,37 @@ def run(  # type: ignore[no-untyped-def]
                             aligned = touch.normal[m, 0] * before.normal[b, 0] + touch.normal[m, 1] * before.normal[b, 1]
                             if touch.finger[m] == before.finger[b] and near < 16 * reach * reach and aligned > 0.9:
                                 touch.gap[m] = before.gap[b]
-                respond(table, at, touch, pushed, mu, length, dt, False, answer, work)
+                respond(table, at, touch, pushed, mu, length, dt, False, solution, work)
                 if touch.number[0] == 0 or stage == 1:
                     break
-                mx, my, mc, ms = _moved(x, y, c, s, answer.twist[0], answer.twist[1], answer.twist[2], dt / 2)
+                mx, my, mc, ms = _moved(x, y, c, s, solution.twist[0], solution.twist[1], solution.twist[2], dt / 2)
                 hx, hy, hc, hs = _moved(qx, qy, qc, qs, ux, uy, uw, dt / 2)
                 before.number[0] = touch.number[0]
                 for m in range(touch.number[0]):
                     before.gap[m], before.finger[m] = touch.gap[m], touch.finger[m]
                     for q in range(2):
                         before.point[m, q], before.normal[m, q] = touch.point[m, q], touch.normal[m, q]
-            vx, vy, omega = answer.twist[0], answer.twist[1], answer.twist[2]
+            vx, vy, omega = solution.twist[0], solution.twist[1], solution.twist[2]
             x, y, c, s = _moved(x, y, c, s, vx, vy, omega, dt)
             theta += omega * dt
             qx, qy, qc, qs = _moved(qx, qy, qc, qs, ux, uy, uw, dt)
             phi += uw * dt
             now += dt
             times[row] = now
-            jams[row] = answer.found[0] == 0
+            jams[row] = solution.found[0] == 0
             for q in range(3):
-                moves[row, q], loads[row, q] = answer.twist[q], answer.load[q]
+                moves[row, q], loads[row, q] = solution.twist[q], solution.load[q]
             for k in range(2):
                 modes[row, k] = OPEN
                 for q in range(2):
                     points[row, k, q], forces[row, k, q] = math.nan, 0.0
             for m in range(touch.number[0]):
                 f = touch.finger[m]
-                if f < 2 and answer.mode[m] != OPEN:
+                if f < 2 and solution.mode[m] != OPEN:
                     points[row, f, 0], points[row, f, 1] = touch.point[m, 0], touch.point[m, 1]
-                    modes[row, f] = answer.mode[m]
-                    forces[row, f, 0] += answer.force[m, 0]
-                    forces[row, f, 1] += answer.force[m, 1]
+                    modes[row, f] = solution.mode[m]
+                    forces[row, f, 0] += solution.force[m, 0]
+                    forces[row, f, 1] += solution.force[m, 1]
             row += 1
             poses[row, 0], poses[row, 1], poses[row, 2] = x, y, theta
             pushers[row, 0], pushers[row, 1], pushers[row, 2] = qx, qy, phi

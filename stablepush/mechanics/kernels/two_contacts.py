@@ -196,12 +196,12 @@ def _one_of_two_sticks(table, at, touch, a, b, s, speed, mu, length, dt, slack, 
 
 
 @inner
-def _both_slip(table, at, touch, i, j, origin, way, span, speed, mu, length, dt, slack, work):  # type: ignore[no-untyped-def]
+def _both_slip(table, at, touch, i, j, origin, direction, span, speed, mu, length, dt, slack, work):  # type: ignore[no-untyped-def]
     """Whether two closed contacts can both slip, somewhere on ``work.line`` from ``origin`` on for ``span`` (or to the far end,
-    if it is not finite) in the direction ``way``, where neither turns its slip round."""
+    if it is not finite) in the direction ``direction``, where neither turns its slip round."""
     line, rays, load, twist = work.line, work.rays, work.load, work.twist
     far = math.isinf(span)
-    middle = origin + way * (speed if far else 0.5 * span)
+    middle = origin + direction * (speed if far else 0.5 * span)
     _sliding_edge(touch, i, _slip(touch, i, line, middle), 1e-12 * speed, mu, length, work, 0)
     _sliding_edge(touch, j, _slip(touch, j, line, middle), 1e-12 * speed, mu, length, work, 1)
     # the load lies in the plane of the two edges
@@ -214,13 +214,13 @@ def _both_slip(table, at, touch, i, j, origin, way, span, speed, mu, length, dt,
             ahead = speed * 10.0 ** (-6.0 + 10.0 * (place - 1) / (_PLACES - 2)) if place else 0.0
         else:
             ahead = span * place / (_PLACES - 1)
-        load_on_line(table, at, line, origin + way * ahead, twist, load)
+        load_on_line(table, at, line, origin + direction * ahead, twist, load)
         f_ahead = ax * load[0] + ay * load[1] + az * load[2] / length
         if place and (f_ahead == 0.0 or (f_ahead > 0.0) != (f_behind > 0.0)):
             low, high, f_low, f_high, side = behind, ahead, f_behind, f_ahead, 0
             for turn in range(MOST_STEPS):
                 slip = next_place(low, high, f_low, f_high, turn)
-                load_on_line(table, at, line, origin + way * slip, twist, load)
+                load_on_line(table, at, line, origin + direction * slip, twist, load)
                 value = ax * load[0] + ay * load[1] + az * load[2] / length
                 size = abs(load[0]) + abs(load[1]) + abs(load[2]) / length
                 if abs(value) <= 1e-13 * size or high - low <= 4e-16 * (low + high):
@@ -243,9 +243,9 @@ def _both_slip(table, at, touch, i, j, origin, way, span, speed, mu, length, dt,
                 for q in range(2):
                     work.force[i, q], work.force[j, q] = first * rays[0, q], second * rays[1, q]
                 # what slips by rounding only, as without friction where nothing drives the slip, sticks
-                if abs(_slip(touch, i, line, origin + way * slip)) <= 1e-9 * speed:
+                if abs(_slip(touch, i, line, origin + direction * slip)) <= 1e-9 * speed:
                     work.mode[i] = STICKING
-                if abs(_slip(touch, j, line, origin + way * slip)) <= 1e-9 * speed:
+                if abs(_slip(touch, j, line, origin + direction * slip)) <= 1e-9 * speed:
                     work.mode[j] = STICKING
                 return True
         behind, f_behind = ahead, f_ahead

@@ -21,7 +21,7 @@ _NO_TURN = 1e-9
 
 
 class World(NamedTuple):
-    """Edges of what stands still, in cells of a grid, and how much room there is about every cell.
+    """Edges of what stands still, in cells of a grid, and the clearance of every cell.
 
     ``edges`` (m, 4): both ends of every edge (m); a corner is the first end of one edge. ``first`` (nx*ny + 1,) and ``listed``
     name the edges that cross a cell. ``clearance`` (nx, ny): no point of a cell is nearer to an obstacle or the bounds than this
@@ -51,7 +51,7 @@ class Body(NamedTuple):
 
 
 @inner
-def room_at(world, x, y):  # type: ignore[no-untyped-def]
+def clearance_at(world, x, y):  # type: ignore[no-untyped-def]
     """Least distance (m) from a place to obstacles and bounds, as far as the grid knows."""
     i, j = math.floor((x - world.low[0]) / world.cell), math.floor((y - world.low[1]) / world.cell)
     if 0 <= i < world.clearance.shape[0] and 0 <= j < world.clearance.shape[1]:
@@ -277,7 +277,7 @@ def push_is_free(world, body, x, y, cos, sin, vx, vy, omega, duration):  # type:
     """Whether a body that is free at a pose stays so while it follows a body twist for a time (s)."""
     angle = omega * duration
     travel = math.sqrt(vx * vx + vy * vy) * duration
-    if room_at(world, x, y) > body.radius + travel:
+    if clearance_at(world, x, y) > body.radius + travel:
         return True
     if abs(angle) < _NO_TURN:
         dx, dy = vx * duration, vy * duration

@@ -92,7 +92,7 @@ def _division(low: float, high: float) -> FloatArray:
 
 #: Polygons on the sphere: rings (n, 3) of normalised twists, joined by great circles; the first of each is the outer one. A ring
 #: encloses no two opposite twists, so that it meets a great circle in arcs shorter than half of it.
-Rings = Sequence[Sequence[FloatArray]]
+SphericalPolygons = Sequence[Sequence[FloatArray]]
 
 
 def hemisphere(loop: FloatArray, sense: int) -> shapely.Geometry:
@@ -158,7 +158,7 @@ def _on_rim(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(unit((a + share * (b - a)) * (1.0, 1.0, 0.0)))
 
 
-def disc_polygons(rings: Rings, sense: int) -> shapely.Geometry:
+def disc_polygons(rings: SphericalPolygons, sense: int) -> shapely.Geometry:
     """Return, in the chart, what polygons on the sphere hold of a hemisphere."""
 
     def place(ring: FloatArray) -> FloatArray:
@@ -172,7 +172,7 @@ def disc_polygons(rings: Rings, sense: int) -> shapely.Geometry:
     return shapely.union_all([part for part in parts if part.area > DUST])
 
 
-def cor_polygons(rings: Rings, sense: int, rho: float, extent: float) -> list[shapely.Polygon]:
+def cor_polygons(rings: SphericalPolygons, sense: int, rho: float, extent: float) -> list[shapely.Polygon]:
     """Return polygons on the sphere as polygons of CORs of one sense (m, in B), cut at ``|x|, |y| <= extent`` (m)."""
 
     def place(ring: FloatArray) -> FloatArray:
@@ -190,7 +190,7 @@ def cor_polygons(rings: Rings, sense: int, rho: float, extent: float) -> list[sh
     return [p for p in shapely.get_parts(only_polygons(merged)) if p.area > 1e-15 * extent * extent]
 
 
-def rings_from_disc(disc: shapely.Geometry, sense: int) -> Rings:
+def spherical_polygons_from_disc(disc: shapely.Geometry, sense: int) -> SphericalPolygons:
     """Return polygons of the chart as polygons on the sphere."""
 
     def twists(ring: shapely.LinearRing) -> FloatArray:

@@ -18,7 +18,7 @@ _HIDDEN = "#767676"
 
 
 def plot_residuals(report: GapReport) -> Figure:
-    """Draw the forces that the nominal simulation lacks, as arrows over the table, with what is left after mending."""
+    """Draw the forces that the nominal simulation lacks, as arrows over the table, and what remains after the correction."""
     figure, axes = canvas((8.0, 6.6))
     for key, word, color in (("before", "nominal", PUSHER), ("after", "corrected", COUNTER_CLOCKWISE)):
         force = rotate_vectors(report.poses[:, 2], report.residuals[key][:, :2])
@@ -37,7 +37,8 @@ def _scale(report: GapReport) -> float:
 
 
 def plot_residuals_against(report: GapReport) -> Figure:
-    """Draw the residual force, along and across the measured one, against heading and over the log, before and after mending."""
+    """Draw the residual force along and across the measured one, against heading and trial order, before and after the
+    correction."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -72,7 +73,7 @@ def plot_residuals_against(report: GapReport) -> Figure:
 
 
 def plot_final_poses(report: GapReport) -> Figure:
-    """Draw where pushes were measured to end against where they end in simulation, as arrows over the table."""
+    """Draw measured against simulated final poses of pushes, as arrows over the table."""
     figure, axes = canvas((8.0, 6.6))
     good = np.isfinite([report.ends[key] for key in ("before", "after")]).all(axis=(0, 2))
     places = report.places[good]
@@ -80,16 +81,16 @@ def plot_final_poses(report: GapReport) -> Figure:
     extent = float(np.ptp(places[:, :2], axis=0).max()) if good.any() else 1.0
     times = max(1.0, round(0.08 * max(extent, 0.05) / max(size, 1e-9)))
     for key, word, color in (("before", "nominal", PUSHER), ("after", "corrected", COUNTER_CLOCKWISE)):
-        miss = report.pose_errors(key)[good]
+        error = report.pose_errors(key)[good]
         # to the measured end
-        tails = places[:, :2] - times * miss
-        axes.quiver(*tails.T, *miss.T, color=color, angles="xy", scale_units="xy", scale=1 / times, width=0.0025, label=word)
+        tails = places[:, :2] - times * error
+        axes.quiver(*tails.T, *error.T, color=color, angles="xy", scale_units="xy", scale=1 / times, width=0.0025, label=word)
     axes.plot(*places[:, :2].T, linestyle="none", marker=".", markersize=3, color=OBSTACLE)
     axes.margins(0.12)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     longer = f", {times:.0f} times as long" if times > 1 else ""
-    axes.set_title(f"From the simulated to the measured end of pushes{longer}")
+    axes.set_title(f"From the simulated to the measured final position{longer}")
     legend(axes, columns=2)
     return figure
 
@@ -106,5 +107,5 @@ def plot_effects(report: GapReport) -> Figure:
         label.set_color(_HIDDEN if hidden else "black")
     axes.set_xlim(0, 1)
     axes.set_xlabel("probability")
-    axes.set_title("Effects: named blue, others orange; grey: this log cannot judge it")
+    axes.set_title("Blue: named; orange: other effects; grey: not identifiable from this log")
     return figure

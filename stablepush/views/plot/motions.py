@@ -124,10 +124,10 @@ def _words(axes: Axes) -> list[str]:
     return list(axes.get_legend_handles_labels()[1])
 
 
-def _frame(axes: Axes, points: FloatArray, room: float) -> None:
+def _frame(axes: Axes, points: FloatArray, padding: float) -> None:
     """Show all points: autoscale does not see patches that are not filled."""
     (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
-    axes.set_xlim(x0 - room, x1 + room)
-    axes.set_ylim(y0 - room, y1 + room)
+    axes.set_xlim(x0 - padding, x1 + padding)
+    axes.set_ylim(y0 - padding, y1 + padding)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")

@@ -95,9 +95,9 @@ def _frame(axes: Axes, problem: PlanningProblem, tracks: list[FloatArray]) -> No
     else:
         points = np.concatenate([problem.start[None, :2], problem.goal[None, :2], *problem.obstacles, *tracks])
         low, high = points.min(axis=0) - 2 * problem.slider.radius, points.max(axis=0) + 2 * problem.slider.radius
-    room = 0.03 * float((high - low).max())
-    axes.set_xlim(low[0] - room, high[0] + room)
-    axes.set_ylim(low[1] - room, high[1] + room)
+    padding = 0.03 * float((high - low).max())
+    axes.set_xlim(low[0] - padding, high[0] + padding)
+    axes.set_ylim(low[1] - padding, high[1] + padding)
 
 
 def _plan_title(result: PlanResult) -> str:
