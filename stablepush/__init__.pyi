@@ -74,6 +74,7 @@ from .objects import (
 )
 from .planning import (
     CheckReport as CheckReport,
+    Correction as Correction,
     PlanningProblem as PlanningProblem,
     PlanOptions as PlanOptions,
     PlanResult as PlanResult,
@@ -87,6 +88,7 @@ from .planning import (
     certified_share as certified_share,
     check_plan as check_plan,
     compare_regions as compare_regions,
+    correct as correct,
     estimate_success as estimate_success,
     finger_frame as finger_frame,
     infeasibility as infeasibility,

@@ -207,7 +207,7 @@ def check_evidence(report):
         supporting, opposing, unseen = report.evidence[id]
         if id in report.named:
             assert supporting, (id, opposing)
-            assert report.verdict == "ambiguous" or all("by chance" in clause for clause in opposing), (id, opposing)
+            assert report.verdict == "ambiguous" or all("family-wise" in clause for clause in opposing), (id, opposing)
         elif unseen:
             assert (supporting, opposing) == ([], []), id
             fitted_along = "cannot be judged" in unseen

@@ -54,6 +54,8 @@ def diagnose(
         unit = "" if entry.unit == "1" else f" {entry.unit}"
         sizes = f"{entry.before:.4g}{unit} before, {entry.after:.4g} after, floor {entry.floor:.4g}"
         print(f"{entry.channel}: {sizes}; explained {100 * entry.closed:.0f} % ({percent(low)} to {percent(high)})")
+    if answer is not None and report.verdict in ("absorbed", "named", "ambiguous"):
+        print(f"to plan for the rig as it is: stablepush correct SCENE.json {answer} -o SCENE2.json")
 
 
 def _write_pushes(report: GapReport, path: Path) -> None:
@@ -72,6 +74,36 @@ def _write_corrected(report: GapReport, folder: Path) -> None:
     if report.surface is None:
         print(f"{folder}: not written: a corrected simulation needs forces in the log, or mass and support friction in rig.json")
         return
-    extra = {**(report.rig.extra or {}), "effects": report.effects}
-    write_json(folder / "rig.json", rig_to_json(replace(report.rig, extra=extra)))
-    write_json(folder / "model.json", {**model_to_json(report.surface), "effects": report.effects})
+    effects = [{"effect": id, "parameters": values, "covariance": None} for id, values in report.effects.items()]
+    extra = {**(report.rig.extra or {}), "effects": effects}
+    surface = report.corrected[0].surface or report.surface
+    write_json(folder / "rig.json", rig_to_json(replace(report.rig, extra=extra, model=surface)))
+    write_json(folder / "model.json", {**model_to_json(surface), "effects": effects})
+
+
+def correct(
+    scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
+    diagnosis: Annotated[Path, typer.Argument(help="diagnosis/1 file, as diagnose --json writes it.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="scene/1 file to write.")],
+) -> None:
+    """Write the scene of the rig as a diagnosis found it: surface, fingers, effects and what is left uncertain of them."""
+    from stablepush.planning import correct as corrected, load_corrections, load_scene, save_scene
+
+    require_files(output, read=(scene, diagnosis))
+    problem, corrections = load_scene(scene), load_corrections(diagnosis)
+    with about(scene):
+        found = corrected(problem, corrections)
+    save_scene(found, output)
+    before, after = problem.contacts[0].mu, found.contacts[0].mu
+    changes = ["another limit surface"] if found.surface is not problem.surface else []
+    changes += [f"finger friction {after:.3g} for {before:.3g}"] if after != before else []
+    changes += [f"finger radius {1000 * found.finger_radius:.3g} mm"] if found.finger_radius != problem.finger_radius else []
+    aside = any((a.points != b.points).any() for a, b in zip(found.contacts, problem.contacts, strict=True))
+    changes += ["contacts elsewhere"] if aside else []
+    changes += ["start and goal about the centre of mass"] if (found.goal != problem.goal).any() else []
+    changes += [f"effects {', '.join(entry.effect.id for entry in found.effects)}"] if found.effects else []
+    changes += [f"{len(found.alternatives)} alternatives"] if found.alternatives else []
+    print(f"{output}: {'; '.join(changes) or 'nothing to correct'}")
+    unplanned = found.unplanned_effects()
+    if unplanned:
+        print(f"{output}: plans do not take {', '.join(unplanned)} into account: plan will refuse this scene")

@@ -32,7 +32,7 @@ from .errors import (
     UnsupportedContactError as UnsupportedContactError,
 )
 from .json_node import Node as Node, describe as describe
-from .parallel import run_parallel as run_parallel
+from .parallel import in_threads as in_threads, run_parallel as run_parallel
 from .plausibility import (
     note_cors as note_cors,
     note_distance as note_distance,

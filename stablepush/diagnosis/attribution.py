@@ -48,12 +48,13 @@ BEYOND_PRESSURE = tuple(id for id in SIZES if id not in OF_PRESSURE)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactFriction:
-    """Friction between pusher and slider from rows in which fingers slip: estimate, standard error, trials that slip, p-value."""
+    """Friction between pusher and slider: estimate, standard error, trials that slip, p-value, and which readings show it."""
 
     estimate: float
     error: float
     trials: int
     p_value: float
+    readings: str = "forces"
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,14 +252,16 @@ def family_wise_p_values(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[
     """Return the family-wise p-value of each effect: how often, without effects, the smallest p-value of all is as small.
 
     The scores are linearised at the fit; trials keep their errors but for the sign, the same for all effects (the least
-    p-value of Westfall and Young 1993 by the score bootstrap of Kline and Santos 2012).
+    p-value of Westfall and Young 1993 by the score bootstrap of Kline and Santos 2012). The signs of ``n`` trials that carry the
+    information have ``2^(n-1)`` patterns apart from a common sign: no p-value is less than one of so many.
     """
     trials = max((len(test.scores) for test in tests.values()), default=0)
     signs = np.random.default_rng(seed).choice((-1.0, 1.0), (_DRAWS, trials))
     least = np.zeros(_DRAWS)
     for test in tests.values():
         least = np.minimum(least, test.log_p(test.under_none(signs)))
-    return {id: float((1 + (least <= test.log_p(test.statistic)).sum()) / (1 + _DRAWS)) for id, test in tests.items()}
+    found = {id: float((1 + (least <= test.log_p(test.statistic)).sum()) / (1 + _DRAWS)) for id, test in tests.items()}
+    return {id: max(p, min(1.0, 2.0 ** (1.0 - tests[id].informative_trials()))) for id, p in found.items()}
 
 
 def _possible(id: str, estimate: FloatArray) -> bool:

@@ -13,7 +13,7 @@ from stablepush.diagnosis.equations import Fitted
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.motions import Motions
 from stablepush.diagnosis.observations import Observations
-from stablepush.diagnosis.replay import MOVING, Replay, carry_out, friction_of, pose_errors, step_of
+from stablepush.diagnosis.replay import MOVING, Replay, carry_out, step_of
 from stablepush.diagnosis.system import System
 from stablepush.geometry import compose
 from stablepush.mechanics import motion_profile
@@ -50,7 +50,8 @@ def loads_of(system: System) -> Candidates:
     """Loads while the slider is pushed straight at the middle of an edge; clearances between fingers and outline if the log has
     them."""
     entries, inward, o = _straight(system)
-    model = ForwardModel(o, system.points, system.weight, system.rig.slider.radius_of_gyration**2, system.center)
+    inertia, beyond_points = system.rig.slider.radius_of_gyration**2, system.believed.beyond_points(o.twist)
+    model = ForwardModel(o, system.points, system.weight, inertia, system.center, beyond_points)
     noise = np.array((system.noise.force, system.noise.force, system.noise.moment))
     seen = any(len(rows) for _, rows in system.clearance_rows)
 
@@ -73,15 +74,14 @@ def final_poses_of(system: Motions) -> Candidates:
     kept, _ = system.predictable([push for _, push in drawn])
     if not kept:
         return Candidates([], lambda *_: np.zeros((0, 3)), lambda _: 0.0, lambda _: {})
-    rig, weight = system.rig, system.moving_weight
-    table = friction_of(system.surface(system.nominal), {}, weight).compiled()
+    rig, table = system.rig, system.table(system.nominal, {}).compiled()
     # pose errors about the final pose of a push are small
     kept = [replace(push, end=carry_out(push, table, rig.slider, system.mu, {})) for push in kept]
     noise = np.median(system.spread.reshape(-1, 3), axis=0)
 
     def readings(id: str, fitted: Fitted, step: FloatArray) -> FloatArray:
         effects = {**fitted.values, id: fitted.values[id] + step}
-        return pose_errors(kept, system.surface(fitted.loads), rig.slider, system.mu, weight, effects) / noise
+        return system.simulated_errors(kept, fitted.loads, effects) / noise
 
     def expected(difference: FloatArray) -> dict[str, float]:
         return {"expected_difference_of_ends_m": float(np.linalg.norm(difference * noise))}

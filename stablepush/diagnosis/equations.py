@@ -101,17 +101,20 @@ class ScoreTest:
         left = signs[:, :, None] * self.scores - np.einsum("tij,nj->nti", self.shares, steps)
         return statistics(sums, left)
 
-    def log_p(self, statistic: FloatArray | float) -> FloatArray:
-        """Logarithm of the p-value of a statistic (any shape) by Hotelling's T².
-
-        The scatter of few trials is itself uncertain: what counts as their number is ``(Σ s)² / Σ s²`` of their shares in the
-        information (Satterthwaite 1946).
-        """
-        d, total = len(self.estimate), self.shares.sum(axis=0)
+    def informative_trials(self) -> float:
+        """Number of trials that carry the information: ``(Σ s)² / Σ s²`` of their shares in it (Satterthwaite 1946)."""
+        total = self.shares.sum(axis=0)
         if not total.any():
-            return np.zeros(np.shape(statistic))
+            return 0.0
         share = np.einsum("ij,tji->t", np.linalg.inv(total), self.shares)
-        trials = max(float(share.sum()) ** 2 / float((share**2).sum()), d + 1.0)
+        return float(share.sum()) ** 2 / float((share**2).sum())
+
+    def log_p(self, statistic: FloatArray | float) -> FloatArray:
+        """Logarithm of the p-value of a statistic (any shape) by Hotelling's T²: the scatter of few trials is uncertain."""
+        d = len(self.estimate)
+        if not self.shares.any():
+            return np.zeros(np.shape(statistic))
+        trials = max(self.informative_trials(), d + 1.0)
         return np.maximum(f_distribution.logsf(np.asarray(statistic) / d, d, trials - d), _LEAST_LOG)
 
 
@@ -216,6 +219,24 @@ class Equations(ABC):
                 break
         covariance = self._spread(design, data, prior, residual, use)[q:, q:]
         return Fitted(loads, values, covariance, residual, self.density(residual, use))
+
+    def deviations(self, fitted: Fitted, free: bool) -> FloatArray:
+        """Return what a fit leaves open of the loads: changes (k, q) of them, of one standard deviation each.
+
+        What the rows show scatters from trial to trial (jackknife); of what they do not show the prior is left.
+        """
+        directions, base, precision = self.base(fitted.values, free)
+        q, residual = len(precision), fitted.residual
+        design = np.concatenate((base, *(self.columns(id, fitted.loads, fitted.values) for id in fitted.values)), axis=1)
+        scale, use = _scale(residual), np.ones(len(residual), dtype=bool)
+        weights = (_TAIL + 1) / (_TAIL + residual**2 / scale)
+        data = design.T @ (weights[:, None] * design)
+        prior = np.zeros_like(data)
+        prior[:q, :q] = precision * scale
+        left = scale * np.linalg.pinv(data + prior, rcond=_RANK, hermitian=True)
+        spread = (left + self._spread(design, data, prior, residual, use))[:q, :q]
+        sizes, vectors = np.linalg.eigh(spread)
+        return np.asarray(directions @ (vectors * np.sqrt(np.maximum(sizes, 0.0))))
 
     def _spread(
         self, design: FloatArray, data: FloatArray, prior: FloatArray, residual: FloatArray, use: BoolArray

@@ -41,7 +41,7 @@ def evidence(
         acts = id in (*found.named, *found.confounded)
         if not entry.identifiable and not acts:
             clauses = not_identifiable(entry.reason or "")
-        elif id == "contact-friction" and system.has_wrench:
+        elif id == "contact-friction" and found.contact is not None:
             clauses = _of_slip(system, found)
         elif id == "model-capacity":
             clauses = _of_surface(found, reshaped)
@@ -60,7 +60,7 @@ def _of_slip(system: System, found: Attribution) -> Evidence:
     assert contact is not None
     assert nominal is not None
     words = (
-        f"the forces of {contact.trials} pushes whose fingers slip give {readable(contact.estimate)}; "
+        f"the {contact.readings} of {contact.trials} pushes whose fingers slip give {readable(contact.estimate)}; "
         f"the rig has {readable(nominal)}"
     )
     if "contact-friction" in found.named:

@@ -46,9 +46,6 @@ SMALL: Mapping[str, float] = {
     "latency": 5e-3,
 }
 
-#: Speed (m/s) below which points have friction in proportion to their speed.
-_CREEP = 1e-9
-
 Values = Mapping[str, FloatArray]
 
 
@@ -66,9 +63,20 @@ class ForwardModel:
         Moment of inertia over the mass, in m².
     center : array, shape (2,)
         Nominal centre of pressure in B, about which pressure spreads.
+    beyond_points : array, shape (n, 3)
+        Loads in B that the nominal surface adds to those of the points.
     """
 
-    def __init__(self, observations: Observations, points: FloatArray, weight: float, inertia: float, center: FloatArray) -> None:
+    def __init__(
+        self,
+        observations: Observations,
+        points: FloatArray,
+        weight: float,
+        inertia: float,
+        center: FloatArray,
+        beyond_points: FloatArray,
+    ) -> None:
+        self.beyond_points = beyond_points
         self._o, self._weight, self._inertia = observations, float(weight), float(inertia)
         self._points, self._center = np.array(points, dtype=np.float64), np.array(center, dtype=np.float64)
         known = np.isfinite(observations.pusher).all(axis=1)
@@ -78,7 +86,7 @@ class ForwardModel:
         at = observations.pose[:, :2] + rotate_vectors(observations.pose[:, 2], np.nan_to_num(observations.place[:, 0]))
         place[touching] = at[touching]
         place[known] = observations.pusher[known, :2]
-        self._place = place
+        self.place = place
 
     def matrix(self, values: Values) -> tuple[FloatArray, FloatArray]:
         """Return ``G`` (n, 3, k) and ``c`` (n, 3): the measured wrenches are ``G m + c`` for friction loads ``m`` (k,) in N."""
@@ -87,7 +95,7 @@ class ForwardModel:
 
     def predict(self, loads: FloatArray, values: Values) -> FloatArray:
         """Return the wrenches (n, 3) for friction loads (k,)."""
-        return self._read(values, loads, np.empty((0, 3, 0)))
+        return self._read(values, loads, np.empty((0, 3, 0))) + self.beyond_points
 
     def _read(self, values: Values, loads: FloatArray, matrix: FloatArray) -> FloatArray:
         from stablepush.diagnosis._readings import read
@@ -101,25 +109,6 @@ class ForwardModel:
         result = np.empty((len(o.twist), 3))
         read(
             self._points, self._center, self._inertia, self._weight, REFERENCE_SPEED, o.order, o.pose, o.twist, o.acceleration,
-            self._place, theta, np.ascontiguousarray(loads), matrix, result,
+            self.place, theta, np.ascontiguousarray(loads), matrix, result,
         )  # fmt: skip
-        return result
-
-    def motion_slopes(self, loads: FloatArray) -> FloatArray:
-        """Return ``dF/dV`` (n, 3, 3) at the measured motions, by differences: how noise of the motion reaches the prediction."""
-        from stablepush.surfaces.kernels import sum_loads
-
-        o, p, m = self._o, self._points, np.ascontiguousarray(loads)
-        result = np.zeros((len(o.twist), 3, 3))
-
-        def load(twist: FloatArray) -> FloatArray:
-            sum_loads(p, m, np.ascontiguousarray(twist), _CREEP, 0.0, wrenches := np.empty_like(twist))
-            return wrenches
-
-        size = np.maximum(np.linalg.norm(o.twist[:, :2], axis=1), 1e-6)
-        length = max(1e-3, float(np.sqrt((p**2).sum(axis=1).mean())))
-        for k, scale in enumerate((1.0, 1.0, 1.0 / length)):
-            step = np.zeros((len(size), 3))
-            step[:, k] = 0.02 * size * scale
-            result[:, :, k] = (load(o.twist + step) - load(o.twist - step)) / (2 * step[:, k])[:, None]
         return result

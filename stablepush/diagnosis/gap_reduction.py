@@ -13,14 +13,14 @@ from stablepush.core import ConvergenceError, FloatArray, InputError
 from stablepush.diagnosis.attribution import BEYOND_PRESSURE, FOLDS, Attribution, folds_of
 from stablepush.diagnosis.equations import Values
 from stablepush.diagnosis.forward import PARAMETERS
-from stablepush.diagnosis.replay import Replay, first_contacts, pose_errors
+from stablepush.diagnosis.replay import Replay, first_contacts
 from stablepush.diagnosis.results import ChannelGap, GapReduction
 from stablepush.diagnosis.system import IN_CLEARANCES, System
 from stablepush.geometry import angle_between, twist_from_cor
 from stablepush.io import PushLog
 from stablepush.objects import PushContact
 from stablepush.stability import StabilityOracle
-from stablepush.surfaces import IdealLimitSurface
+from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
 #: Resampled trials behind an interval.
 _RESAMPLES = 500
@@ -30,6 +30,10 @@ _SMOOTH = 0.2
 _DRAWS = 4
 #: Pose errors are significant if they are so many times those that noise would leave, with so small a p-value.
 _OFF, _SIGNIFICANT = 2.0, 0.01
+#: A channel stands clear of its floor if it is so many times as large, with so small a p-value.
+_CLEAR = 1.5
+#: Or so many times as large, if in a few pushes only.
+_FAR = 5.0
 #: Shares of a gap that effects may leave of what a refit without them leaves, and of what the nominal simulation leaves.
 _LEAVES_OF_REFIT, _LEAVES = 0.5, 0.1
 _FITS = ("before", "refit", "after")
@@ -79,7 +83,7 @@ def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[
             part["pose"] = part["touch"]  # type: ignore[assignment, index]
     labels = _labels(system, log) if system.has_surface and system.rig.contact_friction is not None else {}
     if labels:
-        _stability(held, folds, labels)
+        _stability(held, folds, labels, system.rig.model)
     return held
 
 
@@ -112,7 +116,7 @@ def _wrenches(held: HeldOut, system: System, folds: list[_Fold]) -> None:
             wrench = system.model.predict(fold.loads[key], acting)
             wrenches[key][rows] = wrench[rows]
             # what the effects do to a load is taken back before the surface is asked for its motion
-            load = o.wrench - (wrench - system.model.predict(fold.loads[key], {}))
+            load = o.wrench - (wrench - system.model.predict(fold.loads[key], {})) - system.model.beyond_points
             angles[key][rows] = _angles(system, fold.surfaces[key], load)[rows]
         floor += float(_twist_floor(system, fold, rows).sum()) / len(o.time)
     held.wrenches.update(wrenches)
@@ -124,13 +128,13 @@ def _wrenches(held: HeldOut, system: System, folds: list[_Fold]) -> None:
 
 def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Replay]) -> None:
     """Final poses of pushes."""
-    trial, rig = np.array([push.trial for push in pushes], dtype=int), system.rig
+    trial = np.array([push.trial for push in pushes], dtype=int)
     for key in _FITS:
         ends = np.zeros((len(pushes), 3))
         for fold in folds:
             here = np.flatnonzero(fold.test[trial])
             chosen = [pushes[int(i)] for i in here]
-            ends[here] = pose_errors(chosen, fold.surfaces[key], rig.slider, system.mu, system.moving_weight, fold.values[key])
+            ends[here] = system.simulated_errors(chosen, fold.loads[key], fold.values[key])
         held.ends[key] = ends
     simulated = np.isfinite([held.ends[k] for k in _FITS]).all(axis=(0, 2))
     if simulated.any():
@@ -152,8 +156,10 @@ def _clearances(held: HeldOut, system: System, folds: list[_Fold]) -> None:
     held.trials["touch"], held.floors["touch"] = trial, system.clearance_noise**2
 
 
-def _stability(held: HeldOut, folds: list[_Fold], labels: dict[int, tuple[PushContact, FloatArray, bool]]) -> None:
-    """Labels of stability: 1 where the oracle errs."""
+def _stability(
+    held: HeldOut, folds: list[_Fold], labels: dict[int, tuple[PushContact, FloatArray, bool]], model: LimitSurface | None
+) -> None:
+    """Labels of stability: 1 where the oracle errs. ``model``: the nominal surface, if it is not that of points."""
     held.squares["stability"] = {k: np.zeros(len(labels)) for k in _FITS}
     held.trials["stability"], held.floors["stability"] = np.array(list(labels)), 0.0
     for at, (trial, (contact, twist, stable)) in enumerate(labels.items()):
@@ -161,7 +167,8 @@ def _stability(held: HeldOut, folds: list[_Fold], labels: dict[int, tuple[PushCo
         for key, surface in fold.surfaces.items():
             shift_of_mu = float(fold.values[key].get("contact-friction", np.zeros(1))[0])
             touching = replace(contact, mu=max(0.0, contact.mu + shift_of_mu))
-            held.squares["stability"][key][at] = float(StabilityOracle(surface, touching).is_stable(twist) != stable)
+            believed = model if model is not None and key == "before" else surface
+            held.squares["stability"][key][at] = float(StabilityOracle(believed, touching).is_stable(twist) != stable)
 
 
 def of_wrench(values: Values) -> Values:
@@ -181,8 +188,9 @@ def wrench_floor(system: System) -> float:
     but not beyond the facet, whose radius is the load of that point: it bounds what the motion of a row may contribute.
     """
     scale = np.array((1.0, 1.0, 1.0 / system.rho))
-    rows = (np.einsum("nii->ni", system.covariance) * scale**2).sum(axis=1)
-    force = 2 * system.noise.force**2 + (system.noise.moment / system.rho) ** 2
+    rows, force = (
+        (np.einsum("nii->ni", covariance) * scale**2).sum(axis=1) for covariance in (system.covariance, system.reading_covariance)
+    )
     motion = np.maximum(rows - force, 0.0)
     loads = np.abs(system.nominal)
     most = max(float(loads.max()), _SMOOTH * float(loads.sum())) ** 2 + 1e-30
@@ -239,7 +247,7 @@ def _angles(system: System, surface: IdealLimitSurface, wrenches: FloatArray) ->
 def _twist_floor(system: System, fold: _Fold, rows: np.ndarray) -> FloatArray:
     """Mean squared angles of rows that noise of forces and motion alone would leave."""
     rng = np.random.default_rng(0)
-    clean = system.model.predict(fold.loads["after"], {})[rows]
+    clean = (system.model.predict(fold.loads["after"], {}) - system.model.beyond_points)[rows]
     noise = np.array((system.noise.force, system.noise.force, system.noise.moment))
     scale = np.array((1.0, 1.0, system.rho))
     motion = system.observations.twist[rows]
@@ -339,6 +347,31 @@ def gap(system: System, held: HeldOut) -> list[ChannelGap]:
             )
         )
     return entries
+
+
+def stands_clear(entry: ChannelGap) -> bool:
+    """Return whether what the nominal simulation leaves of a channel is clearly more than noise.
+
+    Labels of stability alone do not show that: they have no floor, and those near the boundary are not determined.
+    """
+    measured = entry.channel != "stability"
+    clear = entry.nominal > _CLEAR * entry.noise_floor and entry.p_lack_of_fit < _SIGNIFICANT
+    return measured and (clear or entry.nominal > _FAR * entry.noise_floor)
+
+
+def refit_leaves_noise(system: System) -> bool:
+    """Return whether a refitted surface leaves no more of the wrenches that it is fitted to than noise."""
+    left = system.fit([], True).residual[: 3 * len(system.observations.time)]
+    return system.has_wrench and float(np.sqrt(np.mean(left**2))) < _CLEAR
+
+
+def slipping_unexpectedly(held: HeldOut, log: PushLog) -> list[int]:
+    """Return the numbers of the trials whose fingers slipped although the nominal simulation calls them stable."""
+    if "stability" not in held.squares:
+        return []
+    stable = np.asarray(log.trials["stable"], dtype=np.float64)
+    wrong = held.squares["stability"]["before"] > 0
+    return [int(trial) for trial in held.trials["stability"][wrong] if stable[trial] == 0]
 
 
 def _lack_of_fit(rows: FloatArray, trial: np.ndarray) -> float:

@@ -10,8 +10,9 @@ import numpy as np
 
 from stablepush.core import FloatArray, InputError, renamed_fields
 from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out, slip_friction
+from stablepush.diagnosis.corrected import corrections
 from stablepush.diagnosis.equations import SIZES, robust_variance
-from stablepush.diagnosis.evidence import Evidence, evidence, not_identifiable
+from stablepush.diagnosis.evidence import Evidence, evidence, not_identifiable, readable
 from stablepush.diagnosis.gap_reduction import (
     clearance_reduction,
     explains_most,
@@ -19,17 +20,22 @@ from stablepush.diagnosis.gap_reduction import (
     hold_out,
     pose_errors_are_significant,
     reductions,
+    refit_leaves_noise,
+    slipping_unexpectedly,
+    stands_clear,
 )
 from stablepush.diagnosis.motions import Motions, motions_of
 from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import Replay, replays
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
+from stablepush.diagnosis.slip import friction_from_poses
 from stablepush.diagnosis.system import System, system_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share, residuals
 from stablepush.effects import CATALOGUE
 from stablepush.geometry import rotate_vectors
 from stablepush.io import PushLog, Rig
+from stablepush.planning import Correction
 from stablepush.surfaces import IdealLimitSurface
 
 #: The words of a verdict.
@@ -41,6 +47,8 @@ _UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
 _MISFIT = 4.0
 #: Nor are means of trials so large over the noise, in mean square, if repeats of a push share them with so small a p-value.
 _COMMON, _P_COMMON = 8.0, 1e-3
+#: Trials and effects that a sentence lists at most, and the least probability of an effect that one lists.
+_LISTED, _LIKELY = 3, 0.05
 #: A sentence names a channel whose gap is reduced by more than this share.
 _REPORTED = 0.05
 
@@ -52,7 +60,8 @@ class GapReport:
 
     ``rig``: the log's, with the friction and the radius of the fingers as the log has them where they were not known;
     ``surface``: the corrected limit surface (None if its size is not identifiable from the log); ``effects``: what acts, with its
-    values, as the catalogue has them; ``evidence``: for and against each effect of the catalogue, in words.
+    values, as the catalogue has them; ``corrected``: the rig as plans need it (:func:`stablepush.correct`), one for each of
+    several causes that cannot be separated; ``evidence``: for and against each effect of the catalogue, in words.
     """
 
     log: str
@@ -71,6 +80,7 @@ class GapReport:
     rig: Rig
     surface: IdealLimitSurface | None
     effects: dict[str, dict[str, Any]]
+    corrected: list[Correction]
     evidence: dict[str, Evidence]
     residuals: dict[str, FloatArray] = field(repr=False)
     ends: dict[str, FloatArray] = field(repr=False)
@@ -111,6 +121,8 @@ class GapReport:
             "ranking": as_json(self.ranking),
             "shrink": as_json(self.reductions),
             "worse": self.worse,
+            "logs": [self.log],
+            "corrected": [entry.to_json() for entry in self.corrected],
             "next_experiment": as_json(self.next_experiment),
             "sentence": self.sentence,
             "notes": self.notes,
@@ -143,6 +155,8 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     forces = bool(observations.has_wrench.any())
     system, pushes, left_out = _equations(log, observations)
     found = attribute(system, progress)
+    if "contact-friction" not in found.named:
+        found = replace(found, contact=friction_from_poses(system, found, pushes) or found.contact)
     progress("gap reduction")
     named = found.named
     held = hold_out(system, found, log, pushes)
@@ -179,6 +193,14 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         # pushes
         if size > _MISFIT or (common > _COMMON and p_common < _P_COMMON) or (not forces and pose_errors_are_significant(held)):
             verdict = "unknown"
+    gaps = gap(system, held)
+    if verdict == "none" and any(stands_clear(entry) for entry in gaps):
+        # few trials do not show that a refit predicts others better, but it may fit all of them
+        clear = [entry.channel for entry in gaps if stands_clear(entry)]
+        verdict = "absorbed" if "pose" not in clear and refit_leaves_noise(system) else "unknown"
+    # a change of all friction alike leaves the surface's shape as it is
+    fits = found.scores
+    reshaped = verdict == "absorbed" or ("free" in fits and system.significantly_better(fits["free"], fits["scaled"]))
     why = (
         "it does not reduce the residuals of held-out pushes"
         if worse
@@ -195,23 +217,34 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     simulated = [id for id in named if id != "contact-geometry" or all(observations.off)]
     report_effects = {entry.effect: _plain(entry) for entry in ranking if entry.effect in simulated}
     notes = _notes(log, system, found, effects, share, p_share, left_out)
+    slipping, after = slipping_unexpectedly(held, log), _next(system, found, effects, ranking)
+    if slipping:
+        names = ", ".join(observations.names[k] for k in slipping[:_LISTED])
+        more = "" if len(slipping) <= _LISTED else f" and {len(slipping) - _LISTED} more"
+        notes.append(
+            f"fingers slipped in {len(slipping)} of {len(log)} pushes that the nominal simulation calls stable ({names}{more}): "
+            "friction of the fingers, or a contact that is elsewhere"
+        )
     return GapReport(
         log=name,
         trials=len(log),
         channels=[entry.channel for entry in reduced],
         verdict=Verdict(verdict),
         named=effects,
-        gap=gap(system, held),
+        gap=gaps,
         where=where,
         ranking=ranking,
         reductions=reduced,
         worse=[entry.channel for entry in reduced if entry.after > 1.02 * entry.before],
-        next_experiment=_next(system, found, effects, ranking),
-        sentence=_sentence(verdict, effects, reduced, touch, system.has_wrench, log.rig.noise is not None),
+        next_experiment=after,
+        sentence=_unexplained(gaps, ranking, len(slipping), len(log), bool(after.pushes))
+        if verdict == "unknown"
+        else _sentence(verdict, effects, reduced, touch, system.has_wrench, log.rig.noise is not None),
         notes=notes,
         rig=_completed(log.rig, system, found),
         surface=surface,
         effects=report_effects,
+        corrected=corrections(system, found, ranking, effects, reshaped),
         evidence=evidence(system, found, ranking, effects, why),
         residuals={k: system.observations.wrench - v for k, v in held.wrenches.items()},
         ends=held.ends,
@@ -259,8 +292,8 @@ def _too_little(log: PushLog, name: str) -> GapReport:
     sentence = f"{words[0].upper()}{words[1:]}."
     return GapReport(
         name, len(log), [], Verdict.NONE, [], [], [], ranking, [], [], after, sentence, [words], log.rig, None,
-        {}, {id: not_identifiable(UNSEEN[id]) for id in CATALOGUE}, {}, {}, nothing, nothing, nothing, np.zeros(0), np.zeros(0),
-        np.zeros(0), [], [],
+        {}, [], {id: not_identifiable(UNSEEN[id]) for id in CATALOGUE}, {}, {}, nothing, nothing, nothing, np.zeros(0),
+        np.zeros(0), np.zeros(0), [], [],
     )  # fmt: skip
 
 
@@ -328,7 +361,28 @@ def _sentence(verdict: str, effects: list[str], reductions: list[GapReduction], 
         return f"{'; '.join(f'{id} ({what})' for id, what in zip(effects, words, strict=True))}{how}."
     if verdict == "ambiguous":
         return f"In this log {' and '.join(effects)} are confounded{how}."
-    return "No effect of the catalogue explains the gap."
+    raise AssertionError(verdict)
+
+
+def _unexplained(gaps: list[ChannelGap], ranking: list[RankedEffect], slipping: int, pushes: int, tells: bool) -> str:
+    """What stands clear of the noise, and what is most likely, where no effect explains the gap."""
+    off = [entry for entry in gaps if stands_clear(entry)]
+    units = {"wrench": "N", "twist": "rad", "pose": "m"}
+    sizes = [
+        f"the {entry.channel} is off by {readable(entry.nominal)} {units[entry.channel]}, noise explains "
+        f"{readable(entry.noise_floor)}"
+        for entry in off
+        if entry.channel in units
+    ]
+    words = ["No effect of the catalogue explains the gap" + (f": {', '.join(sizes)}" if sizes else "")]
+    if slipping:
+        words.append(f"fingers slipped in {slipping} of {pushes} pushes that should stick")
+    likely = [f"{e.effect} ({e.probability:.2f})" for e in ranking if e.identifiable and e.probability >= _LIKELY][:_LISTED]
+    if likely:
+        words.append(f"most likely {', '.join(likely)}")
+    else:
+        words.append("friction of the fingers or a contact that is elsewhere is likely" if slipping else "no effect is likely")
+    return "; ".join(words) + (". The pushes of the next experiment would tell." if tells else ".")
 
 
 def _notes(
@@ -336,6 +390,8 @@ def _notes(
 ) -> list[str]:
     notes = []
     rig = log.rig
+    if (rig.extra or {}).get("effects"):
+        notes.append("rig.json has effects: they are not part of the nominal simulation")
     if rig.noise is None:
         notes.append("rig.json has no noise: it was estimated from the residuals of a fit with a free pressure")
     if not system.has_wrench:
@@ -368,5 +424,8 @@ def _notes(
             "the corrected rig, which has one radius for both, does not include it"
         )
     if found.contact is not None:
-        notes.append(f"friction at the fingers from {found.contact.trials} trials that slip: {found.contact.estimate:.4g}")
+        contact = found.contact
+        notes.append(
+            f"friction at the fingers from {contact.readings} of {contact.trials} trials that slip: {contact.estimate:.4g}"
+        )
     return notes

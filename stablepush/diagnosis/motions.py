@@ -8,6 +8,7 @@ The clearances of the fingers are added to these.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -53,10 +54,11 @@ class Motions(System):
         super().__init__(observations, rig)
         self.has_surface = True
         self.known_scale = True
-        slider = rig.slider
-        support = slider.support or SupportDistribution(self.points, np.ones(len(self.points)))
-        total = (rig.support_friction or 0.0) * self.weight
-        self._surface = IdealLimitSurface(_coarse(support), total or 1.0, self.rho)
+        support = self.believed.points.support
+        if rig.model is None and rig.slider.support is None:
+            support = SupportDistribution(self.points, np.ones(len(self.points)))
+        self._surface = IdealLimitSurface(_coarse(support), self.believed.points.friction_load, self.rho)
+        self.believed = replace(self.believed, points=self._surface)
         self.nominal = np.zeros(len(_SMALL))
         if rig.contact_friction is None:
             self.nuisance = (*self.nuisance, "contact-friction")
@@ -75,8 +77,8 @@ class Motions(System):
 
     def _likely_contact_mu(self, pushes: list[Replay]) -> float:
         """Friction of the fingers that minimises the pose errors of the nominal simulation: the start of fits."""
-        surface, slider = self.surface(self.nominal), self.rig.slider
-        errors = [np.linalg.norm(pose_errors(pushes, surface, slider, mu, self.moving_weight, {}), axis=1) for mu in _CONTACT_MUS]
+        table = self.table(self.nominal, {})
+        errors = [np.linalg.norm(pose_errors(pushes, table, self.rig.slider, mu, {}), axis=1) for mu in _CONTACT_MUS]
         return _CONTACT_MUS[first_least([np.nan_to_num(m, nan=10 * self.rho).sum() for m in errors], 1e-6 * len(pushes))]
 
     def surface(self, loads: FloatArray) -> IdealLimitSurface:
@@ -91,7 +93,7 @@ class Motions(System):
         """Return pose errors (n, 3): measured minus simulated final poses, in ``(x, y, rho θ)`` of the simulated frame, in m."""
         key = loads.tobytes(), tuple((id, values[id].tobytes()) for id in sorted(values) if values[id].any())
         if key not in self._found:
-            found = pose_errors(self.pushes, self.surface(loads), self.rig.slider, self.mu, self.moving_weight, values)
+            found = self.simulated_errors(self.pushes, loads, values)
             # what cannot be simulated is as far off as nothing else
             self._found[key] = np.nan_to_num(found, nan=10 * self.rho)
         return self._found[key]

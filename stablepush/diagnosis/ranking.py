@@ -85,7 +85,7 @@ def rank(system: System, found: Attribution, effects: list[str]) -> list[RankedE
     shared = _of_fit(found.confounded_with, system, found, effects)[0] / len(apart) if apart else 0.0
     entries = []
     for id in CATALOGUE:
-        if id == "contact-friction" and system.has_wrench:
+        if id == "contact-friction" and (system.has_wrench or found.contact is not None):
             entry = _of_slip(system, found)
         elif id == "model-capacity":
             # a refitted surface takes it: nothing speaks for it but that another surface fits better
@@ -106,7 +106,7 @@ def _unseen(id: str, found: Attribution) -> str:
     """Why a log cannot show an effect."""
     contact = found.contact
     if id == "contact-friction" and contact is not None:
-        slip = f"forces of {contact.trials} pushes whose fingers slip say {contact.estimate:.4g}"
+        slip = f"{contact.readings} of {contact.trials} pushes whose fingers slip give {contact.estimate:.4g}"
         return f"needs the friction that the rig believes the fingers have; {slip}"
     return UNSEEN[id]
 

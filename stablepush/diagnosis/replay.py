@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -13,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError
+from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError, in_threads
+from stablepush.diagnosis.nominal import Nominal
 from stablepush.diagnosis.observations import Observations, finger_places, nearest
 from stablepush.effects import principal
 from stablepush.geometry import (
@@ -51,8 +50,6 @@ _MOST_PIECES = 16
 _ARM = 0.05
 #: Draws of the noise of first poses.
 _DRAWS = 4
-#: Threads that carry out pushes: what is not compiled takes turns.
-_MOST_THREADS = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -215,8 +212,9 @@ def _knots(rows: np.ndarray, pushers: FloatArray, phases: np.ndarray | None) -> 
     return rows[np.unique(np.append(at, len(rows) - 1))]
 
 
-def friction_of(surface: IdealLimitSurface, values: Mapping[str, FloatArray], weight: float) -> TableFriction:
-    """Return the friction of the table for fitted parameters of effects; ``weight`` of the slider in N."""
+def friction_of(believed: Nominal, surface: IdealLimitSurface, values: Mapping[str, FloatArray], weight: float) -> TableFriction:
+    """Return the friction of the table for the friction of points and fitted parameters of effects; ``weight`` of the slider in
+    N."""
     tables = []
     for id in ("anisotropy-object", "anisotropy-world"):
         a, b = values.get(id, np.zeros(2))
@@ -229,50 +227,40 @@ def friction_of(surface: IdealLimitSurface, values: Mapping[str, FloatArray], we
         points = support.center + (1 + values["pressure-spread"][0]) * (points - support.center)
     points = points + values.get("pressure-shift", np.zeros(2))
     moved = IdealLimitSurface(type(support)(points, support.weights), surface.friction_load, surface.characteristic_length)
-    return TableFriction(
+    return believed.table(
         moved, body_anisotropy=tables[0], world_anisotropy=tables[1], gradient=gradient, external_force=weight * slope
     )
 
 
 def pose_errors(
     pushes: Sequence[Replay],
-    surface: IdealLimitSurface,
+    friction: TableFriction,
     slider: Slider,
     mu: float,
-    weight: float,
     values: Mapping[str, FloatArray],
 ) -> FloatArray:
     """Return pose errors (n, 3): the twist from the simulated to the measured final pose, as ``(x, y, rho θ)`` in m; NaN where a
     push cannot be simulated."""
-    try:
-        table = friction_of(surface, values, weight).compiled()
-    except InputError:
-        # parameters beyond all sense
-        return np.full((len(pushes), 3), np.nan)
+    table = friction.compiled()
 
     def pose_error(push: Replay) -> FloatArray:
         error = compose(inverse(carry_out(push, table, slider, mu, values)), push.end)
         error[2] = wrap_angle(error[2])
         return np.asarray(log_of(error) * (1, 1, slider.characteristic_length))
 
-    # compiled code lets go of the interpreter
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with ThreadPoolExecutor(min(_MOST_THREADS, usable)) as threads:
-        return np.reshape(list(threads.map(pose_error, pushes)), (-1, 3))
+    return np.reshape(in_threads(pose_error, pushes), (-1, 3))
 
 
-def carried(
-    pushes: Sequence[Replay], surface: IdealLimitSurface, slider: Slider, mu: float, weight: float, noise: Noise
-) -> FloatArray:
+def carried(pushes: Sequence[Replay], friction: TableFriction, slider: Slider, mu: float, noise: Noise) -> FloatArray:
     """Return how far (n, 3) the final poses move, in ``(x, y, rho θ)`` in m, when the first pose errs by its noise (root mean
     squares); NaN where a push cannot be simulated."""
     rng = np.random.default_rng(0)
     sizes = np.array((noise.position, noise.position, noise.angle))
-    nominal = pose_errors(pushes, surface, slider, mu, weight, {})
+    nominal = pose_errors(pushes, friction, slider, mu, {})
     squares = np.zeros_like(nominal)
     for _ in range(_DRAWS):
         other = [replace(push, start=push.start + sizes * rng.normal(size=3)) for push in pushes]
-        squares += (pose_errors(other, surface, slider, mu, weight, {}) - nominal) ** 2 / _DRAWS
+        squares += (pose_errors(other, friction, slider, mu, {}) - nominal) ** 2 / _DRAWS
     return np.asarray(np.sqrt(squares))
 
 

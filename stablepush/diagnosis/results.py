@@ -58,6 +58,7 @@ class RankedEffect(Record):
     parameters: Mapping[str, ParameterEstimate]
     identifiable: bool
     reason: str | None
+    form: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

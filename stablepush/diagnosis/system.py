@@ -14,17 +14,18 @@ from dataclasses import fields, replace
 import numpy as np
 from scipy.optimize import nnls
 
-from stablepush.core import FloatArray
+from stablepush.core import FloatArray, InputError
 from stablepush.diagnosis.equations import SIZES, Equations, Fitted, Values, robust_variance
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
+from stablepush.diagnosis.nominal import CELLS, nominal_of
 from stablepush.diagnosis.observations import Observations, contact_velocity
-from stablepush.diagnosis.replay import Replay, carried
+from stablepush.diagnosis.replay import Replay, carried, friction_of, pose_errors
+from stablepush.geometry import rotate_vectors
 from stablepush.io import Noise, Rig
+from stablepush.mechanics import TableFriction
 from stablepush.objects import SupportDistribution
 from stablepush.surfaces import IdealLimitSurface
 
-#: Cells along the outline's longer side on which the refitted pressure may lie, besides the nominal points.
-_CELLS = 5
 #: Prior standard deviation of a load over the total, and of the scale of the nominal loads over one.
 _SPREAD, _SCALE = 0.15, 1.0
 #: Noise of rigs that say nothing of it: share of the median force, m, rad.
@@ -64,30 +65,32 @@ class System(Equations):
         self.has_surface = self.has_wrench
         slider = rig.slider
         side = float(np.ptp(slider.vertices, axis=0).max())
-        support = slider.support or SupportDistribution.from_polygon(slider.vertices, side / (2 * _CELLS))
-        grid = SupportDistribution.from_polygon(slider.vertices, side / _CELLS).points
+        #: The friction that the operator believes in.
+        self.believed = nominal_of(rig)
+        support = self.believed.points.support
+        grid = SupportDistribution.from_polygon(slider.vertices, side / CELLS).points
         self.points = np.concatenate((support.points, grid))
         self.weight = (slider.mass or 0.0) * rig.gravity
         #: Friction of the fingers; 1 where it is not known.
         self.mu = rig.contact_friction if rig.contact_friction is not None else 1.0
-        self.known_scale = bool(self.weight and rig.support_friction)
+        self.known_scale = bool(self.weight and rig.support_friction) or rig.model is not None
         #: Weight (N), which a slope of the table turns into a force, of a slider whose friction is known; else 0.
         self.moving_weight = self.weight if self.has_wrench or self.known_scale else 0.0
-        shares = np.concatenate((support.weights, np.zeros(len(grid))))
         self.rho = slider.characteristic_length
         self.center = np.asarray(support.center)
-        self.model = ForwardModel(o, self.points, self.weight, slider.radius_of_gyration**2, self.center)
+        loads, beyond_points = self.believed.loads_on(self.points), self.believed.beyond_points(o.twist)
+        self.model = ForwardModel(o, self.points, self.weight, slider.radius_of_gyration**2, self.center, beyond_points)
+        #: What the pokes behind the nominal surface leave open, as changes (k, q) of the loads by one standard deviation.
+        self.open_modes = self.believed.modes(self.points)
         self.noise = _noise(rig, o, noisier)
         self._w = np.zeros((len(o.time), 3, 3))
-        total = (rig.support_friction or 0.0) * self.weight
+        scale = 1.0 if self.known_scale else 0.0
         if self.has_wrench:
-            unit, _ = self.model.matrix({})
-            one = unit @ shares / (1, 1, self.rho)
-            measured = o.wrench / (1, 1, self.rho)
             if not self.known_scale:
-                total = float((one * measured).sum() / (one * one).sum())
-            self._whiten(shares * total)
-        self.nominal = shares * total
+                one = self.model.predict(loads, {}) / (1, 1, self.rho)
+                scale = float((one * o.wrench / (1, 1, self.rho)).sum() / (one * one).sum())
+            self._whiten(scale * loads)
+        self.nominal = scale * loads
         # rows of the clearances: finger by finger, where one touches
         self.clearance_rows = [(k, np.flatnonzero(np.isfinite(o.clearance[:, k]))) for k in range(2)]
         self.clearance_noise = float(np.hypot(self.noise.position * 1.05, (o.finger_radius or 0.0) * self.noise.angle))
@@ -104,12 +107,15 @@ class System(Equations):
         """Factors of the inverse covariances of the rows' wrenches."""
         o, noise = self.observations, self.noise
         self.motion_noise = spread = np.array((noise.position, noise.position, noise.angle)) / o.span[:, None]
-        slopes = self.model.motion_slopes(loads) * spread[:, None, :]
-        covariance = slopes @ slopes.transpose(0, 2, 1)
-        covariance += np.diag((noise.force**2, noise.force**2, noise.moment**2))
+        slopes = self.believed.slopes(self.points, loads, o.twist) * spread[:, None, :]
+        self.reading_covariance = self._of_readings()
+        covariance = slopes @ slopes.transpose(0, 2, 1) + self.reading_covariance
+        # no pressure has the friction of a model: as far as it differs from that of points it is uncertain
+        beyond = self.model.beyond_points
+        covariance += beyond[:, :, None] * beyond[:, None, :]
         # a support point that all but rests may have friction in any direction: the motion does not show it
         for point, load in zip(self.points, loads, strict=True):
-            if load == 0.0:
+            if load == 0.0 or self.believed.model is not None:
                 continue
             x, y = point
             velocity = o.twist[:, :2] + o.twist[:, 2:] * (-y, x)
@@ -130,6 +136,23 @@ class System(Equations):
         self.covariance = covariance
         self._w = np.linalg.inv(np.linalg.cholesky(covariance))
 
+    def _of_readings(self) -> FloatArray:
+        """Covariances (n, 3, 3) of the rows' wrenches by the noise of the readings.
+
+        The sensor is at the pusher. A laboratory computes the moment about the tracked origin from the force and its arm ``a``,
+        as measured: ``tau = moment + a x f``; and it turns the force into B by the measured heading.
+        """
+        o, noise = self.observations, self.noise
+        arm = rotate_vectors(-o.pose[:, 2], self.model.place - o.pose[:, :2])
+        load = np.zeros((len(arm), 3, 2))
+        load[:, 0, 0] = load[:, 1, 1] = noise.force
+        load[:, 2, 0], load[:, 2, 1] = -arm[:, 1] * noise.force, arm[:, 0] * noise.force
+        turned = noise.angle * np.stack((o.wrench[:, 1], -o.wrench[:, 0], np.zeros(len(arm))), axis=-1)
+        covariance = load @ load.transpose(0, 2, 1) + turned[:, :, None] * turned[:, None, :]
+        force = (o.wrench[:, :2] ** 2).sum(axis=1)
+        covariance[:, 2, 2] += noise.moment**2 + noise.position**2 * force
+        return np.asarray(covariance)
+
     def predictable(self, pushes: list[Replay]) -> tuple[list[Replay], FloatArray]:
         """Return the pushes whose final pose does not depend on noise of the first pose, and its noise (n, 3) in m.
 
@@ -137,7 +160,8 @@ class System(Equations):
         """
         if not self.has_surface or not pushes:
             return [], np.zeros((0, 3))
-        moved = carried(pushes, self.surface(self.nominal), self.rig.slider, self.mu, self.moving_weight, self.noise)
+        table = self.table(self.nominal, {})
+        moved = carried(pushes, table, self.rig.slider, self.mu, self.noise)
         own = np.array((self.noise.position, self.noise.position, self.rho * self.noise.angle))
         kept = np.linalg.norm(moved, axis=1) <= _AMPLIFIED * np.linalg.norm(own)
         return [push for push, good in zip(pushes, kept, strict=True) if good], np.hypot(moved[kept], own)
@@ -222,15 +246,32 @@ class System(Equations):
             return np.zeros((len(self.points), 0)), np.zeros((clearances, 0)), np.zeros((0, 0))
         total = float(self.nominal.sum())
         along = self.nominal / np.linalg.norm(self.nominal)
-        directions = np.eye(len(self.points)) if free else along[:, None]
+        directions = np.eye(len(self.points)) if free else np.column_stack((along, self.open_modes))
         if free:
             precision = (np.eye(len(along)) - np.outer(along, along)) / (_SPREAD * total) ** 2
             precision += np.outer(along, along) / (_SCALE * np.linalg.norm(self.nominal)) ** 2
         else:
-            precision = np.array(((1.0 / (_SCALE * np.linalg.norm(self.nominal)) ** 2,),))
+            precision = np.eye(directions.shape[1])
+            precision[0, 0] = 1.0 / (_SCALE * np.linalg.norm(self.nominal)) ** 2
         matrix, _ = self.model.matrix({id: v for id, v in values.items() if id in PARAMETERS})
         columns = self.white(matrix @ directions)
         return directions, np.concatenate((columns, np.zeros((clearances, directions.shape[1])))), precision
+
+    def table(self, loads: FloatArray, values: Values) -> TableFriction:
+        """Return the friction of the table, as simulations take it, for friction loads and fitted parameters of effects.
+
+        Raises :class:`InputError` for parameters beyond all sense.
+        """
+        return friction_of(self.believed, self.surface(loads), values, self.moving_weight)
+
+    def simulated_errors(self, pushes: Sequence[Replay], loads: FloatArray, values: Values) -> FloatArray:
+        """Return pose errors (n, 3) of pushes, simulated with friction loads and effects; NaN where they cannot be simulated."""
+        try:
+            table = self.table(loads, values)
+        except InputError:
+            # parameters beyond all sense
+            return np.full((len(pushes), 3), np.nan)
+        return pose_errors(pushes, table, self.rig.slider, self.mu, values)
 
     def surface(self, loads: FloatArray) -> IdealLimitSurface:
         """Return the refitted pressure as a limit surface.

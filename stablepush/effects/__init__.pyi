@@ -6,3 +6,4 @@ from .catalogue import (
     parse_effect as parse_effect,
     principal as principal,
 )
+from .known import KnownEffect as KnownEffect, effects_from_node as effects_from_node

@@ -5,6 +5,7 @@ from .formats import (
     load_model as load_model,
     load_slider as load_slider,
     model_from_node as model_from_node,
+    model_or_path as model_or_path,
     model_to_json as model_to_json,
     save_model as save_model,
     slider_from_node as slider_from_node,

@@ -69,6 +69,15 @@ def model_from_node(node: Node) -> LimitSurface:
     return surface_of_kind(kind).from_json(node)
 
 
+def model_or_path(node: Node, folder: Path) -> LimitSurface:
+    """Read a ``model/1`` that stands in another file, or the one whose path, from that file's folder, stands there."""
+    if isinstance(node.value, str):
+        return load_model(folder / node.value)
+    if not isinstance(node.value, dict):
+        node.fail("expected a model/1 object or the path of one")
+    return model_from_node(node)
+
+
 def model_to_json(surface: LimitSurface) -> dict[str, Any]:
     """Return the ``model/1`` of a limit surface."""
     if not isinstance(surface, LimitSurface):

@@ -26,13 +26,15 @@ from stablepush.core import (
     note_time,
     read_only,
 )
+from stablepush.effects import effects_from_node
 from stablepush.geometry import compose, inverse, log, wrap_angle
 from stablepush.identify import SlipPairs
-from stablepush.io.formats import slider_from_node, slider_to_json
+from stablepush.io.formats import model_or_path, model_to_json, slider_from_node, slider_to_json
 from stablepush.io.json_files import read_json, whole_folder, write_atomically, write_json
 from stablepush.io.parquet import read_parquet
 from stablepush.io.tables import IS_FLAG, IS_POSITIVE, IS_SENSE, Column, read_table, table_text
 from stablepush.objects import Slider
+from stablepush.surfaces import LimitSurface
 
 CONTACT_KINDS = ("point", "two-point", "held")
 PHASES = ("rest", "approach", "push", "retract")
@@ -71,6 +73,7 @@ class Rig:
     """What the operator believes about the rig: the nominal simulation.
 
     ``support_friction`` and ``contact_friction`` are coefficients, ``gravity`` in m/s², ``finger_radius`` in m; None is unknown.
+    ``model``: the limit surface of the nominal simulation, in place of the slider's support.
     ``extra`` keeps entries of ``rig.json`` that this version does not use, so that writing loses nothing.
     """
 
@@ -82,6 +85,7 @@ class Rig:
     finger_radius: float | None = None
     noise: Noise | None = None
     extra: Mapping[str, Any] | None = None
+    model: LimitSurface | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,7 +205,7 @@ def read_pushlog(path: str | Path) -> PushLog:
     folder = Path(path)
     if not folder.is_dir():
         raise InputError("", "expected a pushlog/1 folder with rig.json, trials.csv and samples.csv", file=folder)
-    rig = _rig_from_node(read_json(folder / "rig.json", "pushlog/1"))
+    rig = _rig_from_node(read_json(folder / "rig.json", "pushlog/1"), folder)
     trials, trial_lines = read_table(
         folder / "trials.csv",
         required=OF_TRIALS,
@@ -249,11 +253,11 @@ def write_pushlog(log: PushLog, path: str | Path) -> None:
 
 
 #: Keys of ``rig.json``, and keys that this project writes there for the record.
-_OF_RIG = ("format", "slider", "friction", "gravity", "contact_kind", "finger_radius", "noise")
+_OF_RIG = ("format", "slider", "friction", "gravity", "contact_kind", "finger_radius", "noise", "model")
 _FOR_THE_RECORD = ("source", "effects")
 
 
-def _rig_from_node(node: Node) -> Rig:
+def _rig_from_node(node: Node, folder: Path) -> Rig:
     node.expect_keys(*_OF_RIG, kept=_FOR_THE_RECORD)
     friction = node["friction"]
     friction.expect_keys("support", "contact")
@@ -261,6 +265,16 @@ def _rig_from_node(node: Node) -> Rig:
     if noise is not None:
         noise.expect_keys("force", "position", "angle")
     radius = node.get("finger_radius")
+
+    effects_from_node(node.get("effects"))
+    model, mass = node.get("model"), node["slider"]["mass"].value
+    surface = None if model is None or model.value is None else model_or_path(model, folder)
+    if surface is not None and not surface.is_dual:
+        model.fail("expected a limit surface that has a load for every motion", surface.kind)  # type: ignore[union-attr]
+    if surface is not None and surface.force_unit == "mu*N" and not (mass and friction["support"].value):
+        model.fail(  # type: ignore[union-attr]
+            "expected forces in N, or slider.mass and friction.support", "forces in units of mu*N"
+        )
 
     def or_null(child: Node) -> float | None:
         return None if child.value is None else child.number(at_least=0.0)
@@ -274,6 +288,7 @@ def _rig_from_node(node: Node) -> Rig:
         finger_radius=None if radius is None else or_null(radius),
         noise=None if noise is None else Noise(*(noise[key].number(at_least=0.0) for key in ("force", "position", "angle"))),
         extra={k: v for k, v in node.object().items() if k not in _OF_RIG},
+        model=surface,
     )
 
 
@@ -288,6 +303,7 @@ def rig_to_json(rig: Rig) -> dict[str, Any]:
         "contact_kind": rig.contact_kind,
         "finger_radius": rig.finger_radius,
         "noise": None if noise is None else {"force": noise.force, "position": noise.position, "angle": noise.angle},
+        **({} if rig.model is None else {"model": model_to_json(rig.model)}),
         **(rig.extra or {}),
     }
 

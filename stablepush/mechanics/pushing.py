@@ -25,7 +25,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush.core import BoolArray, FloatArray, InputError, check_array, check_number, read_only, renamed_fields
+from stablepush.core import BoolArray, FloatArray, InputError, check_array, check_number, in_threads, read_only, renamed_fields
 from stablepush.geometry import compose, inverse, point_velocity, transform_points
 from stablepush.objects import PushContact, Slider
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
@@ -36,6 +36,8 @@ MODES = ("open", "sticking", "left", "right")
 _POINT = 1e-6
 #: How deep (m) a finger without a radius may be in the slider: contacts are kept that deep.
 _POINT_DEPTH = 2e-4
+#: Parts in which many pushes are simulated side by side.
+_PARTS = 4
 #: Steps that a push may have.
 _MOST_STEPS = 20_000_000
 
@@ -96,6 +98,10 @@ class Pusher:
         offset = contact.points - (x, y) - radius * contact.normals
         places = np.stack((c * offset[:, 0] + s * offset[:, 1], -s * offset[:, 0] + c * offset[:, 1]), axis=-1)
         return cls(places - places.mean(axis=0), radius)
+
+    def moved(self, aside: float) -> Pusher:
+        """Return the pusher with its fingers moved along the y axis of its frame by ``aside`` (m)."""
+        return Pusher(self.fingers + np.array((0.0, aside)), self.radius, self.flat)
 
     @property
     def width(self) -> float:
@@ -407,20 +413,24 @@ def final_poses(
     begins, ends = compose(starts, offsets), np.full((len(starts), 3), np.nan)
     clear = ~_inside(slider, pusher.radius, transform_points(compose(inverse(starts), place), moved))
     tables = {k: _friction(frictions[k]).compiled() for k in np.unique(which[clear]).tolist()}
-    poses, pushers = np.zeros((total + 1, 3)), np.zeros((total + 1, 3))
-    moves, loads = np.zeros((total, 3)), np.zeros((total, 3))
-    points, forces = np.zeros((total, 2, 2)), np.zeros((total, 2, 2))
-    modes, times, jams = np.zeros((total, 2), dtype=np.int64), np.zeros(total), np.zeros(total, dtype=np.bool_)
-    room = new_touch(), new_touch(), new_solution(), new_work()
-    for row in np.flatnonzero(clear):
-        table = tables[int(which[row])]
-        body = _pushing.Pusher(moved[row], max(pusher.radius, _POINT), 0.0)
-        _pushing.run(
-            table, slider.vertices - centers_of_mass[row], body, float(mu[row]), begins[row], place,
-            profile.twists, profile.durations, profile.counts, float(table.rho),
-            poses, pushers, moves, loads, points, modes, forces, times, jams, *room,
-        )  # fmt: skip
-        ends[row] = poses[-1]
+
+    def simulate(rows: np.ndarray) -> None:
+        poses, pushers = np.zeros((total + 1, 3)), np.zeros((total + 1, 3))
+        moves, loads = np.zeros((total, 3)), np.zeros((total, 3))
+        points, forces = np.zeros((total, 2, 2)), np.zeros((total, 2, 2))
+        modes, times, jams = np.zeros((total, 2), dtype=np.int64), np.zeros(total), np.zeros(total, dtype=np.bool_)
+        room = new_touch(), new_touch(), new_solution(), new_work()
+        for row in rows:
+            table = tables[int(which[row])]
+            body = _pushing.Pusher(moved[row], max(pusher.radius, _POINT), 0.0)
+            _pushing.run(
+                table, slider.vertices - centers_of_mass[row], body, float(mu[row]), begins[row], place,
+                profile.twists, profile.durations, profile.counts, float(table.rho),
+                poses, pushers, moves, loads, points, modes, forces, times, jams, *room,
+            )  # fmt: skip
+            ends[row] = poses[-1]
+
+    in_threads(simulate, [rows for rows in np.array_split(np.flatnonzero(clear), _PARTS) if len(rows)])
     return compose(ends, inverse(offsets))
 
 

@@ -2,6 +2,8 @@ from .alignment import aligns as aligns
 from .check import CheckReport as CheckReport, check_plan as check_plan
 from .collision import SweptBody as SweptBody, body_of as body_of, world_of as world_of
 from .comparison import RegionPlan as RegionPlan, certified_share as certified_share, compare_regions as compare_regions
+from .correct import correct as correct
+from .correction import Correction as Correction, load_corrections as load_corrections
 from .feasibility import infeasibility as infeasibility
 from .options import PROMISED as PROMISED, REGIONS as REGIONS, PlanOptions as PlanOptions
 from .problem import (

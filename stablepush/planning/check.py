@@ -37,7 +37,11 @@ class CheckReport:
 
 
 def check_plan(problem: PlanningProblem, result: PlanResult) -> CheckReport:
-    """Verify status, sums, poses, speed, stability, bounds, collisions, transfers and goal of a plan."""
+    """Verify status, sums, poses, speed, stability, bounds, collisions, transfers and goal of a plan.
+
+    Raises :class:`InputError` for a problem with effects that change which pushes are stable: they are not checked.
+    """
+    problem.require_plain()
     objections: list[str] = []
     if result.status != "solved":
         objections.append(f"status: expected solved, got {result.status}")

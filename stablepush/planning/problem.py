@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +13,6 @@ from numpy.typing import ArrayLike
 from stablepush.core import (
     FloatArray,
     InputError,
-    Node,
     check_array,
     check_number,
     note_distance,
@@ -25,12 +25,12 @@ from stablepush.core import (
     note_tolerance,
     read_only,
 )
+from stablepush.effects import Effect, KnownEffect, effects_from_node
 from stablepush.geometry import inverse, transform_points
 from stablepush.io import (
     contact_from_node,
     contact_to_json,
-    load_model,
-    model_from_node,
+    model_or_path,
     model_to_json,
     read_json,
     slider_from_node,
@@ -38,6 +38,7 @@ from stablepush.io import (
     write_json,
 )
 from stablepush.objects import PushContact, Slider, check_simple_polygon
+from stablepush.planning.correction import Correction, corrections_from_node
 from stablepush.planning.uncertainty import Uncertainty, uncertainty_from_node
 from stablepush.surfaces import LimitSurface, check_surface
 
@@ -77,6 +78,12 @@ class PlanningProblem:
         How far the rig may differ from all this.
     finger_radius : float
         Radius (m) of the fingers: discs behind the contact points. A pusher outline, if given, takes their place.
+    effects : sequence of Effect or KnownEffect
+        What the rig is known to do. Effects of sensors and drift change no plan; planners and the check refuse others.
+    alternatives : sequence of Correction
+        Rigs that this may be, with their probabilities: scenarios are drawn from all of them.
+    support_friction : float, optional
+        Coefficient of friction of the support, where the surface's forces are in units of ``mu*N`` and newtons count.
     """
 
     slider: Slider
@@ -93,6 +100,9 @@ class PlanningProblem:
     min_margin: float
     uncertainty: Uncertainty
     finger_radius: float
+    effects: tuple[KnownEffect, ...]
+    alternatives: tuple[Correction, ...]
+    support_friction: float | None
 
     def __init__(
         self,
@@ -111,6 +121,9 @@ class PlanningProblem:
         uncertainty: Uncertainty | None = None,
         *,
         finger_radius: float = 0.0,
+        effects: Sequence[Effect | KnownEffect] = (),
+        alternatives: Sequence[Correction] = (),
+        support_friction: float | None = None,
     ) -> None:
         if len(contacts) == 0:
             raise InputError("contacts", "expected at least one contact")
@@ -139,6 +152,13 @@ class PlanningProblem:
         object.__setattr__(self, "min_margin", check_number(min_margin, "min_margin"))
         object.__setattr__(self, "uncertainty", Uncertainty() if uncertainty is None else uncertainty)
         object.__setattr__(self, "finger_radius", check_number(finger_radius, "finger_radius", at_least=0.0))
+        known = [KnownEffect(effect) if isinstance(effect, Effect) else effect for effect in effects]
+        if len({entry.effect.id for entry in known}) < len(known):
+            raise InputError("effects", "expected every effect once")
+        object.__setattr__(self, "effects", tuple(known))
+        object.__setattr__(self, "alternatives", tuple(alternatives))
+        mu = None if support_friction is None else check_number(support_friction, "support_friction", positive=True)
+        object.__setattr__(self, "support_friction", mu)
         self._doubt()
 
     def _doubt(self) -> None:
@@ -165,8 +185,27 @@ class PlanningProblem:
 
     def starting_at(self, start: ArrayLike) -> PlanningProblem:
         """Return the same problem with another start pose (3,)."""
-        names = [field.name for field in fields(self)]
-        return PlanningProblem(**{name: getattr(self, name) for name in names} | {"start": start})
+        return self.with_changes(start=start)
+
+    def with_changes(self, **changes: Any) -> PlanningProblem:
+        """Return the same problem with other values of some attributes."""
+        return PlanningProblem(**{field.name: getattr(self, field.name) for field in fields(self)} | changes)
+
+    def unplanned_effects(self) -> list[str]:
+        """Return the ids of the effects that change which pushes are stable, which no planner takes into account."""
+        every = [*self.effects, *(effect for entry in self.alternatives for effect in entry.effects)]
+        return list(dict.fromkeys(entry.effect.id for entry in every if not entry.changes_no_plan))
+
+    def require_plain(self) -> None:
+        """Refuse effects that change which pushes are stable: neither planners nor the check take them into account."""
+        unplanned = self.unplanned_effects()
+        if unplanned:
+            raise InputError("effects", "expected effects that change no plan, others are not planned for", ", ".join(unplanned))
+        for number, entry in enumerate(self.alternatives):
+            for name in ("finger_radius", "contact_offset", "tracker_offset"):
+                if getattr(entry, name) is not None:
+                    place = f"alternatives[{number}].{name}"
+                    raise InputError(place, "expected null: plans do not draw it, uncertainty.start and contact_place hold it")
 
     def pusher_outlines(self, contact: PushContact) -> list[FloatArray]:
         """Return polygons (n, 2) that the pusher fills, in its own frame (m), docked at a contact; none if it is points.
@@ -202,7 +241,17 @@ def disc_outlines(contact: PushContact, radius: float) -> list[FloatArray]:
 
 _OF_SCENE = (
     *("format", "slider", "model", "contacts", "pusher", "obstacles", "bounds", "start", "goal"),
-    *("tolerance", "speed", "switch_cost", "min_margin", "uncertainty", "finger_radius", "effects"),
+    *(
+        "tolerance",
+        "speed",
+        "switch_cost",
+        "min_margin",
+        "uncertainty",
+        "finger_radius",
+        "support_friction",
+        "effects",
+        "alternatives",
+    ),
 )
 
 
@@ -211,7 +260,7 @@ def load_scene(path: str | Path) -> PlanningProblem:
     root = read_json(path, "scene/1")
     root.expect_keys(*_OF_SCENE)
     slider = slider_from_node(root["slider"])
-    surface = _model(root["model"], Path(path).parent)
+    surface = model_or_path(root["model"], Path(path).parent)
     contacts = [contact_from_node(node) for node in root["contacts"].items()]
     if not contacts:
         root["contacts"].fail("expected at least one contact")
@@ -236,9 +285,10 @@ def load_scene(path: str | Path) -> PlanningProblem:
     speed = root["speed"].number(positive=True)
     switch_cost = root["switch_cost"].number(at_least=0.0)
     min_margin = root["min_margin"].number()
-    effects = root.get("effects")
-    if effects is not None and list(effects.items()):
-        effects.fail("expected no effects, plans take none into account")
+    support = root.get("support_friction")
+    support_friction = None if support is None else support.number(positive=True)
+    effects, others = effects_from_node(root.get("effects")), root.get("alternatives")
+    alternatives = () if others is None else corrections_from_node(others)
     radius = root.get("finger_radius")
     finger_radius = 0.0 if radius is None else radius.number(at_least=0.0)
     unknown = root.get("uncertainty")
@@ -259,16 +309,11 @@ def load_scene(path: str | Path) -> PlanningProblem:
             min_margin,
             uncertainty,
             finger_radius=finger_radius,
+            effects=effects,
+            alternatives=alternatives,
+            support_friction=support_friction,
         )
     )
-
-
-def _model(node: Node, folder: Path) -> LimitSurface:
-    if isinstance(node.value, str):
-        return load_model(folder / node.value)
-    if not isinstance(node.value, dict):
-        node.fail("expected a model/1 object or the path of one")
-    return model_from_node(node)
 
 
 def save_scene(problem: PlanningProblem, path: str | Path) -> None:
@@ -293,5 +338,8 @@ def save_scene(problem: PlanningProblem, path: str | Path) -> None:
             "min_margin": problem.min_margin,
             "uncertainty": problem.uncertainty.to_json(),
             "finger_radius": problem.finger_radius,
+            **({} if problem.support_friction is None else {"support_friction": problem.support_friction}),
+            **({"effects": [effect.to_json() for effect in problem.effects]} if problem.effects else {}),
+            **({"alternatives": [entry.to_json() for entry in problem.alternatives]} if problem.alternatives else {}),
         },
     )

@@ -132,6 +132,9 @@ def plan(
         raise InputError("planner", f"expected one of {', '.join(planner_names()) or 'none installed'}", repr(planner))
     run: Planner = load_plugin(_GROUP, planner)
 
+    problem.require_plain()
+    if problem.alternatives and region != "model":
+        raise InputError("region", "expected model: a guarantee knows no alternatives of the rig", repr(region))
     number = 0 if seed is None else check_seed(seed)
     with within(limit, stop) as deadline:
         reason = infeasibility(problem)

@@ -20,7 +20,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 import shapely
 
-from stablepush.core import BoolArray, FloatArray
+from stablepush.core import BoolArray, FloatArray, in_threads
 from stablepush.geometry import normalize_wrench, unit
 from stablepush.identify import PressureSampler
 from stablepush.objects import PushContact, Slider, SupportDistribution
@@ -117,13 +117,16 @@ class Scenarios:
         facets = self._facets[number]
         rho = self.surfaces[0].characteristic_length
         result = np.empty((len(self), len(twists)))
-        for member in np.unique(self.surface):
+
+        def of_member(member: int) -> None:
             rows = np.flatnonzero(self.surface == member)
             moved = np.tile(twists, (len(rows), 1, 1))
             moved[..., :2] += twists[None, :, 2:] * (self.center_of_mass[rows, None, ::-1] * (-1.0, 1.0))
             loads = normalize_wrench(self.surfaces[member].wrench(moved), rho)
             heights = np.einsum("rfc,rkc->rkf", facets[rows], loads).min(axis=-1) / np.sqrt((loads * loads).sum(axis=-1))
             result[rows] = np.arcsin(np.clip(heights, -1.0, 1.0))
+
+        in_threads(of_member, np.unique(self.surface).tolist())
         return result
 
     @cached_property
@@ -156,22 +159,50 @@ def draw_scenarios(problem: PlanningProblem, count: int, seed: int, stream: int 
     """
     rng = np.random.default_rng([seed, stream])
     unknown, contacts = problem.uncertainty, len(problem.contacts)
-    surfaces = likely_surfaces(problem)
     share, place = rng.uniform(size=(count, 1)), unknown.contact_place * rng.uniform(-1, 1, size=(count, contacts))
-    ranges = np.array([unknown.friction_range(contact.mu) for contact in problem.contacts])
     deviations = np.array((unknown.start[0], unknown.start[0], unknown.start[1]))
     start = deviations * rng.normal(size=(count, 3))
+    surfaces, chances, frictions = _rigs(problem)
+    # without alternatives all are equally likely
+    surface = rng.choice(len(surfaces), count, p=chances) if problem.alternatives else rng.integers(len(surfaces), size=count)
+    ranges = frictions[surface]
     return Scenarios(
         problem,
         surfaces,
-        rng.integers(len(surfaces), size=count),
+        surface,
         # fingers of one material: the same share of every range
-        ranges[:, 0] + share * (ranges[:, 1] - ranges[:, 0]),
+        ranges[..., 0] + share * (ranges[..., 1] - ranges[..., 0]),
         place,
         _within(problem.slider, unknown.center_of_mass * rng.normal(size=(count, 2))),
         start,
         np.ones(count, dtype=bool),
     )
+
+
+def _rigs(problem: PlanningProblem) -> tuple[list[LimitSurface], FloatArray, FloatArray]:
+    """Surfaces that a rig may have, their probabilities (n,), and the ends (n, contacts, 2) of the friction of the contacts.
+
+    Those of a problem's alternatives, by their probability, or its own.
+    """
+    unknown = problem.uncertainty
+    own = np.array([unknown.friction_range(contact.mu) for contact in problem.contacts])
+    if not problem.alternatives:
+        surfaces = list(likely_surfaces(problem))
+        return surfaces, np.full(len(surfaces), 1 / len(surfaces)), np.tile(own, (len(surfaces), 1, 1))
+    found: list[LimitSurface] = []
+    chances: list[float] = []
+    frictions: list[FloatArray] = []
+    total = sum(entry.probability for entry in problem.alternatives)
+    for entry in problem.alternatives:
+        mine = likely_surfaces(problem if entry.surface is None else problem.with_changes(surface=entry.surface, alternatives=()))
+        found += mine
+        chances += [entry.probability / total / len(mine)] * len(mine)
+        ends = own
+        if entry.contact_friction is not None:
+            width = unknown.relative_friction * entry.contact_friction
+            ends = np.tile((entry.contact_friction - width, entry.contact_friction + width), (len(own), 1))
+        frictions += [ends] * len(mine)
+    return found, np.array(chances), np.array(frictions)
 
 
 @lru_cache(maxsize=32)
@@ -267,6 +298,8 @@ class Choice:
         # those that come nearest to ruling out what is compared, or just do
         nearest = np.argsort(np.abs(margins.min(axis=0)), kind="stable")[: math.ceil(margins.shape[1] / _NEAREST)]
         active = list(dict.fromkeys(np.argmin(margins[:, nearest], axis=0).tolist())) if margins.shape[1] else [0]
+        # a region that a scenario holds whole shrinks when others are added: it is not asked again
+        doubtful = np.arange(len(kept))
         for _ in range(_ROUNDS):
             region = common_region([self._case(int(kept[row]), number) for row in active], f"{len(kept)} scenarios")
             ends = [np.array((np.cos(a), np.sin(a), 0.0))[None] for interval in region.translation_intervals for a in interval]
@@ -274,11 +307,15 @@ class Choice:
             border = np.concatenate([*rings, *ends, np.zeros((0, 3))])
             if not len(border):
                 break
-            worst = chosen.margins(number, border).min(axis=1)
-            added = [row for row in np.argsort(worst, kind="stable") if worst[row] < -_VIOLATION and row not in active][:_ADDED]
-            if not added:
+            worst = chosen.take(doubtful).margins(number, border).min(axis=1)
+            order = [k for k in np.argsort(worst, kind="stable") if worst[k] < -_VIOLATION and doubtful[k] not in active]
+            if not order:
                 break
-            active += added
+            active += doubtful[order[:_ADDED]].tolist()
+            doubtful = doubtful[order[_ADDED:]]
+            if not len(doubtful):
+                region = common_region([self._case(int(kept[row]), number) for row in active], f"{len(kept)} scenarios")
+                break
         return region
 
     def _case(self, row: int, number: int) -> Case:

@@ -61,6 +61,12 @@ class Uncertainty:
             return self.contact_friction
         return mu * (1 - self.contact_friction), mu * (1 + self.contact_friction)
 
+    @property
+    def relative_friction(self) -> float:
+        """Half-width of the friction of the contacts over its middle."""
+        given = self.contact_friction
+        return (given[1] - given[0]) / (given[1] + given[0]) if isinstance(given, tuple) else given
+
     def worst_contact(self, contact: PushContact) -> PushContact:
         """Return a contact whose wrench cone lies in the cones of all contacts that a nominal one may be.
 

@@ -23,6 +23,7 @@ from stablepush.core import (
 )
 from stablepush.effects import REFERENCE_SPEED, Effect, principal
 from stablepush.geometry import compose, inverse, transform_points
+from stablepush.identify import sample_loads, support_for
 from stablepush.io import Noise, PushLog, Rig
 from stablepush.mechanics import Pusher, PushTrace, TableFriction, simulate_push
 from stablepush.objects import EdgePush, Slider, SupportDistribution
@@ -35,8 +36,6 @@ _ON_POINTS = (
     *("anisotropy-world", "anisotropy-object", "speed-dependence", "spatial-variation"),
     *("pressure-shift", "pressure-spread"),
 )
-#: Motions whose loads stand for a surface when another kind of surface takes its place.
-_MOTIONS = 200
 #: Fingers deeper (m) in the slider than this start farther back; steps of that distance; points checked along a flat edge.
 _DEEP, _BACK_STEP, _EDGE_PLACES = 1e-6, 2.5e-4, 21
 #: Speed (m/s) of the approach to a push that does not move.
@@ -148,7 +147,7 @@ class VirtualRig:
             if not self.slider.mass:
                 raise InputError("slider.mass", "expected a mass > 0 in kg, since the forces of the surface are in units of mu*N")
         object.__setattr__(self, "_slope_share", self._tilt_share())
-        object.__setattr__(self, "_points", _as_points(self.surface, self.slider, self._load()))
+        object.__setattr__(self, "_points", support_for(self.surface, self.slider, self._load()))
         object.__setattr__(self, "_friction", self._make_friction())
 
     def _tilt_share(self) -> float:
@@ -209,9 +208,9 @@ class VirtualRig:
         points: IdealLimitSurface | None = None
         perturbed: IdealLimitSurface | None = None
         if surface.point_loads is not None:
-            surface = self._moved_pressure(_as_points(surface, self.slider, load))
+            surface = self._moved_pressure(support_for(surface, self.slider, load))
         elif any(id in by_id for id in _ON_POINTS):
-            points = self._points if surface is self.surface else _as_points(surface, self.slider, load)
+            points = self._points if surface is self.surface else support_for(surface, self.slider, load)
             perturbed = self._moved_pressure(points)
         tables = [np.eye(2), np.eye(2)]
         for i, id in enumerate(("anisotropy-object", "anisotropy-world")):
@@ -251,7 +250,7 @@ class VirtualRig:
                 )
             from stablepush.identify import fit_limit_surface
 
-            loads, twists = _samples(self.surface, load)
+            loads, twists = sample_loads(self.surface, load)
             rho = self.surface.characteristic_length
             surface = fit_limit_surface(loads, twists, model=_MODELS[int(degree)], characteristic_length=rho).surface
             return surface, float(surface.provenance["force_scale_N"]) if surface.force_unit == "mu*N" else 1.0
@@ -378,7 +377,7 @@ class Session:
 def _log_book(rig: VirtualRig, rng: np.random.Generator, rows: int) -> LogBook:
     """A log whose rig is the nominal one, and sensors that err as the rig's do.
 
-    The rig of a log knows support points only: those of an ideal surface, or those that stand for another one.
+    The rig of a log has support points, those of an ideal surface or those that stand for another one, and then that one as well.
     """
     support, slider = rig.support_friction, rig.slider
     ideal = rig._points
@@ -386,7 +385,8 @@ def _log_book(rig: VirtualRig, rng: np.random.Generator, rows: int) -> LogBook:
         support = ideal.friction_load / (slider.mass * rig.gravity)
     if slider.support is None:
         slider = Slider(slider.vertices, slider.mass, ideal.support)
-    nominal = Rig(slider, "point", support, rig.mu, rig.gravity, rig.pusher.radius, rig.noise)
+    model = None if rig.surface.point_loads is not None else rig.surface
+    nominal = Rig(slider, "point", support, rig.mu, rig.gravity, rig.pusher.radius, rig.noise, model=model)
 
     def of(id: str, name: str, size: int) -> FloatArray:
         return np.array(rig._by_id[id].vector(name) if id in rig._by_id else (0.0,) * size)
@@ -425,30 +425,6 @@ def _from_outside(
     x, y = pusher.fingers.T
     speed = float(np.hypot(first[0] - first[2] * y, first[1] + first[2] * x).max()) or _APPROACH_SPEED
     return compose(command.pusher_pose, (-clear, 0.0, 0.0)), [(np.array((speed, 0.0, 0.0)), clear / speed), *command.motion]
-
-
-def _as_points(surface: LimitSurface, slider: Slider, load: float) -> IdealLimitSurface:
-    """Support points that stand for a limit surface: its own, else the slider's, else pressures on a grid that fit it."""
-    if surface.point_loads is not None:
-        points, carried = surface.point_loads
-        return IdealLimitSurface(SupportDistribution(points, carried), float(carried.sum()), surface.characteristic_length)
-    loads, twists = _samples(surface, load)
-    if slider.support is not None:
-        # with the load that explains most of the surface
-        one = IdealLimitSurface(slider.support, 1.0, surface.characteristic_length)
-        shape = one.wrench(twists) / (1, 1, surface.characteristic_length)
-        scaled = loads / (1, 1, surface.characteristic_length)
-        total = float((shape * scaled).sum() / (shape * shape).sum())
-        return IdealLimitSurface(slider.support, total, surface.characteristic_length)
-    from stablepush.identify import fit_pressure_grid
-
-    return fit_pressure_grid(loads, twists, slider).surface
-
-
-def _samples(surface: LimitSurface, load: float) -> tuple[FloatArray, FloatArray]:
-    """Loads (n, 3) in N and twists of motions in all directions."""
-    twists = np.random.default_rng(0).normal(size=(_MOTIONS, 3)) / (1.0, 1.0, surface.characteristic_length)
-    return surface.wrench(twists) * load, twists
 
 
 def execute_batch(

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import LEAST_POSITIVE, ConvergenceError, FloatArray, InputError, Node, check_number, check_vectors
+from stablepush.core import (
+    LEAST_POSITIVE,
+    ConvergenceError,
+    FloatArray,
+    InputError,
+    Node,
+    check_array,
+    check_number,
+    check_vectors,
+    read_only,
+)
 from stablepush.geometry import normalize_twist, normalize_wrench, unit
 from stablepush.objects import SupportDistribution
 from stablepush.surfaces.protocol import LimitSurface
@@ -35,6 +46,8 @@ class IdealLimitSurface(LimitSurface):
         Total ``mu*N`` in N.
     characteristic_length : float, optional
         ``rho`` in m; ``sqrt(sum m |x|^2 / sum m)`` if not given.
+    ensemble : array-like, shape (n, k), optional
+        Equally likely friction loads (N) of the points, where they are uncertain.
     """
 
     kind: ClassVar[str] = "support"
@@ -42,8 +55,15 @@ class IdealLimitSurface(LimitSurface):
     support: SupportDistribution
     friction_load: float
     characteristic_length: float = field()  # or the property of the base would be its default
+    ensemble: FloatArray | None
 
-    def __init__(self, support: SupportDistribution, friction_load: float, characteristic_length: float | None = None) -> None:
+    def __init__(
+        self,
+        support: SupportDistribution,
+        friction_load: float,
+        characteristic_length: float | None = None,
+        ensemble: ArrayLike | None = None,
+    ) -> None:
         rho = support.characteristic_length if characteristic_length is None else characteristic_length
         loaded = support.points[support.weights >= _LEAST_SHARE]
         least = max(LEAST_POSITIVE, 2 * _COINCIDENT * check_number(rho, "characteristic_length", at_least=0.0))
@@ -52,6 +72,10 @@ class IdealLimitSurface(LimitSurface):
         object.__setattr__(self, "support", support)
         object.__setattr__(self, "friction_load", check_number(friction_load, "friction_load", positive=True))
         object.__setattr__(self, "characteristic_length", check_number(rho, "characteristic_length", positive=True))
+        rows = None if ensemble is None else check_array(ensemble, "ensemble", (None, len(support.points)))
+        if rows is not None and ((rows < 0).any() or not len(rows)):
+            raise InputError("ensemble", "expected rows of loads >= 0")
+        object.__setattr__(self, "ensemble", None if rows is None else read_only(rows))
 
     @property
     def loads(self) -> FloatArray:
@@ -63,18 +87,25 @@ class IdealLimitSurface(LimitSurface):
         """Support points (k, 2) in m and their friction loads (k,) in N."""
         return self.support.points, self.loads
 
+    def members(self) -> Sequence[IdealLimitSurface]:
+        """Return the surfaces of the ensemble; none if there is no ensemble."""
+        points, rho = self.support.points, self.characteristic_length
+        rows = () if self.ensemble is None else self.ensemble
+        return tuple(IdealLimitSurface(SupportDistribution(points, row), float(row.sum()), rho) for row in rows)
+
     def to_json(self) -> dict[str, Any]:
         """Return the ``model/1`` of the surface, without its format and kind."""
         return {
             "points": self.support.points.tolist(),
             "loads": self.loads.tolist(),
             "characteristic_length": self.characteristic_length,
+            **({} if self.ensemble is None else {"ensemble": self.ensemble.tolist()}),
         }
 
     @classmethod
     def from_json(cls, node: Node) -> Self:
         """Read the value of a ``model/1`` of this kind."""
-        node.expect_keys("format", "kind", "points", "loads", "characteristic_length")
+        node.expect_keys("format", "kind", "points", "loads", "characteristic_length", "ensemble")
         points = node["points"].array(None, 2)
         loads = node["loads"].array(None)
         if (loads < 0).any():
@@ -83,7 +114,14 @@ class IdealLimitSurface(LimitSurface):
             node["loads"].fail(f"expected a sum of at least {LEAST_POSITIVE:g}", f"{loads.sum():g}")
         rho_node = node.get("characteristic_length")
         given = None if rho_node is None else rho_node.number(positive=True)
-        return node.checked(lambda: cls(SupportDistribution(points, loads), float(loads.sum()), given))
+        rows = node.get("ensemble")
+        ensemble = None if rows is None else rows.array(None, len(points))
+        for k, row in enumerate(() if ensemble is None else ensemble):
+            if (row < 0).any() or row.sum() < LEAST_POSITIVE:
+                rows.fail(f"expected loads >= 0 with a sum of at least {LEAST_POSITIVE:g}", f"row {k}")  # type: ignore[union-attr]
+            # each row is a surface of its own
+            rows.checked(lambda row=row: cls(SupportDistribution(points, row), float(row.sum()), given))  # type: ignore[misc, union-attr]
+        return node.checked(lambda: cls(SupportDistribution(points, loads), float(loads.sum()), given, ensemble))
 
     def wrench(self, twists: ArrayLike) -> FloatArray:
         """Return the loads (..., 3) ``F(V)`` of twists (..., 3); only the direction of a twist counts."""

@@ -9,8 +9,9 @@ from conftest import FORCES, LOAD, MASS, check_schema, edited, make_log, make_ri
 import stablepush as sp
 from stablepush.diagnosis.gap_report import gap_reductions_with
 from stablepush.diagnosis.motions import motions_of
+from stablepush.diagnosis.nominal import Nominal
 from stablepush.diagnosis.observations import observe
-from stablepush.diagnosis.replay import pose_errors, replays
+from stablepush.diagnosis.replay import friction_of, pose_errors, replays
 from stablepush.diagnosis.system import System
 from stablepush.effects.catalogue import parse_effect
 from stablepush.geometry.planar import twist_from_cor
@@ -22,7 +23,8 @@ def ends_of(log, values=None, mu=0.5):
     slider = log.rig.slider
     surface = sp.IdealLimitSurface(slider.support, log.rig.support_friction * slider.mass * log.rig.gravity)
     found = replays(log, observe(log))
-    return found, pose_errors(found, surface, slider, mu, slider.mass * log.rig.gravity, values or {})
+    table = friction_of(Nominal(surface), surface, values or {}, slider.mass * log.rig.gravity)
+    return found, pose_errors(found, table, slider, mu, values or {})
 
 
 MOVED = (

@@ -17,6 +17,7 @@ def test_json_has_the_fields_as_keys():
             "parameters": {"rate": {"estimate": -0.1, "ci95": [-0.2, 0.0], "unit": "1"}},
             "identifiable": True,
             "reason": None,
+            "form": None,
         }
     ]
 

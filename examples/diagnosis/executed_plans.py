@@ -1,0 +1,93 @@
+"""Logs of executed plans on rigs without any effect: how often does the diagnosis give a cause?
+
+Random sliders on random feet, and a surface from eight pokes with 3 % noise (`examples/planning/arrive.py`). A default plan is
+executed on the simulated rig, and its log diagnosed. ``itself``: the table has the friction that the plan was made with, so that
+the nominal simulation is the truth. ``feet``: the table has that of the feet, which the surface of eight pokes does not quite
+meet. Each with forces and without.
+
+    python examples/diagnosis/executed_plans.py [--tasks 100] [--first-seed 0] [--jobs 2] [-o rows.json]
+    python examples/diagnosis/executed_plans.py --effect contact-friction:mu=0.3
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import warnings
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from scipy.stats import binomtest
+
+import stablepush as sp
+from stablepush.effects import parse_effect
+
+sys.path.append(str(Path(__file__).parents[1] / "planning"))
+from arrive import FINGER, random_task
+
+#: Noise of a row: N, m, rad.
+NOISE = sp.Noise(0.02, 1e-4, 1e-3)
+FORCES = ("fx", "fy", "tau")
+
+
+def rows_of(job: tuple[int, tuple[str, ...]]) -> list[dict[str, Any]]:
+    """What the diagnosis says of the log of one task, on both tables."""
+    seed, texts = job
+    task = random_task(seed)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = sp.plan(task.problem, refinement_budget=2000)
+    if not result.solved:
+        return []
+    problem, contact = task.problem, task.problem.contacts[0]
+    effects = [parse_effect(text) for text in texts]
+    pusher = sp.Pusher.of_contact(contact, FINGER)
+    load = task.table_mu * float(problem.slider.mass or 1.0) * 9.81
+    feet = sp.IdealLimitSurface(sp.SupportDistribution(task.feet - task.center, task.shares), load)
+    believed = sp.VirtualRig(problem.slider, problem.surface, contact.mu, pusher, effects, NOISE)
+    real = sp.VirtualRig(problem.slider, feet, contact.mu, pusher, effects, NOISE)
+    known = sp.execute_plan(believed, problem, result, seed=seed).log
+    found = []
+    for name, rig in (("itself", believed), ("feet", real)):
+        log = sp.execute_plan(rig, problem, result, seed=seed).log
+        rig_of_log = replace(log.rig, slider=known.rig.slider, support_friction=known.rig.support_friction, model=known.rig.model)
+        log = sp.PushLog(rig_of_log, log.trials, log.samples)
+        blind = sp.PushLog(rig_of_log, log.trials, {k: v for k, v in log.samples.items() if k not in FORCES})
+        for words, asked in ((f"{name}, forces", log), (f"{name}, no forces", blind)):
+            report = sp.diagnose(asked)
+            row = {"seed": seed, "name": words, "pushes": len(result.pushes), "verdict": str(report.verdict)}
+            found.append(row | {"effects": report.named, "sentence": report.sentence})
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tasks", type=int, default=100)
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--effect", nargs="*", default=[], help="effects of the rig, as the command simulate takes them")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("-o", "--output", type=Path)
+    options = parser.parse_args()
+    rows: list[dict[str, Any]] = []
+    seeds = range(options.first_seed, options.first_seed + options.tasks)
+    with ProcessPoolExecutor(options.jobs) as pool:
+        for found in pool.map(rows_of, [(seed, tuple(options.effect)) for seed in seeds]):
+            rows += found
+            if options.output:
+                options.output.write_text(json.dumps(rows))
+    for name in dict.fromkeys(row["name"] for row in rows):
+        mine = [row for row in rows if row["name"] == name]
+        named = sum(row["verdict"] in ("named", "ambiguous") for row in mine)
+        low, high = binomtest(named, len(mine)).proportion_ci(0.95)
+        words = Counter(" ".join((row["verdict"], *row["effects"])) for row in mine)
+        print(
+            f"{name:>20s}: a cause in {named} of {len(mine)} ({100 * low:.1f} to {100 * high:.1f} %); {dict(words.most_common())}"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,140 @@
+"""What a diagnosis found, as plans need it: the surface with what is uncertain of it, the contact, and the other effects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.optimize import nnls
+
+from stablepush.core import FloatArray
+from stablepush.diagnosis.attribution import Attribution
+from stablepush.diagnosis.equations import OF_PRESSURE, SIZES, Fitted
+from stablepush.diagnosis.results import RankedEffect
+from stablepush.diagnosis.system import System
+from stablepush.effects import Effect, KnownEffect
+from stablepush.objects import SupportDistribution
+from stablepush.planning import Correction
+from stablepush.surfaces import IdealLimitSurface, LimitSurface
+
+#: Surfaces of an ensemble.
+_MEMBERS = 60
+#: Shares of the load below this are none.
+_LEAST_SHARE = 1e-6
+#: Effects that are no entry of ``effects``: surface and contact hold them.
+_FOLDED = (*OF_PRESSURE, "contact-friction", "contact-geometry", "frame-offset", "model-capacity")
+
+
+def corrections(
+    system: System, found: Attribution, ranking: Sequence[RankedEffect], effects: Sequence[str], refitted: bool
+) -> list[Correction]:
+    """Return the rigs that a diagnosis leaves possible, each with its probability.
+
+    One, or one for each of the causes that cannot be separated. ``refitted``: the shape of the nominal surface does not fit,
+    another one takes its place.
+    """
+    if not found.confounded or found.confounded_with not in effects:
+        return [_correction(system, found, found.final, effects, ranking, 1.0, refitted)]
+    probable = {entry.effect: max(entry.probability, 1e-3) for entry in ranking}
+    others = [id for id in effects if id != found.confounded_with and id not in found.confounded]
+    causes = [found.confounded_with, *found.confounded]
+    total, result = sum(probable[id] for id in causes), []
+    for id in causes:
+        fitted = system.fit([*(e for e in found.chosen if e != found.confounded_with), id], found.free)
+        result.append(_correction(system, found, fitted, [id, *others], ranking, probable[id] / total, refitted))
+    return result
+
+
+def _correction(
+    system: System,
+    found: Attribution,
+    fitted: Fitted,
+    effects: Sequence[str],
+    ranking: Sequence[RankedEffect],
+    probability: float,
+    refitted: bool,
+) -> Correction:
+    rig, values = system.rig, fitted.values
+    friction, error = None, None
+    # what a fit takes for friction that is not stated is no estimate of it
+    if found.contact is not None and ("contact-friction" in effects or rig.contact_friction is None):
+        friction, error = found.contact.estimate, found.contact.error
+    elif "contact-friction" in effects and "contact-friction" in values and rig.contact_friction is not None:
+        friction = max(0.0, system.mu + float(values["contact-friction"][0]))
+        error = _error(system, fitted, "contact-friction")
+    if not friction:
+        # no plan pushes without friction
+        friction, error = None, None
+    radius = None
+    if "contact-geometry" in effects and "contact-geometry" in values and all(system.observations.off):
+        radius = max(0.0, (system.observations.finger_radius or 0.0) + float(values["contact-geometry"][0]))
+    tracker = values["frame-offset"] if "frame-offset" in effects and "frame-offset" in values else None
+    known = {entry.effect: entry for entry in ranking}
+    others = [id for id in effects if id not in _FOLDED and known[id].parameters]
+    return Correction(
+        probability=probability,
+        surface=_surface(system, fitted, effects, found.free, refitted),
+        contact_friction=friction,
+        contact_friction_error=error,
+        finger_radius=radius,
+        tracker_offset=tracker,
+        effects=tuple(KnownEffect(Effect(id, _plain(known[id])), _covariance(known[id])) for id in others),
+    )
+
+
+def _surface(system: System, fitted: Fitted, effects: Sequence[str], free: bool, refitted: bool) -> LimitSurface | None:
+    """The friction of the support, if it is now believed to be another; else the rig's model, None if it has none.
+
+    None, too, where a log without forces does not show how much friction there is.
+    """
+    moved = [id for id in OF_PRESSURE if id in effects and id in fitted.values]
+    sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
+    if not (refitted or moved) or not sized:
+        return system.rig.model
+    rng, deviations = np.random.default_rng(0), system.deviations(fitted, free)
+    drawn = [fitted.loads + deviations @ rng.normal(size=deviations.shape[1]) for _ in range(_MEMBERS)]
+    rows = np.array([_pressure(system, loads) for loads in (fitted.loads, *drawn)])
+    carrying = rows.max(axis=0) > _LEAST_SHARE * float(rows[0].sum())
+    points, rows = system.points[carrying], rows[:, carrying]
+    if "pressure-spread" in fitted.values:
+        center = rows[0] @ points / rows[0].sum()
+        points = center + (1 + fitted.values["pressure-spread"][0]) * (points - center)
+    points = points + fitted.values.get("pressure-shift", np.zeros(2))
+    ensemble = rows[1:] if np.ptp(rows[1:], axis=0).any() else None
+    return IdealLimitSurface(SupportDistribution(points, rows[0]), float(rows[0].sum()), system.rho, ensemble)
+
+
+def _pressure(system: System, loads: FloatArray) -> FloatArray:
+    """Friction loads (k,) >= 0 of the points whose friction is nearest to that of a fit: the nominal one, and what it changed."""
+    believed = system.believed
+    design, twists = believed.design(system.points)
+
+    def of(loads: FloatArray) -> FloatArray:
+        if system.has_wrench:
+            return design @ loads
+        return np.asarray((system.surface(loads).wrench(twists) / (1, 1, system.rho)).ravel())
+
+    wanted = of(loads)
+    if believed.model is not None:
+        nominal = believed.load * believed.model.wrench(twists) / (1, 1, system.rho)
+        wanted = nominal.ravel() + wanted - of(system.nominal)
+    found, _ = nnls(design, wanted)
+    return np.asarray(found)
+
+
+def _error(system: System, fitted: Fitted, id: str) -> float:
+    """Standard error of an effect of one parameter."""
+    names = list(fitted.values)
+    at = sum(SIZES[name] for name in names[: names.index(id)])
+    return float(np.sqrt(max(0.0, fitted.covariance[at, at])))
+
+
+def _plain(entry: RankedEffect) -> dict[str, Any]:
+    return {name: parameter.estimate for name, parameter in entry.parameters.items()}
+
+
+def _covariance(entry: RankedEffect) -> FloatArray:
+    """Covariance (k, k) of the parameters, from their intervals."""
+    low, high = (np.concatenate([np.reshape(p.ci95, (-1, 2))[:, k] for p in entry.parameters.values()]) for k in (0, 1))
+    return np.diag(((high - low) / (2 * 1.96)) ** 2)

@@ -1,0 +1,76 @@
+"""Friction of the fingers from where pushes end: a finger that slips although it should stick loses the slider by centimetres.
+
+That is an inequality: no row shows it as long as fingers stick, and a small change of the friction changes nothing. So friction
+is scanned, not fitted by steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from stablepush.core import FloatArray
+from stablepush.diagnosis.attribution import Attribution, ContactFriction
+from stablepush.diagnosis.replay import Replay
+from stablepush.diagnosis.system import System
+
+#: Coefficients that are tried, and how often the grid about the best is made finer, of so many.
+_TRIED = np.geomspace(0.05, 1.5, 18)
+_ROUNDS, _FINER = 3, 5
+#: A final pose is off if it is so many times as far off as noise makes it, and as what the friction of the table may be wrong by,
+#: a share of the slider's radius.
+_OFF, _WRONG = 5.0, 0.02
+#: So many pushes must be off, of which friction must leave less than this share of the squares; no push may get much worse.
+_LEAST, _LEFT, _WORSE = 2, 0.15, 2.0
+#: Fingers that are aside (m) instead must explain the pushes this many times worse.
+_ASIDE, _OTHERWISE = np.linspace(-0.006, 0.006, 9), 3.0
+#: The p-value that is given: the errors are tens of times the noise.
+_P_VALUE = 1e-6
+
+
+def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Replay]) -> ContactFriction | None:
+    """Return the friction with which simulated pushes end where they were measured, if that of the rig is clearly another.
+
+    None unless most of what several pushes are off by goes away with another friction, and not with fingers that are aside.
+    """
+    nominal = system.rig.contact_friction
+    if nominal is None or not pushes:
+        return None
+    final = found.final
+    values = {id: value for id, value in final.values.items() if id != "contact-friction"}
+    noise = np.hypot(np.linalg.norm(system.final_pose_noise, axis=1), _WRONG * system.rig.slider.radius)
+
+    def sizes(mu: float, aside: float = 0.0) -> FloatArray:
+        moved = [replace(push, pusher=push.pusher.moved(aside)) for push in pushes] if aside else pushes
+        errors = system.simulated_errors(moved, final.loads, {**values, "contact-friction": np.array([mu - system.mu])})
+        return np.nan_to_num(np.linalg.norm(errors, axis=1) / noise, nan=np.inf)
+
+    def loss(mu: float, aside: float = 0.0) -> float:
+        # a push that is lost either way counts no more than one that is off by far
+        return float(np.log1p(sizes(mu, aside) ** 2).sum())
+
+    before = sizes(nominal)
+    off = before > _OFF
+    if off.sum() < _LEAST:
+        return None
+    grid, losses = _TRIED, np.array([loss(float(mu)) for mu in _TRIED])
+    tried = list(zip(grid.tolist(), losses.tolist(), strict=True))
+    for _ in range(_ROUNDS):
+        at = int(np.argmin(losses))
+        grid = np.geomspace(grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)], _FINER)
+        losses = np.array([loss(float(mu)) for mu in grid])
+        tried += zip(grid.tolist(), losses.tolist(), strict=True)
+    best = float(grid[int(np.argmin(losses))])
+    after = sizes(best)
+    least = float((after[off] ** 2).sum())
+    if least > _LEFT * float((before[off] ** 2).sum()) or (after > np.maximum(_WORSE * before, _OFF)).any():
+        return None
+    aside = min((float((sizes(nominal, float(a))[off] ** 2).sum()) for a in _ASIDE if a), default=np.inf)
+    if aside < _OTHERWISE * least:
+        return None
+    # above the friction at which all fingers stick any fits as well
+    near = [mu for mu, found_loss in tried if found_loss <= losses.min() + 1.0]
+    error = max(0.5 * (max(near) - min(near)), 0.02 * best)
+    return ContactFriction(best, error, int(off.sum()), _P_VALUE, "final poses")

@@ -1,0 +1,132 @@
+"""A diagnosis carried back into a problem: plans are then made for the rig as it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from stablepush.core import FloatArray
+from stablepush.effects import CATALOGUE
+from stablepush.geometry import compose
+from stablepush.objects import PushContact
+from stablepush.planning.correction import Correction, likeliest, load_corrections
+from stablepush.planning.problem import PlanningProblem
+from stablepush.planning.uncertainty import Uncertainty
+
+#: Standard errors on each side of a friction that was estimated, and the least relative half-width that is left uncertain.
+_ERRORS, _LEAST_WIDTH = 2.0, 0.05
+
+
+class Diagnosed(Protocol):
+    """What a diagnosis returns, as far as it matters here."""
+
+    @property
+    def corrected(self) -> Sequence[Correction]: ...
+
+
+def correct(problem: PlanningProblem, report: Diagnosed | Sequence[Correction] | str | Path) -> PlanningProblem:
+    """Return a problem with what a diagnosis found of the rig.
+
+    - The limit surface, with its ensemble, takes the place of the problem's. Pressure that has shifted is part of it.
+    - Friction of the fingers takes the place of that of all contacts, and two standard errors of it, at least 5 %, that of
+      ``uncertainty.contact_friction``.
+    - ``finger_radius``, and fingers that are aside: contacts move along the y axis of their frames.
+    - A tracker whose origin is off the centre of mass by ``d`` (in B) saw start and goal there: poses ``p`` become ``p * (-d)``.
+    - ``effects``: what depends on heading, place, speed or time is added to the problem's, in place of that of the same id.
+      Effects of sensors are kept and change no plan.
+    - Where causes cannot be separated, the problem takes the most probable one, and all of them as ``alternatives``: plans then
+      succeed over all of them by their probability. By how much causes place slider or fingers otherwise goes into
+      ``uncertainty``.
+
+    A log of the corrected problem corrects it again: a diagnosis is carried into the problem that its log was made with, once.
+
+    Parameters
+    ----------
+    problem : PlanningProblem
+    report : GapReport, sequence of Correction, or path of a ``diagnosis/1``
+
+    Raises
+    ------
+    InputError
+        If the diagnosis corrects nothing: a log of fewer than two pushes.
+    """
+    corrections = _corrections_of(report)
+    best = likeliest(corrections)
+    contacts = [_moved(contact, best.contact_offset) for contact in problem.contacts]
+    uncertainty = problem.uncertainty
+    if best.contact_friction is not None:
+        contacts = [PushContact(c.points, c.normals, best.contact_friction) for c in contacts]
+        uncertainty = _narrowed(uncertainty, best)
+    start, goal = problem.start, problem.goal
+    if best.tracker_offset is not None:
+        back = np.array((*-best.tracker_offset, 0.0))
+        start, goal = compose(start, back), compose(goal, back)
+    known = {entry.effect.id: entry for entry in problem.effects} | {entry.effect.id: entry for entry in best.effects}
+    total = sum(entry.probability for entry in corrections)
+    alternatives = []
+    if len(corrections) > 1:
+        uncertainty = _widened(uncertainty, best, problem.finger_radius, corrections)
+        # what is drawn of each: the rest is in the uncertainty
+        alternatives = [
+            replace(entry, probability=entry.probability / total, finger_radius=None, contact_offset=None, tracker_offset=None)
+            for entry in corrections
+        ]
+    return problem.with_changes(
+        surface=best.surface or problem.surface,
+        contacts=contacts,
+        start=start,
+        goal=goal,
+        uncertainty=uncertainty,
+        finger_radius=problem.finger_radius if best.finger_radius is None else best.finger_radius,
+        effects=tuple(known[id] for id in CATALOGUE if id in known),
+        alternatives=tuple(alternatives),
+    )
+
+
+def _corrections_of(report: Diagnosed | Sequence[Correction] | str | Path) -> Sequence[Correction]:
+    if isinstance(report, str | Path):
+        return load_corrections(report)
+    return report.corrected if hasattr(report, "corrected") else report
+
+
+def _moved(contact: PushContact, aside: float | None) -> PushContact:
+    if not aside:
+        return contact
+    theta = float(contact.frame[2])
+    across: FloatArray = aside * np.array((-math.sin(theta), math.cos(theta)))
+    return PushContact(contact.points + across, contact.normals, contact.mu)
+
+
+def _narrowed(uncertainty: Uncertainty, found: Correction) -> Uncertainty:
+    """What is left uncertain of the friction of the fingers."""
+    assert found.contact_friction is not None
+    if found.contact_friction_error is None:
+        return replace(uncertainty, contact_friction=max(_LEAST_WIDTH, uncertainty.relative_friction))
+    share = max(_LEAST_WIDTH, _ERRORS * found.contact_friction_error / found.contact_friction)
+    return replace(uncertainty, contact_friction=min(share, 0.9))
+
+
+def _widened(uncertainty: Uncertainty, best: Correction, radius: float, corrections: Sequence[Correction]) -> Uncertainty:
+    """Where the slider and the fingers are by the other causes is uncertain by the most probable one."""
+    weights = np.array([entry.probability for entry in corrections])
+
+    def deviation(off: list[FloatArray]) -> float:
+        squares = np.array([float(np.sum(np.square(d))) for d in off])
+        return float(np.sqrt(weights @ squares / weights.sum()))
+
+    def origin(entry: Correction) -> FloatArray:
+        return np.zeros(2) if entry.tracker_offset is None else entry.tracker_offset
+
+    def thickness(entry: Correction) -> FloatArray:
+        return np.array((radius if entry.finger_radius is None else entry.finger_radius,))
+
+    apart = deviation([origin(entry) - origin(best) for entry in corrections]) / math.sqrt(2)
+    apart = math.hypot(apart, deviation([thickness(entry) - thickness(best) for entry in corrections]))
+    aside = max(abs((entry.contact_offset or 0.0) - (best.contact_offset or 0.0)) for entry in corrections)
+    position, heading = uncertainty.start
+    return replace(uncertainty, start=(math.hypot(position, apart), heading), contact_place=uncertainty.contact_place + aside)

@@ -1,0 +1,168 @@
+"""Logs of executed plans: the nominal simulation is the surface that the plan was made with."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import LOAD, MASS, pairs, small_scene, three_feet, triangle
+
+import stablepush as sp
+from stablepush.cli.program import main
+from stablepush.diagnosis.attribution import family_wise_p_values
+from stablepush.diagnosis.equations import ScoreTest
+from stablepush.diagnosis.nominal import nominal_of
+from stablepush.diagnosis.observations import observe
+from stablepush.diagnosis.system import System
+from stablepush.effects import parse_effect
+
+NOISE = sp.Noise(0.02, 1e-4, 1e-3)
+FINGER = 0.005
+
+
+@pytest.fixture(scope="module")
+def executed():
+    """A problem with a fitted surface, and its plan."""
+    loads, twists = pairs(20, noise=0.02, seed=4)
+    slider = sp.Slider(triangle().vertices, MASS)
+    surface = sp.fit_limit_surface(loads, twists, slider=slider, seed=0).surface
+    scene = small_scene(pusher=None)
+    problem = sp.PlanningProblem(
+        slider, surface, [sp.PushContact.on_edge(slider, 0, 0.05, 0.05, 0.9)], scene.start, (1.0, 0.45, 0.9)
+    )
+    result = sp.plan(problem, time_limit=60, refinement_budget=2000)
+    assert result.solved and len(result.pushes) > 2
+    return problem, result
+
+
+def log_of(executed, *effects, seed=0, truth=None):
+    problem, result = executed
+    pusher = sp.Pusher.of_contact(problem.contacts[0], FINGER)
+
+    def run(surface, acting):
+        return sp.execute_plan(sp.VirtualRig(problem.slider, surface, 0.9, pusher, acting, NOISE), problem, result, seed=seed).log
+
+    log = run(truth or problem.surface, [parse_effect(text) for text in effects])
+    return sp.PushLog(run(problem.surface, []).rig, log.trials, log.samples)
+
+
+def test_the_model_of_a_rig_is_written_and_read(executed, tmp_path):
+    log = log_of(executed)
+    assert log.rig.model is executed[0].surface
+    sp.write_pushlog(log, tmp_path / "log")
+    again = sp.read_pushlog(tmp_path / "log").rig.model
+    np.testing.assert_array_equal(again.coefficients, log.rig.model.coefficients)
+    np.testing.assert_array_equal(again.ensemble, log.rig.model.ensemble)
+    # a path counts from the folder of the log
+    rig = json.loads((tmp_path / "log" / "rig.json").read_text())
+    (tmp_path / "log" / "surface.json").write_text(json.dumps(rig["model"]))
+    (tmp_path / "log" / "rig.json").write_text(json.dumps({**rig, "model": "surface.json"}))
+    np.testing.assert_array_equal(sp.read_pushlog(tmp_path / "log").rig.model.coefficients, again.coefficients)
+    for wrong, words in (
+        ({"kind": "polynomial"}, "rig.json: model.format: missing key"),
+        (3, "rig.json: model: expected a model/1"),
+    ):
+        (tmp_path / "log" / "rig.json").write_text(json.dumps({**rig, "model": wrong}))
+        with pytest.raises(sp.InputError, match=words):
+            sp.read_pushlog(tmp_path / "log")
+    units = {**rig["model"], "force_unit": "mu*N"}
+    (tmp_path / "log" / "rig.json").write_text(json.dumps({**rig, "model": units, "friction": {"support": None, "contact": 0.9}}))
+    with pytest.raises(sp.InputError, match="expected forces in N, or slider"):
+        sp.read_pushlog(tmp_path / "log")
+
+
+def test_the_nominal_prediction_is_that_of_the_model(executed):
+    """Without noise nothing is left of the wrenches of an executed plan."""
+    problem, result = executed
+    pusher = sp.Pusher.of_contact(problem.contacts[0], FINGER)
+    log = sp.execute_plan(sp.VirtualRig(problem.slider, problem.surface, 0.9, pusher), problem, result).log
+    system = System(observe(log), log.rig)
+    left = system.observations.wrench - system.model.predict(system.nominal, {})
+    # rows at the start of a push are means over its approach, too
+    size = np.linalg.norm(left / (1, 1, system.rho), axis=1)
+    assert np.median(size) < 1e-3 * LOAD
+    # points alone are farther away
+    believed = nominal_of(log.rig)
+    assert np.median(np.linalg.norm(believed.beyond_points(system.observations.twist) / (1, 1, system.rho), axis=1)) > 3e-3 * LOAD
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_clean_executed_plan_has_no_cause(executed, seed):
+    report = sp.diagnose(log_of(executed, seed=seed))
+    assert report.verdict == "none" and not report.named
+    feet = sp.IdealLimitSurface(three_feet(), 5.0)
+    assert sp.diagnose(log_of(executed, seed=seed, truth=feet)).verdict in ("none", "absorbed")
+
+
+def test_fingers_that_slip_are_found_and_plans_hold_again(executed, tmp_path, capsys):
+    """Pokes, plan, execution that fails, diagnosis, correction, another plan, which arrives: by the commands."""
+    problem, result = executed
+    scene, plan = tmp_path / "scene.json", tmp_path / "plan.json"
+    from stablepush.planning import save_scene
+
+    save_scene(problem.with_changes(bounds=(-1, -1, 3, 3), finger_radius=FINGER), scene)
+    sp.save_plan(result, plan)
+    noise, slippery = ["--noise", "0.02", "0.0001", "0.001"], ["--effect", "contact-friction:mu=0.25"]
+    assert main(["simulate", str(scene), str(plan), *noise, *slippery, "-o", str(tmp_path / "log")]) == 0
+    lost = capsys.readouterr().out
+    assert main(["diagnose", str(tmp_path / "log"), "--json", str(tmp_path / "diagnosis.json")]) == 0
+    assert "named: contact-friction" in capsys.readouterr().out
+    assert main(["correct", str(scene), str(tmp_path / "diagnosis.json"), "-o", str(tmp_path / "corrected.json")]) == 0
+    assert "finger friction 0.2" in capsys.readouterr().out
+    corrected = sp.load_scene(tmp_path / "corrected.json")
+    assert corrected.contacts[0].mu == pytest.approx(0.25, abs=0.03)
+    assert corrected.uncertainty.contact_friction < 0.15
+    # two fingers that slip so easily cannot turn as tightly: a goal that is straighter ahead
+    goal, ends = (0.25, 0.6, 0.15), []
+    for asked in (problem.with_changes(goal=goal), corrected.with_changes(goal=goal)):
+        again = sp.plan(asked, time_limit=60, refinement_budget=2000)
+        assert again.solved
+        pusher = sp.Pusher.of_contact(problem.contacts[0], FINGER)
+        rig = sp.VirtualRig(problem.slider, problem.surface, 0.9, pusher, [parse_effect(slippery[1])])
+        end = sp.execute_plan(rig, asked, again).final_pose
+        ends.append(float(np.hypot(end[0] - goal[0], end[1] - goal[1])))
+    assert ends[1] <= corrected.tolerance[0] + 1e-3
+    assert "from the goal" in lost
+
+
+@pytest.mark.parametrize("forces", [True, False])
+@pytest.mark.parametrize("mu", [0.25, 0.3])
+def test_friction_of_fingers_that_slip_is_found_from_final_poses(executed, mu, forces):
+    log = log_of(executed, f"contact-friction:mu={mu}")
+    if not forces:
+        log = sp.PushLog(log.rig, log.trials, {k: v for k, v in log.samples.items() if k not in ("fx", "fy", "tau")})
+    report = sp.diagnose(log)
+    assert report.named == ["contact-friction"] and report.ranking[0].effect == "contact-friction"
+    assert report.effects["contact-friction"]["mu"] == pytest.approx(mu, rel=0.05)
+    [correction] = report.corrected
+    assert correction.contact_friction == pytest.approx(mu, rel=0.05) and correction.contact_friction_error < 0.1 * mu
+    assert any("final poses of" in note for note in report.notes)
+
+
+def test_a_channel_that_is_off_is_never_none(executed):
+    """One push of six slips: too little to name a cause, and said."""
+    report = sp.diagnose(log_of(executed, "contact-friction:mu=0.4"))
+    assert report.verdict == "unknown" and "fingers slipped in 1 of 6 pushes" in report.sentence
+    assert "the pose is off by" in report.sentence
+
+
+def test_few_trials_have_no_small_p_value():
+    """The signs of n trials have 2^(n-1) patterns: fewer than eight cannot show what happens once in a hundred logs."""
+    rng = np.random.default_rng(0)
+    for trials, least in ((4, 0.1), (12, 0.0)):
+        shares = np.ones((trials, 1, 1))
+        test = ScoreTest(1e4, 1e4, np.ones(1), np.eye(1), 1e-3 * rng.normal(size=(trials, 1)), shares)
+        assert test.informative_trials() == pytest.approx(trials)
+        p = family_wise_p_values({"drift": test})["drift"]
+        assert p >= least and (trials == 4 or p < 0.01)
+
+
+def test_what_no_pressure_can_do_is_said_to_be_uncertain(executed):
+    """The ensemble of the fit bounds what a refit may do without being one."""
+    log = log_of(executed)
+    system = System(observe(log), log.rig)
+    directions, _, precision = system.base({}, False)
+    assert directions.shape[1] == 1 + system.open_modes.shape[1] and 2 <= system.open_modes.shape[1] <= 10
+    np.testing.assert_allclose(np.diag(precision)[1:], 1.0)
+    without = replace(log.rig, model=None)
+    assert System(observe(log), without).open_modes.shape[1] == 0
