@@ -148,8 +148,10 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
         recalibrated = certain or system.significantly_better(scores["scaled"], scores["nominal"])
         if certain and not chosen:
             body = {id: held_out(system, [id], False, folds) for id in OF_BODY}
-            named = _as_good_as_free(system, scores, body)
             scores |= body
+            # one that is too small to matter stands for something else
+            body = {id: density for id, density in body.items() if _possible(id, system.fit([id], False).values[id])}
+            named = _as_good_as_free(system, scores, body) if body else []
             if named:
                 chosen, confounded, free = named[:1], named[1:], False
                 confounded_with = named[0]

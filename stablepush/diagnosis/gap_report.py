@@ -194,9 +194,9 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         if size > _MISFIT or (common > _COMMON and p_common < _P_COMMON) or (not forces and pose_errors_are_significant(held)):
             verdict = "unknown"
     gaps = gap(system, held)
-    if verdict == "none" and any(stands_clear(entry) for entry in gaps):
+    if verdict == "none" and any(stands_clear(system, held, entry) for entry in gaps):
         # few trials do not show that a refit predicts others better, but it may fit all of them
-        clear = [entry.channel for entry in gaps if stands_clear(entry)]
+        clear = [entry.channel for entry in gaps if stands_clear(system, held, entry)]
         verdict = "absorbed" if "pose" not in clear and refit_leaves_noise(system) else "unknown"
     # a change of all friction alike leaves the surface's shape as it is
     fits = found.scores
@@ -237,7 +237,13 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         reductions=reduced,
         worse=[entry.channel for entry in reduced if entry.after > 1.02 * entry.before],
         next_experiment=after,
-        sentence=_unexplained(gaps, ranking, len(slipping), len(log), bool(after.pushes))
+        sentence=_unexplained(
+            [entry for entry in gaps if stands_clear(system, held, entry)],
+            ranking,
+            len(slipping),
+            len(log),
+            bool(after.pushes),
+        )
         if verdict == "unknown"
         else _sentence(verdict, effects, reduced, touch, system.has_wrench, log.rig.noise is not None),
         notes=notes,
@@ -364,15 +370,13 @@ def _sentence(verdict: str, effects: list[str], reductions: list[GapReduction], 
     raise AssertionError(verdict)
 
 
-def _unexplained(gaps: list[ChannelGap], ranking: list[RankedEffect], slipping: int, pushes: int, tells: bool) -> str:
+def _unexplained(off: list[ChannelGap], ranking: list[RankedEffect], slipping: int, pushes: int, tells: bool) -> str:
     """What stands clear of the noise, and what is most likely, where no effect explains the gap."""
-    off = [entry for entry in gaps if stands_clear(entry)]
-    units = {"wrench": "N", "twist": "rad", "pose": "m"}
+    units = {"wrench": "N", "pose": "m"}
     sizes = [
         f"the {entry.channel} is off by {readable(entry.nominal)} {units[entry.channel]}, noise explains "
         f"{readable(entry.noise_floor)}"
         for entry in off
-        if entry.channel in units
     ]
     words = ["No effect of the catalogue explains the gap" + (f": {', '.join(sizes)}" if sizes else "")]
     if slipping:
