@@ -20,7 +20,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 import shapely
 
-from stablepush.core import BoolArray, FloatArray, in_threads
+from stablepush.core import BoolArray, FloatArray
 from stablepush.geometry import normalize_wrench, unit
 from stablepush.identify import PressureSampler
 from stablepush.objects import PushContact, Slider, SupportDistribution
@@ -117,16 +117,13 @@ class Scenarios:
         facets = self._facets[number]
         rho = self.surfaces[0].characteristic_length
         result = np.empty((len(self), len(twists)))
-
-        def of_member(member: int) -> None:
+        for member in np.unique(self.surface):
             rows = np.flatnonzero(self.surface == member)
             moved = np.tile(twists, (len(rows), 1, 1))
             moved[..., :2] += twists[None, :, 2:] * (self.center_of_mass[rows, None, ::-1] * (-1.0, 1.0))
             loads = normalize_wrench(self.surfaces[member].wrench(moved), rho)
             heights = np.einsum("rfc,rkc->rkf", facets[rows], loads).min(axis=-1) / np.sqrt((loads * loads).sum(axis=-1))
             result[rows] = np.arcsin(np.clip(heights, -1.0, 1.0))
-
-        in_threads(of_member, np.unique(self.surface).tolist())
         return result
 
     @cached_property
