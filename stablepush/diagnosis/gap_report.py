@@ -29,7 +29,7 @@ from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import Replay, replays
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
-from stablepush.diagnosis.slip import friction_from_poses
+from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
 from stablepush.diagnosis.system import System, system_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share, residuals
 from stablepush.effects import CATALOGUE
@@ -155,6 +155,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     forces = bool(observations.has_wrench.any())
     system, pushes, left_out = _equations(log, observations)
     found = attribute(system, progress)
+    found = without_contradiction(system, found, pushes)
     if "contact-friction" not in found.named:
         found = replace(found, contact=friction_from_poses(system, found, pushes) or found.contact)
     progress("gap reduction")

@@ -74,3 +74,21 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
     near = [mu for mu, found_loss in tried if found_loss <= losses.min() + 1.0]
     error = max(0.5 * (max(near) - min(near)), 0.02 * best)
     return ContactFriction(best, error, int(off.sum()), _P_VALUE, "final poses")
+
+
+def without_contradiction(system: System, found: Attribution, pushes: Sequence[Replay]) -> Attribution:
+    """Return what was found, friction of slipping fingers taken back if with it pushes end farther from where they were measured.
+
+    A few rows of force may look like slip; fingers of such friction would slip in other pushes, too.
+    """
+    contact, nominal = found.contact, system.rig.contact_friction
+    if contact is None or nominal is None or not pushes or "contact-friction" not in found.named:
+        return found
+    noise = np.linalg.norm(system.final_pose_noise, axis=1)
+
+    def loss(mu: float) -> float:
+        values = {**found.final.values, "contact-friction": np.array([mu - system.mu])}
+        sizes = np.linalg.norm(system.simulated_errors(pushes, found.final.loads, values), axis=1) / noise
+        return float(np.log1p(np.nan_to_num(sizes, nan=1e6) ** 2).sum())
+
+    return found if loss(contact.estimate) <= loss(nominal) else replace(found, contact=replace(contact, p_value=1.0))
