@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from scipy.optimize import nnls
@@ -79,7 +78,7 @@ def _correction(
         contact_friction_error=error,
         finger_radius=radius,
         tracker_offset=tracker,
-        effects=tuple(KnownEffect(Effect(id, _plain(known[id])), _covariance(known[id])) for id in others),
+        effects=tuple(KnownEffect(Effect(id, known[id].estimates), _covariance(known[id])) for id in others),
     )
 
 
@@ -128,10 +127,6 @@ def _error(system: System, fitted: Fitted, id: str) -> float:
     names = list(fitted.values)
     at = sum(SIZES[name] for name in names[: names.index(id)])
     return float(np.sqrt(max(0.0, fitted.covariance[at, at])))
-
-
-def _plain(entry: RankedEffect) -> dict[str, Any]:
-    return {name: parameter.estimate for name, parameter in entry.parameters.items()}
 
 
 def _covariance(entry: RankedEffect) -> FloatArray:

@@ -216,7 +216,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     surface = system.surface(found.final.loads) if sized else None
     # a rig has fingers of one radius
     simulated = [id for id in named if id != "contact-geometry" or all(observations.off)]
-    report_effects = {entry.effect: _plain(entry) for entry in ranking if entry.effect in simulated}
+    report_effects = {entry.effect: entry.estimates for entry in ranking if entry.effect in simulated}
     notes = _notes(log, system, found, effects, share, p_share, left_out)
     slipping, after = slipping_unexpectedly(held, log), _next(system, found, effects, ranking)
     if slipping:
@@ -315,10 +315,6 @@ def _completed(rig: Rig, system: System, found: Attribution) -> Rig:
     if radius is None and system.observations.finger_radius is not None and "contact-geometry" in values:
         radius = max(0.0, system.observations.finger_radius + float(values["contact-geometry"][0]))
     return replace(rig, contact_friction=mu, finger_radius=radius)
-
-
-def _plain(entry: RankedEffect) -> dict[str, Any]:
-    return {name: parameter.estimate for name, parameter in entry.parameters.items()}
 
 
 def _next(system: System, found: Attribution, effects: list[str], ranking: list[RankedEffect]) -> NextExperiment:

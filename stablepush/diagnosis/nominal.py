@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stablepush.core import LEAST_POSITIVE, FloatArray
-from stablepush.geometry import normalize_wrench
-from stablepush.identify import sample_loads, support_for
+from stablepush.geometry import normalize_twist, normalize_wrench
+from stablepush.identify import predict_loads, sample_loads, support_for
 from stablepush.io import Rig
 from stablepush.mechanics import TableFriction
 from stablepush.objects import Slider, SupportDistribution
@@ -104,10 +104,7 @@ class Nominal:
         """Return loads (3n, k) in ``(fx, fy, tau/rho)`` by 1 N at each point, and the motions (n, 3) that have them."""
         rho = self.points.characteristic_length
         _, twists = sample_loads(self.points, 1.0)
-        velocity = twists[:, None, :2] + twists[:, None, 2:] * np.stack((-points[:, 1], points[:, 0]), axis=-1)
-        unit = velocity / (np.linalg.norm(velocity, axis=2, keepdims=True) + 1e-12)
-        turning = (points[:, 0] * unit[..., 1] - points[:, 1] * unit[..., 0]) / rho
-        return np.stack((unit[..., 0], unit[..., 1], turning), axis=1).reshape(-1, len(points)), twists
+        return unit_loads(points, twists, rho), twists
 
     def _scaled(self, surface: LimitSurface, twists: FloatArray) -> FloatArray:
         return normalize_wrench(self.load * surface.wrench(twists), self.points.characteristic_length).ravel()
@@ -118,6 +115,14 @@ class Nominal:
         return np.asarray(
             np.linalg.solve(gram + _RIDGE * float(np.trace(gram)) / len(gram) * np.eye(len(gram)), design.T @ loads)
         )
+
+
+def unit_loads(points: FloatArray, twists: FloatArray, rho: float) -> FloatArray:
+    """Return loads (3n, k) of twists (n, 3) in ``(fx, fy, tau/rho)``, by 1 N of friction at each of points (k, 2)."""
+    ones = np.ones((len(points), 1))
+    return np.asarray(
+        predict_loads(points[:, None] / rho, ones, normalize_twist(twists, rho)).transpose(1, 2, 0).reshape(-1, len(points))
+    )
 
 
 def _friction_of(points: FloatArray, loads: FloatArray, twists: FloatArray) -> FloatArray:

@@ -60,6 +60,11 @@ class RankedEffect(Record):
     reason: str | None
     form: Mapping[str, Any] | None = None
 
+    @property
+    def estimates(self) -> dict[str, Any]:
+        """Estimates by parameter, without their intervals."""
+        return {name: parameter.estimate for name, parameter in self.parameters.items()}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChannelGap(Record):

@@ -26,8 +26,15 @@ _OFF, _WRONG = 5.0, 0.02
 _LEAST, _LEFT, _WORSE = 2, 0.15, 2.0
 #: Fingers that are aside (m) instead must explain the pushes this many times worse.
 _ASIDE, _OTHERWISE = np.linspace(-0.006, 0.006, 9), 3.0
+#: Error over its noise of a push that cannot be simulated.
+_LOST = 1e6
 #: The p-value that is given: the errors are tens of times the noise.
 _P_VALUE = 1e-6
+
+
+def _robust(sizes: FloatArray) -> float:
+    """Loss of errors (n,) over their noise: a push that is lost either way counts little more than one that is far off."""
+    return float(np.log1p(np.nan_to_num(sizes, nan=_LOST) ** 2).sum())
 
 
 def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Replay]) -> ContactFriction | None:
@@ -45,11 +52,10 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
     def sizes(mu: float, aside: float = 0.0) -> FloatArray:
         moved = [replace(push, pusher=push.pusher.moved(aside)) for push in pushes] if aside else pushes
         errors = system.simulated_errors(moved, final.loads, {**values, "contact-friction": np.array([mu - system.mu])})
-        return np.nan_to_num(np.linalg.norm(errors, axis=1) / noise, nan=np.inf)
+        return np.nan_to_num(np.linalg.norm(errors, axis=1) / noise, nan=_LOST)
 
     def loss(mu: float, aside: float = 0.0) -> float:
-        # a push that is lost either way counts no more than one that is off by far
-        return float(np.log1p(sizes(mu, aside) ** 2).sum())
+        return _robust(sizes(mu, aside))
 
     before = sizes(nominal)
     off = before > _OFF
@@ -88,7 +94,6 @@ def without_contradiction(system: System, found: Attribution, pushes: Sequence[R
 
     def loss(mu: float) -> float:
         values = {**found.final.values, "contact-friction": np.array([mu - system.mu])}
-        sizes = np.linalg.norm(system.simulated_errors(pushes, found.final.loads, values), axis=1) / noise
-        return float(np.log1p(np.nan_to_num(sizes, nan=1e6) ** 2).sum())
+        return _robust(np.linalg.norm(system.simulated_errors(pushes, found.final.loads, values), axis=1) / noise)
 
     return found if loss(contact.estimate) <= loss(nominal) else replace(found, contact=replace(contact, p_value=1.0))

@@ -17,7 +17,7 @@ from scipy.optimize import nnls
 from stablepush.core import FloatArray, InputError
 from stablepush.diagnosis.equations import SIZES, Equations, Fitted, Values, robust_variance
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
-from stablepush.diagnosis.nominal import CELLS, nominal_of
+from stablepush.diagnosis.nominal import CELLS, nominal_of, unit_loads
 from stablepush.diagnosis.observations import Observations, contact_velocity
 from stablepush.diagnosis.replay import Replay, carried, friction_of, pose_errors
 from stablepush.geometry import rotate_vectors
@@ -283,10 +283,7 @@ class System(Equations):
         if (positive < 0).any():
             rng = np.random.default_rng(0)
             twists = rng.normal(size=(_MOTIONS, 3)) / (1, 1, self.rho)
-            x, y = self.points.T
-            vx, vy = twists[:, :1] - twists[:, 2:] * y, twists[:, 1:2] + twists[:, 2:] * x
-            size = np.hypot(vx, vy) + 1e-12
-            rows = np.stack((vx / size, vy / size, (x * vy - y * vx) / size / self.rho), axis=1).reshape(-1, len(x))
+            rows = unit_loads(self.points, twists, self.rho)
             positive, _ = nnls(rows, rows @ loads)
         if (positive > 0).sum() < 2:
             # a log that carries no information on the pressure: a little of the nominal one keeps it a surface

@@ -16,5 +16,5 @@ from .fit import (
 from .next_poke import poke_candidates as poke_candidates, poke_outcome as poke_outcome, rank_pokes as rank_pokes
 from .online import OnlineEstimate as OnlineEstimate, OnlineIdentifier as OnlineIdentifier
 from .pairs import SlipPairs as SlipPairs
-from .pressure import PressureSampler as PressureSampler
+from .pressure import PressureSampler as PressureSampler, predict_loads as predict_loads
 from .stand_in import sample_loads as sample_loads, support_for as support_for
