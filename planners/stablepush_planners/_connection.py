@@ -53,6 +53,14 @@ def connect(connections, world, body, contact, x, y, theta, gx, gy, gt, most, le
     x1, y1 = gx + c1 * frame[0] - s1 * frame[1], gy + s1 * frame[0] + c1 * frame[1]
     best = math.inf
     radii = connections.radii.shape[1]
+    # no path is shorter than the straight line
+    least = math.inf
+    for r in range(radii):
+        if connections.radii[contact, r] > 0.0:
+            for p in range(3):
+                least = min(least, connections.prices[contact, r, p])
+    if least * math.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2) >= most:
+        return best
     costs = np.full((radii, 6), math.inf)
     straight = False
     for r in range(radii):

@@ -9,16 +9,15 @@ import numpy as np
 from stablepush.core import Deadline, FloatArray
 from stablepush.geometry import compose, exp, inverse, log, wrap_angle
 from stablepush.planning import PlanningProblem, SweptBody
-from stablepush.planning.kernels import World, push_is_free
-from stablepush_planners._connection import Connections, connect
+from stablepush.planning.kernels import World
+from stablepush_planners._connection import Connections
+from stablepush_planners._link import cheapest_link
 from stablepush_planners.stable_set import StableSet
 
 #: A push: body twist at the speed limit, and its duration in s.
 TimedTwist = tuple[FloatArray, float]
 #: Travel (m) below this counts as zero; pushes whose ends differ by less are one.
 LEAST_TRAVEL = 1e-10
-#: A shortcut must save this much (s).
-_WORTH = 1e-9
 
 
 def shorten(
@@ -50,34 +49,26 @@ def shorten(
     good = np.zeros(len(direct), dtype=bool)
     if deadline.left() >= 0:
         good[moving] = stable.accepts(direct[moving])
-    table = np.full((count, count), np.inf)
+    table, joins = np.full((count, count), np.inf), np.zeros((count, count, 4))
     table[i[good], j[good]] = prices[good]
-    pairs = zip(i[good].tolist(), j[good].tolist(), strict=True)
-    twists = {pair: (v / t, float(t)) for pair, v, t in zip(pairs, direct[good], times[good], strict=True)}
+    joins[i[good], j[good]] = np.column_stack((direct[good] / times[good, None], times[good]))
     spent = stable.costs(np.array([twist * duration for twist, duration in legs]))
     connects = bool(connections.radii[stable.contact, 0] > 0.0)
-    lengths, work = np.empty((6, 3)), np.empty((3, 4))
+    lengths, work, link = np.empty((6, 3)), np.empty((3, 4)), np.empty((3, 4))
     cosines = np.column_stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])))
-    best = [0.0] + [math.inf] * (count - 1)
+    best = np.full(count, math.inf)
+    best[0] = 0.0
     chain: list[tuple[int, list[TimedTwist]]] = [(0, [])] * count
     for b in range(1, count):
         best[b], chain[b] = best[b - 1] + float(spent[b - 1]), (b - 1, [legs[b - 1]])
         if deadline.left() < 0:
             continue
-        for a in range(b - 1):
-            most = best[b] - best[a] - _WORTH
-            if table[a, b] < most:
-                twist, duration = twists[a, b]
-                if push_is_free(world, swept.body, *poses[a, :2], *cosines[a], *twist, duration):
-                    best[b], chain[b] = best[a] + float(table[a, b]), (a, [(twist, duration)])
-                    most = best[b] - best[a] - _WORTH
-            if connects and most > 0:
-                found = connect(connections, world, swept.body, stable.contact, *poses[a], *poses[b], most, lengths, work)
-                if found < most:
-                    parts = [
-                        (work[k, :3].copy(), float(work[k, 3])) for k in range(3) if work[k, 3] * problem.speed > LEAST_TRAVEL
-                    ]
-                    best[b], chain[b] = best[a] + found, (a, parts)
+        before = cheapest_link(
+            b, best, table, joins, world, swept.body, connections, stable.contact, connects, poses, cosines, lengths, work, link
+        )
+        if before >= 0:
+            parts = [(row[:3].copy(), float(row[3])) for row in link if row[3] * problem.speed > LEAST_TRAVEL]
+            chain[b] = before, parts
     result: list[TimedTwist] = []
     b = count - 1
     while b > 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib.metadata import entry_points
 from typing import Any
 
@@ -13,9 +14,14 @@ def plugin_names(group: str) -> list[str]:
     return sorted({entry.name for entry in entry_points(group=group)})
 
 
+@cache
 def load_plugin(group: str, name: str) -> Any:
-    """Return what is registered under a name; raises :class:`UnavailableError` if its package cannot be imported."""
-    (entry, *_) = entry_points(group=group, name=name)
+    """Return what is registered under a name; raises :class:`LookupError` if nothing is, and :class:`UnavailableError` if its
+    package cannot be imported."""
+    found = tuple(entry_points(group=group, name=name))
+    if not found:
+        raise LookupError(f"{group}: nothing is registered as {name}")
+    entry = found[0]
     try:
         return entry.load()
     except (ImportError, AttributeError) as error:

@@ -7,6 +7,8 @@ components of a twist or wrench one unit (Erdmann 1994): ``(vx, vy, rho*omega)``
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -81,9 +83,11 @@ def unit(vectors: ArrayLike) -> FloatArray:
     """Return vectors scaled to length one along the last axis; zero vectors stay zero."""
     v = np.asarray(vectors, dtype=np.float64)
     # scaling by the largest entry first keeps tiny and huge vectors from underflow and overflow in the square
-    largest = np.abs(v).max(axis=-1, keepdims=True)
+    # component by component: numpy is slow to reduce a short last axis
+    size = np.abs(v)
+    largest = reduce(np.maximum, (size[..., k] for k in range(v.shape[-1])))[..., None]
     v = np.divide(v, largest, out=np.zeros_like(v), where=largest > 0)
-    norm = np.linalg.norm(v, axis=-1, keepdims=True)
+    norm = np.sqrt(reduce(np.add, (v[..., k] * v[..., k] for k in range(v.shape[-1]))))[..., None]
     return np.divide(v, norm, out=np.zeros_like(v), where=norm > 0)
 
 

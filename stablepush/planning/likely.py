@@ -11,7 +11,7 @@ import numpy as np
 from stablepush.core import Deadline
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult
-from stablepush.planning.scenarios import CHOICE, Choice, draw_scenarios
+from stablepush.planning.scenarios import CHOICE, choice_of, draw_scenarios
 from stablepush.planning.success import first_losses
 from stablepush.stability import StableRegion
 
@@ -65,7 +65,7 @@ def likely_plan(
 class _Search:
     def __init__(self, problem: PlanningProblem, level: float, attempt: Attempt, seed: int) -> None:
         self._problem, self._level, self._attempt, self._seed = problem, level, attempt, seed
-        self._choice = Choice(problem, seed)
+        self._choice = choice_of(problem, seed)
         self._tests = 0
 
     def at_level(self, first: Deadline, deadline: Deadline, effort: float) -> _Candidate:

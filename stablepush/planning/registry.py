@@ -128,9 +128,10 @@ def plan(
     options = PlanOptions(region, probability, margin_weight, max_twist_rate, refinement_budget)
     if probability:
         warnings.warn("plan(probability=) is deprecated: success= counts all that is uncertain", DeprecationWarning, stacklevel=3)
-    if planner not in planner_names():
-        raise InputError("planner", f"expected one of {', '.join(planner_names()) or 'none installed'}", repr(planner))
-    run: Planner = load_plugin(_GROUP, planner)
+    try:
+        run: Planner = load_plugin(_GROUP, planner)
+    except LookupError:
+        raise InputError("planner", f"expected one of {', '.join(planner_names()) or 'none installed'}", repr(planner)) from None
 
     problem.require_plain()
     if problem.alternatives and region != "model":

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -122,7 +122,7 @@ class Scenarios:
             moved = np.tile(twists, (len(rows), 1, 1))
             moved[..., :2] += twists[None, :, 2:] * (self.center_of_mass[rows, None, ::-1] * (-1.0, 1.0))
             loads = normalize_wrench(self.surfaces[member].wrench(moved), rho)
-            heights = np.einsum("rfc,rkc->rkf", facets[rows], loads).min(axis=-1) / np.sqrt((loads * loads).sum(axis=-1))
+            heights = np.einsum("rfc,rkc->frk", facets[rows], loads).min(axis=0) / np.sqrt(np.einsum("rkc,rkc->rk", loads, loads))
             result[rows] = np.arcsin(np.clip(heights, -1.0, 1.0))
         return result
 
@@ -243,11 +243,13 @@ def _within(slider: Slider, centers: FloatArray) -> FloatArray:
     return centers / np.maximum(1.0, share / _INSIDE)[:, None]
 
 
+@lru_cache(maxsize=8)
 def likely_surfaces(problem: PlanningProblem) -> Sequence[LimitSurface]:
     """Return equally likely surfaces: the ensemble of a fit, a support that is known, else pressures under the outline."""
     surface = problem.surface
-    if surface.members():
-        return surface.members()
+    members = surface.members()
+    if members:
+        return members
     if surface.point_loads is not None or problem.slider.support is not None:
         return [surface]
     drawn = PressureSampler(problem.slider.vertices, count=_PRESSURES).prior()
@@ -297,22 +299,22 @@ class Choice:
         active = list(dict.fromkeys(np.argmin(margins[:, nearest], axis=0).tolist())) if margins.shape[1] else [0]
         # a region that a scenario holds whole shrinks when others are added: it is not asked again
         doubtful = np.arange(len(kept))
+        name, known = f"{len(kept)} scenarios", set(active)
+        region = common_region([self._case(int(kept[row]), number) for row in active], name)
         for _ in range(_ROUNDS):
-            region = common_region([self._case(int(kept[row]), number) for row in active], f"{len(kept)} scenarios")
             ends = [np.array((np.cos(a), np.sin(a), 0.0))[None] for interval in region.translation_intervals for a in interval]
             rings = [ring[::_THINNED] for sense in (1, -1) for ring in region.boundary_twists(sense)]
             border = np.concatenate([*rings, *ends, np.zeros((0, 3))])
-            if not len(border):
+            if not (len(border) and len(doubtful)):
                 break
             worst = chosen.take(doubtful).margins(number, border).min(axis=1)
-            order = [k for k in np.argsort(worst, kind="stable") if worst[k] < -_VIOLATION and doubtful[k] not in active]
+            order = [k for k in np.argsort(worst, kind="stable") if worst[k] < -_VIOLATION and doubtful[k] not in known]
             if not order:
                 break
-            active += doubtful[order[:_ADDED]].tolist()
+            active = doubtful[order[:_ADDED]].tolist()
+            region = common_region([self._case(int(kept[row]), number) for row in active], name, region)
+            known.update(active)
             doubtful = doubtful[order[_ADDED:]]
-            if not len(doubtful):
-                region = common_region([self._case(int(kept[row]), number) for row in active], f"{len(kept)} scenarios")
-                break
         return region
 
     def _case(self, row: int, number: int) -> Case:
@@ -320,6 +322,26 @@ class Choice:
             surface = self._all.surfaces[self._all.surface[row]]
             self._cases[row, number] = Case(surface, self._all.contact(row, number), self._all.center_of_mass[row])
         return self._cases[row, number]
+
+
+@dataclass(frozen=True)
+class _Rig:
+    """What a choice depends on: plans to other goals or among other obstacles share it. ``problem`` is any that has it."""
+
+    parts: tuple[object, ...]
+    problem: PlanningProblem = field(compare=False)
+
+
+def choice_of(problem: PlanningProblem, seed: int) -> Choice:
+    """Return the choice of a problem, with what earlier plans for the same slider, contacts and surface worked out."""
+    parts = (problem.slider, problem.surface, problem.contacts, problem.uncertainty, problem.alternatives)
+    # the push that aligns an uncertain start depends on all of the problem
+    return _choice_of(_Rig((*parts, problem) if any(problem.uncertainty.start) else parts, problem), seed)
+
+
+@lru_cache(maxsize=4)
+def _choice_of(rig: _Rig, seed: int) -> Choice:
+    return Choice(rig.problem, seed)
 
 
 def _compared(problem: PlanningProblem, number: int) -> FloatArray:

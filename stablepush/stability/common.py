@@ -58,18 +58,24 @@ class Case:
         return [hemisphere(moved, sense) for sense in (1, -1)]
 
 
-def common_region(cases: Sequence[Case], name: str = "common") -> StableRegion:
+def common_region(cases: Sequence[Case], name: str = "common", within: StableRegion | None = None) -> StableRegion:
     """Return the motions of B that are stable in every case: the intersection of the exact regions, as polygons on the sphere.
 
     The twist of a frame at ``d`` is ``(vx - omega d_y, vy + omega d_x, omega)``. The map is linear, so it takes the great circles
     of one region to those of another frame, and leaves translations as they are. Membership is by the polygons, to
-    :data:`~stablepush.stability.region.BOUNDARY_TOLERANCE`.
+    :data:`~stablepush.stability.region.BOUNDARY_TOLERANCE`. ``within``: a region that this function returned, which the result
+    is to be a part of.
 
     Raises as :func:`stablepush.stable_region` does.
     """
     rho = cases[0].surface.characteristic_length
-    left, right = (only_polygons(shapely.intersection_all([case.discs[k] for case in cases])) for k in (0, 1))
-    intervals = common_intervals([case.region.translation_intervals for case in cases], len(cases))
+    discs = [case.discs for case in cases]
+    held = [case.region.translation_intervals for case in cases]
+    if within is not None and isinstance(within.motions, _Common):
+        discs.append([within.motions.counter_clockwise, within.motions.clockwise])
+        held.append(within.translation_intervals)
+    left, right = (only_polygons(shapely.intersection_all(both)) for both in zip(*discs, strict=True))
+    intervals = common_intervals(held, len(held))
     reach = max(rho, *(case.contact.radius for case in cases))
     motions = _Common(rho, left, right, np.reshape(intervals, (-1, 2)))
     return StableRegion(name, rho, EXTENT_RADII * reach, tuple(intervals), motions)

@@ -322,13 +322,13 @@ def cut_parts(twists: FloatArray, index: np.ndarray) -> np.ndarray:
     A circle through a point and its two neighbours says how far the chords beside it miss the curve.
     """
     step = np.diff(twists, axis=0)
-    length = np.linalg.norm(step, axis=1)
+    length = np.sqrt(np.einsum("nc,nc->n", step, step))
     apart = index[1:] != index[:-1]
     before, after = length[:-1], length[1:]
     # height of the middle point over the chord of its neighbours
     chord = step[:-1] + step[1:]
-    size = np.maximum(np.linalg.norm(chord, axis=1), 1e-300)
-    along = (step[:-1] * chord).sum(axis=1) / size
+    size = np.maximum(np.sqrt(np.einsum("nc,nc->n", chord, chord)), 1e-300)
+    along = np.einsum("nc,nc->n", step[:-1], chord) / size
     height = np.sqrt(np.maximum(before * before - along * along, 0.0))
     height[apart[:-1] | apart[1:]] = 0.0
     miss = np.zeros(len(length))

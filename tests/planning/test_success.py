@@ -11,7 +11,7 @@ from conftest import RHO, one_line, small_scene, three_feet, triangle
 import stablepush as sp
 from stablepush.cli import main
 from stablepush.core import binomial_interval
-from stablepush.planning.scenarios import MOST, Choice, draw_scenarios, likely_surfaces
+from stablepush.planning.scenarios import MOST, Choice, choice_of, draw_scenarios, likely_surfaces
 from stablepush.planning.success import first_losses
 from stablepush.stability import Case, common_region
 
@@ -214,3 +214,14 @@ def test_plans_for_every_pressure_hold_for_every_friction_and_place_and_say_what
             along = np.array((-contact.normals[0][1], contact.normals[0][0]))
             moved = sp.PushContact(contact.points + aside * along, contact.normals, mu)
             assert sp.all_pressure_region(asked.slider, moved).contains_twists(twists).all()
+
+
+def test_plans_for_one_slider_share_what_is_known_of_its_scenarios():
+    asked = problem()
+    assert choice_of(asked.with_changes(goal=(0.2, 0.1, 0.3)), 0) is choice_of(asked, 0)
+    assert choice_of(asked, 1) is not choice_of(asked, 0)
+    assert choice_of(asked.with_changes(uncertainty=sp.Uncertainty(contact_place=0.001)), 0) is not choice_of(asked, 0)
+    # and the plan is the one that is made from scratch
+    fresh = problem()
+    found = [sp.plan(p, refinement_budget=0, time_limit=60) for p in (asked.with_changes(tolerance=(0.01, 0.1)), asked, fresh)]
+    np.testing.assert_array_equal(found[1].pushes[-1].end, found[2].pushes[-1].end)

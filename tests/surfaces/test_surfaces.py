@@ -26,6 +26,16 @@ def test_loads_of_random_twists_give_the_twists_back(name):
     assert ((loads * twists).sum(axis=1) > 0).all()
 
 
+@pytest.mark.parametrize("name", POLYNOMIALS)
+def test_blocks_of_twists_have_the_loads_of_single_ones(name):
+    """Whatever the number of twists: in blocks, in what is left of one, and by the code that single twists take."""
+    surface = ZOO[name]
+    twists = random_twists(150, surface.characteristic_length, seed=5)
+    single = np.array([surface.wrench(twist) for twist in twists])
+    for count in (5, 12, 64, 75, 150):
+        np.testing.assert_allclose(surface.wrench(twists[:count]), single[:count], rtol=0, atol=1e-9 * scale(surface))
+
+
 @pytest.mark.parametrize("name", ZOO)
 def test_twists_are_unit_and_loads_do_not_depend_on_speed(name):
     surface = ZOO[name]

@@ -132,9 +132,12 @@ def encloses(loop: FloatArray, twists: FloatArray) -> BoolArray:
     Seen from a twist, the boundary then turns once round it, counter-clockwise; it turns not at all, or the other way, round one
     that is outside.
     """
-    helper = np.where(np.abs(twists[:, :1]) < 0.7, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    first = unit(np.cross(twists, helper))
-    second = np.cross(twists, first)
+    x, y, z = twists.T
+    # two axes at right angles to each twist, from its product with the x or the y axis, whichever is not along it
+    along = np.abs(x) >= 0.7
+    first = unit(np.column_stack((np.where(along, -z, 0.0), np.where(along, 0.0, z), np.where(along, x, -y))))
+    fx, fy, fz = first.T
+    second = np.column_stack((y * fz - z * fy, z * fx - x * fz, x * fy - y * fx))
     angle = np.arctan2(loop @ second.T, loop @ first.T)
     turn = np.roll(angle, -1, axis=0) - angle
     whole = (np.remainder(turn + np.pi, 2 * np.pi) - np.pi).sum(axis=0)
