@@ -49,7 +49,7 @@ class State:
 def contact_mu_under(world: World, force: np.ndarray) -> np.ndarray:
     """Friction (...) of the fingers under forces (..., 2) of the pusher, in N."""
     contact_mu = world.of("contact-friction")
-    if contact_mu is None or contact_mu.form == "constant":
+    if contact_mu is None or contact_mu.form != "load":
         return np.full(force.shape[:-1], world.contact_mu + (contact_mu.numbers["change"] if contact_mu is not None else 0.0))
     # a single finger has all of the load, two share it
     size = np.linalg.norm(force, axis=-1) / (2 if world.two else 1)
@@ -101,7 +101,7 @@ class Engine(ABC):
         smooth = np.zeros(2)
         for i in range(steps):
             c, s = np.cos(pusher[2]), np.sin(pusher[2])
-            share = (begin + (push.speed - begin) * min(1.0, i * self.tick / ramp)) / push.speed
+            share = (begin + (push.speed - begin) * self._ramped(min(1.0, i * self.tick / ramp))) / push.speed
             vx, vy, omega = share * push.twist
             imposed = np.array((c * vx - s * vy, s * vx + c * vy, omega))
             state = self.advance(imposed, order, smooth)
@@ -112,6 +112,12 @@ class Engine(ABC):
             rows[i] = ((i + 1) * self.tick, *state.slider, *pusher, *force, *state.slider_rate)
             touches[i] = state.touches
         return self._means(rows, touches, _MOVES[0] if push.acceleration else _MOVES[1])
+
+    def _ramped(self, share: float) -> float:
+        """Share of the speed that is gained after a share of the time in which it is."""
+        inertia = self.world.of("inertia")
+        form = "mass" if inertia is None else inertia.form
+        return {"mass": share, "smooth": share**2 * (3 - 2 * share), "late": share**2, "early": share * (2 - share)}[form]
 
     def contact_mu_at(self, force: np.ndarray) -> float:
         """Friction of the fingers under a force (2,) in N."""

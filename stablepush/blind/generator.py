@@ -18,7 +18,7 @@ from cryptography.fernet import Fernet
 
 from stablepush.blind.engine import Engine, Truth, contact_mu_under
 from stablepush.blind.instruments import SCATTER, Row, record, write
-from stablepush.blind.laws import feet_of, loads, turned
+from stablepush.blind.laws import at, feet_of, loads, turned
 from stablepush.blind.worlds import Applied, World, draw
 
 #: An effect that stands out by this many times the noise of all rows together, after a free pressure has taken what it can,
@@ -52,7 +52,8 @@ def generate(generator: str, seed: int, number: int, pushes: int) -> tuple[dict[
     for k, push in enumerate(world.pushes):
         # the same push comes out differently, as friction scatters
         scattered = replace(world, mu=world.mu * (1 + (SCATTER if world.trap == "scatter" else 0.005) * float(rng.normal())))
-        truths.append(engine(scattered).push(push, k / max(1, len(world.pushes) - 1)))
+        order = k / max(1, len(world.pushes) - 1)
+        truths.append(engine(at(scattered, order)).push(push, order))
     label: dict[str, Any] = {
         "kind": world.kind, "trap": world.trap, "contacts": "two" if world.two else "one",
         "engine": engine.name, "friction_off": world.believed_mu / world.mu - 1,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stablepush.blind.laws import turned
-from stablepush.blind.worlds import GRAVITY, World
+from stablepush.blind.worlds import CHANGING_FORMS, GRAVITY, World, share_in_log
 
 if TYPE_CHECKING:
     from stablepush.blind.engine import Truth
@@ -68,8 +68,8 @@ def _seen(world: World, truth: Truth, at: np.ndarray, order: float) -> np.ndarra
     time, pose = truth.fine_time, truth.fine_pose
     latency, frame = world.of("latency"), world.of("frame-offset")
     if latency is not None:
-        delay = latency.numbers["delay"]
-        if latency.form == "delay":
+        delay = latency.numbers["delay"] * (share_in_log(latency.form, order) if latency.form in CHANGING_FORMS else 1.0)
+        if latency.form != "filter":
             at = np.maximum(at - delay, time[0])
         else:
             step, kept = float(time[1] - time[0]), pose.copy()
@@ -78,7 +78,8 @@ def _seen(world: World, truth: Truth, at: np.ndarray, order: float) -> np.ndarra
             pose = kept
     found = np.stack([np.interp(at, time, pose[:, c]) for c in range(3)], axis=-1)
     if frame is not None:
-        found[:, :2] += np.einsum("nij,j->ni", turned(found[:, 2]), np.array(frame.numbers["offset"]))
+        share = share_in_log(frame.form, order) if frame.form in CHANGING_FORMS else 1.0
+        found[:, :2] += np.einsum("nij,j->ni", turned(found[:, 2]), share * np.array(frame.numbers["offset"]))
     return found
 
 
@@ -88,7 +89,7 @@ def _rows(world: World, name: str, truth: Truth, order: float, rng: np.random.Ge
     far = np.where(rng.random(n) < _SHARE, _FAR, 1.0) if w.trap == "outliers" else np.ones(n)
     pose = _seen(w, truth, truth.time, order) + spread * rng.normal(size=(n, 3)) * far[:, None]
     pusher = truth.pusher + np.array((_PUSHER, _PUSHER, 1e-4)) * rng.normal(size=(n, 3))
-    force = _sensed(w, truth.force[:, :2], order)
+    force = _sensed(w, truth.force[:, :2], truth.pusher[:, 2], order)
     moment = truth.force[:, 2] + _MOMENT * w.force_noise * rng.normal(size=n) * far
     force = force + w.force_noise * rng.normal(size=(n, 2)) * far[:, None]
     arm = pusher[:, :2] - pose[:, :2]
@@ -109,7 +110,7 @@ def _rows(world: World, name: str, truth: Truth, order: float, rng: np.random.Ge
     rows = []
     for t in (0.1, 0.2):
         # nothing touches: the sensor reads its offset
-        read = _sensed(w, np.zeros((1, 2)), order)[0] + w.force_noise * rng.normal(size=2)
+        read = _sensed(w, np.zeros((1, 2)), away[2:], order)[0] + w.force_noise * rng.normal(size=2)
         seen = rest + spread * rng.normal(size=3)
         arm0 = away[:2] - seen[:2]
         f = turned(-seen[2]) @ read
@@ -120,17 +121,20 @@ def _rows(world: World, name: str, truth: Truth, order: float, rng: np.random.Ge
     return rows
 
 
-def _sensed(world: World, force: np.ndarray, order: float) -> np.ndarray:
-    """What a sensor reads of forces (n, 2) in W, without noise."""
+def _sensed(world: World, force: np.ndarray, heading: np.ndarray, order: float) -> np.ndarray:
+    """What a sensor reads of forces (n, 2) in W, without noise; ``heading`` (n,): of the pusher that carries it."""
     bias, rotation = world.of("force-bias"), world.of("force-rotation")
     if rotation is not None:
-        angle = rotation.numbers["angle"]
-        # a sensor turned, or one axis that leaks into the other
-        mixed = turned(angle) if rotation.form == "angle" else np.array(((1.0, 2 * angle), (0.0, 1.0)))
+        angle = rotation.numbers["angle"] * (share_in_log(rotation.form, order) if rotation.form in CHANGING_FORMS else 1.0)
+        # a sensor turned, or one axis that leaks into the other, or both
+        leaks = {"crosstalk": np.array(((1.0, 2 * angle), (0.0, 1.0))), "shear": np.array(((1.0, angle), (angle, 1.0)))}
+        mixed = leaks.get(rotation.form, turned(angle))
         force = force @ mixed.T
     if bias is not None:
-        share = 1.0 if bias.form == "constant" else 0.4 + 1.2 * order
-        force = force + share * np.array(bias.numbers["force"])
+        share = share_in_log(bias.form, order) if bias.form in CHANGING_FORMS else 1.0
+        constant = np.broadcast_to(np.array(bias.numbers["force"]), force.shape)
+        # of a sensor that turns with the tool, or stands still
+        force = force + share * (np.einsum("nij,nj->ni", turned(heading), constant) if bias.form == "tool" else constant)
     return force
 
 

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from stablepush.blind.worlds import GRAVITY, REFERENCE_SPEED, Applied, World
+from stablepush.blind.worlds import CHANGING_FORMS, GRAVITY, REFERENCE_SPEED, Applied, World, share_in_log
 
 #: How much faster than it wears out friction goes on falling: exponents of the form "wear".
 _WEAR = 4.0
 #: Speed (m/s) over which Stribeck friction falls, and at which directions count.
 _STRIBECK, _STILL = 0.008, 1e-4
-#: Share by which a sagging table's slope changes, per m.
-_SAG = 6.0
+#: Share by which a sagging table's slope changes, per m; how far (m) a domed one goes until it is as steep again; width (m)
+#: of the step in a slope.
+_SAG, _DOME, _STEP = 6.0, 0.25, 0.02
+#: Steepness of a threshold of speed, per e-fold; curvature of friction over the logarithm of speed; edge (m) of a stain, and
+#: where (m) a bowl is at its size.
+_THRESHOLD, _VALLEY, _EDGE, _BOWL = 6.0, 1.2, 0.005, 0.15
+#: Effects whose numbers change over the log as a whole: their laws know nothing of the order.
+_OF_NUMBERS = {"contact-friction": "change", "contact-geometry": "change"}
 
 
 #: Effects that change friction, slope or load of the feet as the slider goes on.
@@ -27,17 +35,47 @@ def turned(angle: np.ndarray | float) -> np.ndarray:
     return np.moveaxis(np.array(((c, -s), (s, c))), (0, 1), (-2, -1))
 
 
+def at(world: World, order: float) -> World:
+    """The world as it is in a push: numbers of contacts whose form changes over the log are those of then."""
+    applied = [
+        replace(a, numbers=a.numbers | {_OF_NUMBERS[a.effect]: share_in_log(a.form, order) * a.numbers[_OF_NUMBERS[a.effect]]})
+        if a.effect in _OF_NUMBERS and a.form in CHANGING_FORMS
+        else a
+        for a in world.applied
+    ]
+    return replace(world, applied=applied)
+
+
 def feet_of(world: World) -> tuple[np.ndarray, np.ndarray]:
     """Places (k, 2) in B and shares (k,) of the weight, as they really are."""
     feet, weights = world.feet.copy(), world.weights.copy()
     shift, spread = world.of("pressure-shift"), world.of("pressure-spread")
     if shift is not None:
         offset = np.array(shift.numbers["offset"])
-        feet, weights = (feet + offset, weights) if shift.form == "shift" else (feet, _reweighed(feet, weights, offset))
+        if shift.form == "shift":
+            feet = feet + offset
+        elif shift.form == "weights":
+            weights = _reweighed(feet, weights, offset)
+        elif shift.form == "foot":
+            # the foot that lies most that way takes load from all others
+            toward = feet @ offset / np.linalg.norm(offset)
+            taken = min(0.5, float(np.linalg.norm(offset)) / float(toward.max()))
+            weights = (1 - taken) * weights
+            weights[int(toward.argmax())] += taken
+        else:
+            # the foot that carries most stands elsewhere
+            most = int(weights.argmax())
+            feet[most] = feet[most] + offset / weights[most]
     if spread is not None:
         change = spread.numbers["change"]
         if spread.form == "scale":
             feet = feet * (1 + change)
+        elif spread.form == "axis":
+            feet = feet * (1 + change * np.array((1.6, 0.4)))
+        elif spread.form == "outer":
+            away = np.linalg.norm(feet, axis=1, keepdims=True)
+            feet = feet * (1 + change * np.where(away > np.median(away), 1.4, 0.6))
+            feet = feet - weights @ feet
         else:
             # a foot at the centre takes some of the load, or gives it back
             far = (weights * (feet**2).sum(axis=1)) / (weights @ (feet**2).sum(axis=1))
@@ -63,6 +101,10 @@ def slope_at(world: World, place: np.ndarray) -> np.ndarray:
     slope = np.array(tilt.numbers["slope"])
     if tilt.form == "plane":
         return slope
+    if tilt.form == "dome":
+        return slope + float(np.linalg.norm(slope)) / _DOME * place
+    if tilt.form == "step":
+        return slope * (1 + 0.6 * float(np.tanh(place @ slope / float(np.linalg.norm(slope)) / _STEP)))
     # the slope is what it says in the middle, and less on one side than on the other
     return slope * (1 + _SAG * float(place @ slope) / float(np.linalg.norm(slope)))
 
@@ -80,15 +122,37 @@ def friction(world: World, place: np.ndarray, velocity: np.ndarray, theta: float
     mu = np.maximum(mu, 0.01)
     along, left = np.ones(len(place)), np.zeros(len(place))
     for a in world.applied:
-        if a.form in ("lobes", "directions"):
+        if a.form in ("lobes", "directions", "grains", "ridges"):
             angle = np.arctan2(velocity[:, 1], velocity[:, 0]) - a.numbers["direction"]
-            waves = _waves(a)
             angle = angle - (theta if a.effect.endswith("object") else 0.0)
-            # the greatest power over a convex set of forces whose support function is 1 + Σ s cos(k φ)
+            more, slope = _more(a, angle)
             moves = speed > _STILL
-            along = along + np.where(moves, sum(s * np.cos(k * angle) for k, s in waves), 0.0)
-            left = left + np.where(moves, sum(-k * s * np.sin(k * angle) for k, s in waves), 0.0)
+            along, left = along + np.where(moves, more, 0.0), left + np.where(moves, slope, 0.0)
     return np.stack((mu * along, mu * left))
+
+
+def _more(a: Applied, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What friction at an angle from the direction of an effect has more than one, and how that changes with the angle.
+
+    The greatest power over a convex set of forces: one plus this is its support function.
+    """
+    if a.form == "ridges":
+        # one set of ridges: a line is added to the circle of forces
+        size = (a.numbers["ratio"] - 1) / (a.numbers["ratio"] + 1) * np.pi / 2
+        mean = 1 + size * 2 / np.pi
+        return (1 + size * np.abs(np.cos(angle))) / mean - 1, -size * np.sign(np.cos(angle)) * np.sin(angle) / mean
+    if a.form == "grains":
+        # two grains of a weave: the mean of two ellipses
+        ratio, more, slope = a.numbers["ratio"], np.zeros(angle.shape), np.zeros(angle.shape)
+        minor = np.sqrt(2 / (1 + ratio**2))
+        for turn in (-0.5, 0.5):
+            phi = angle - turn * a.numbers["between"]
+            power = minor * np.sqrt((ratio * np.cos(phi)) ** 2 + np.sin(phi) ** 2)
+            more = more + 0.5 * power
+            slope = slope + 0.5 * minor**2 * (1 - ratio**2) * np.cos(phi) * np.sin(phi) / power
+        return more - 1, slope
+    waves = _waves(a)
+    return sum(s * np.cos(k * angle) for k, s in waves), sum(-k * s * np.sin(k * angle) for k, s in waves)  # type: ignore[return-value]
 
 
 def _waves(a: Applied) -> tuple[tuple[int, float], ...]:
@@ -105,16 +169,30 @@ def _factor(a: Applied, place: np.ndarray, speed: np.ndarray, order: float) -> n
         relative = np.log(np.maximum(speed, 1e-3) / REFERENCE_SPEED)
         if a.form == "logarithm":
             return np.maximum(0.2, 1 + n["slope"] * relative)
+        if a.form == "threshold":
+            # as much from slow to fast, all at one speed
+            return np.maximum(0.2, 1 + n["slope"] * np.tanh(_THRESHOLD * relative / 2))
+        if a.form == "valley":
+            # least, or most, at a speed in between
+            return np.maximum(0.2, 1 + _VALLEY * n["slope"] * relative * (relative + 0.5))
         # as much from slow to fast, but falling off by an exponential
         return 1 - 2.0 * n["slope"] * (np.exp(-speed / _STRIBECK) - np.exp(-REFERENCE_SPEED / _STRIBECK))
     if a.effect == "spatial-variation":
         if a.form == "gradient":
             return np.maximum(0.2, 1 + place @ np.array(n["gradient"]))
+        if a.form in ("stain", "bowl"):
+            away = np.linalg.norm(place - np.array(n["center"]), axis=1)
+            shape = 0.5 - 0.5 * np.tanh((away - n["radius"]) / _EDGE) if a.form == "stain" else (away / _BOWL) ** 2
+            return np.maximum(0.2, 1 + n["size"] * shape)
         away = ((place[:, None] - np.array(n["centers"])) ** 2).sum(axis=2)
         return np.maximum(0.2, 1 + n["size"] * (np.exp(-away / (2 * n["wide"] ** 2)) * (1, -1, 1)).sum(axis=1))
     if a.effect == "drift":
         if a.form == "linear":
             return 1 + n["rate"] * order
+        if a.form == "jump":
+            return 1 + n["rate"] * (order > 0.5)
+        if a.form == "hump":
+            return 1 + n["rate"] * 4 * order * (1 - order)
         return 1 + n["rate"] * (1 - np.exp(-_WEAR * order)) / (1 - np.exp(-_WEAR))
     if a.effect == "checkerboard":
         cell = np.floor((place + np.array(n["phase"])) / n["side"]).sum(axis=1)

@@ -10,17 +10,21 @@ from typing import Any
 
 import numpy as np
 
-#: Kinds of sets, of as many in an order of the seed: a third is clean.
-TURNS = ("clean",) * 4 + ("effect",) * 5 + ("pair", "trap", "outside")
+#: Kinds of sets, of as many in an order of the seed: half are clean.
+TURNS = ("clean",) * 8 + ("effect",) * 5 + ("pair", "trap", "outside")
 #: Forms of each effect: the first is the catalogue's, the others are not.
 FORMS: dict[str, tuple[str, ...]] = {
-    "anisotropy-world": ("ellipse", "lobes"), "anisotropy-object": ("ellipse", "lobes"),
-    "speed-dependence": ("logarithm", "stribeck"), "spatial-variation": ("gradient", "patches"), "drift": ("linear", "wear"),
-    "pressure-shift": ("shift", "weights"), "pressure-spread": ("scale", "weights"), "tilt": ("plane", "sagging"),
-    "inertia": ("mass",), "contact-friction": ("constant", "load"), "contact-geometry": ("radius", "one-finger"),
-    "force-bias": ("constant", "warming"), "force-rotation": ("angle", "crosstalk"), "frame-offset": ("constant",),
-    "latency": ("delay", "filter"),
+    "anisotropy-world": ("ellipse", "lobes", "grains", "ridges"), "anisotropy-object": ("ellipse", "lobes", "grains", "ridges"),
+    "speed-dependence": ("logarithm", "stribeck", "threshold", "valley"),
+    "spatial-variation": ("gradient", "patches", "stain", "bowl"), "drift": ("linear", "wear", "jump", "hump"),
+    "pressure-shift": ("shift", "weights", "foot", "nudge"), "pressure-spread": ("scale", "weights", "axis", "outer"),
+    "tilt": ("plane", "sagging", "dome", "step"), "inertia": ("mass", "smooth", "late", "early"),
+    "contact-friction": ("constant", "load", "wear", "fade"), "contact-geometry": ("radius", "one-finger", "wear", "swapped"),
+    "force-bias": ("constant", "warming", "jump", "tool"), "force-rotation": ("angle", "crosstalk", "warming", "shear"),
+    "frame-offset": ("constant", "jump", "warming", "reseated"), "latency": ("delay", "filter", "warming", "jitter"),
 }  # fmt: skip
+#: Forms whose numbers change over the log, by :func:`share_in_log`.
+CHANGING_FORMS = frozenset(("wear", "fade", "jump", "warming", "swapped", "reseated", "jitter"))
 #: Largest amplitudes, in the unit of the effect, and shares of them that sets have.
 LARGEST = {
     "anisotropy-world": 0.32, "anisotropy-object": 0.32, "speed-dependence": 0.12, "spatial-variation": 1.2, "drift": 0.3,
@@ -107,6 +111,25 @@ class World:
         return next((a for a in self.applied if a.effect == effect), None)
 
 
+def share_in_log(form: str, order: float) -> float:
+    """Share of an effect's size that acts in a push, of forms that change over the log; ``order``: its place in the log, 0 to 1.
+
+    The mean over a log is about 1.
+    """
+    if form in ("wear", "warming"):
+        return 0.4 + 1.2 * order
+    if form == "fade":
+        return 1.9 * float(np.exp(-1.3 * order)) - 0.07
+    if form == "jump":
+        return 0.5 if order < 0.5 else 1.5
+    if form == "swapped":
+        # three tools take turns
+        return (0.6, 1.4, 1.0)[min(2, int(3 * order))]
+    # another one in every push
+    wave = float(np.sin(1e4 * order + 1.0) * 43758.5453)
+    return 1.0 + 0.4 * (2 * (wave - np.floor(wave)) - 1)
+
+
 def draw(seed: int, number: int, pushes: int = 60) -> World:
     """The world of a set: the same for the same numbers; the number alone reveals nothing."""
     rng = np.random.default_rng([seed, number])
@@ -124,7 +147,10 @@ def draw(seed: int, number: int, pushes: int = 60) -> World:
         # an effect has its forms in turn, another one first for each seed
         applied = [_effect(effect, forms[(around + seed) % len(forms)], rng)]
     elif kind == "pair":
-        applied = [_effect(str(e), FORMS[str(e)][int(rng.integers(2))], rng, 0.5) for e in rng.choice(PAIRED, 2, replace=False)]
+        applied = [
+            _effect(str(e), FORMS[str(e)][int(rng.integers(len(FORMS[str(e)])))], rng, 0.5)
+            for e in rng.choice(PAIRED, 2, replace=False)
+        ]
     elif kind == "outside":
         word = OUTSIDE[(block + seed) % len(OUTSIDE)]
         applied = [_outside(word, rng)]
@@ -239,6 +265,16 @@ def _effect(effect: str, form: str, rng: np.random.Generator, least: float = 0.0
             "contact-geometry": "change", "force-rotation": "angle", "latency": "delay",
         }[effect]  # fmt: skip
         numbers |= {word: size if effect == "latency" else sign * size}
+    if form == "bowl":
+        numbers |= {"center": rng.uniform(-0.08, 0.08, 2).tolist(), "size": sign * 0.25 * share}
+    if form == "stain":
+        numbers |= {
+            "center": rng.uniform(-0.08, 0.08, 2).tolist(),
+            "radius": float(rng.uniform(0.06, 0.1)),
+            "size": sign * 0.25 * share,
+        }
+    if form == "grains":
+        numbers |= {"between": float(rng.uniform(0.5, 1.0))}
     if form == "patches":
         numbers |= {"centers": rng.uniform(-0.15, 0.15, (3, 2)).tolist(), "wide": 0.07, "size": sign * 0.25 * share}
     return Applied(effect, form, numbers)
