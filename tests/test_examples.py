@@ -80,11 +80,12 @@ poses:drift,drift:rate=0.1,5,0.15,one,none,,0,,1,drift=0.310 tilt=0.020
 
 
 def test_the_readme_s_python_runs(tmp_path):
-    """All blocks, one after the other, in a folder in which the demo has run."""
+    """All blocks of it, and of the page of the library, one after the other, in a folder in which the demo has run."""
     from stablepush.demo import demo_pokes
 
     sp.write_pushlog(demo_pokes(), tmp_path / "stablepush-demo" / "pokes")
     assert blocks("README.md", tmp_path).strip()
+    assert blocks(Path("docs") / "python.md", tmp_path).strip()
 
 
 @pytest.mark.parametrize("page", ["tutorial.md", "robot.md", "choosing.md"])

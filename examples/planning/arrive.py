@@ -7,7 +7,7 @@ nothing with planning, stability or simulation of the library. Tasks are those t
 
     python examples/planning/arrive.py modes     [--tasks 500] [--engine mujoco] [-o rows.json]
     python examples/planning/arrive.py guarantees [--tasks 300]
-    python examples/planning/arrive.py levels    [--tasks 300] [--only quickest]      stated against measured probabilities
+    python examples/planning/arrive.py levels    [--tasks 300] [--only quickest] [--between 0.4 0.8]    stated against measured
     python examples/planning/arrive.py beyond    [--tasks 200]      friction 20 % off, fingers 4 mm off, start 5 mm and 5 deg off
     python examples/planning/arrive.py --show rows.json [more.json]
 """
@@ -31,10 +31,11 @@ from scipy.stats import binomtest
 import stablepush as sp
 from stablepush.engines import Execution, Fingers, SliderOnFeet, executor
 
+QUICKEST = {"success": 0.0}
 #: Planning modes by study and name. A level of success is one of the whole path.
 MODES: dict[str, dict[str, dict[str, Any]]] = {
     "modes": {
-        "quickest": {"success": 0.0},
+        "quickest": QUICKEST,
         "default": {},
         "all-pressure": {"success": 0.0, "region": "all-pressure"},
         "STABLE": {"success": 0.0, "region": "conservative"},
@@ -43,7 +44,7 @@ MODES: dict[str, dict[str, dict[str, Any]]] = {
         "all-pressure": {"success": 0.0, "region": "all-pressure"},
         "STABLE": {"success": 0.0, "region": "conservative"},
     },
-    "levels": {"quickest": {"success": 0.0}} | {f"success={level}": {"success": level} for level in (0.5, 0.7, 0.9, 0.98)},
+    "levels": {"quickest": QUICKEST} | {f"success={level}": {"success": level} for level in (0.5, 0.7, 0.9, 0.98)},
     "beyond": {"default": {}},
 }
 #: What differs from the problem by more than it says: a factor of the friction at the fingers, m along the edge, and how much of
@@ -183,27 +184,40 @@ def slipped(task: Task, done: Execution) -> float:
     return max(float(np.linalg.norm(path - path[min(50, len(path) - 1)], axis=1).max()) for path in paths)
 
 
-def rows_of(job: tuple[str, str, int, float, list[str] | None]) -> list[dict[str, Any]]:
+def rows_of(job: tuple[str, str, int, float, list[str] | None, tuple[float, float], int]) -> list[dict[str, Any]]:
     """Plans of a task in all modes, executed; none if it has no quickest plan."""
-    study, engine, seed, budget, only = job
+    study, engine, seed, budget, only, between, repeats = job
     task = random_task(seed)
     rows: list[dict[str, Any]] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        quickest = sp.plan(task.problem, time_limit=30, refinement_budget=budget, success=0.0)
+        quickest = sp.plan(task.problem, time_limit=30, refinement_budget=budget, **QUICKEST)
         if not quickest.solved:
             return []
         for name, asked in MODES[study].items():
             if only and name not in only:
                 continue
-            result = sp.plan(task.problem, time_limit=30, refinement_budget=budget, **asked)
+            result = sp.plan(task.problem, time_limit=30, refinement_budget=budget, **asked) if asked != QUICKEST else quickest
+            if result.solved and not between[0] <= (result.success_probability or 0.0) <= between[1]:
+                continue
             truths = {"beyond": BEYOND, "guarantees": {name: {}, f"{name}, exact centre": EXACT}}.get(study, {name: {}})
             for words, off in truths.items():
                 row = {"seed": seed, "name": words, "solved": result.solved, "quickest": quickest.duration}
-                if result.solved:
-                    row |= judged(task, result, engine, off)
-                rows.append(row)
+                if not result.solved:
+                    rows.append(row)
+                for again in range(repeats if result.solved else 0):
+                    rows.append(row | judged(retried(task, again), result, engine, off))
     return rows
+
+
+def retried(task: Task, again: int) -> Task:
+    """The same task on the same feet with other friction and places of the fingers; itself the first time."""
+    if not again:
+        return task
+    rng = np.random.default_rng([again, round(1e9 * task.contact_mu)])
+    low, high = UNCERTAINTY.friction_range(task.problem.contacts[0].mu)
+    aside = float(rng.uniform(-1, 1) * UNCERTAINTY.contact_place)
+    return replace(task, contact_mu=float(rng.uniform(low, high)), aside=aside)
 
 
 def judged(task: Task, result: sp.PlanResult, engine: str, off: dict[str, float]) -> dict[str, Any]:
@@ -295,6 +309,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--only", nargs="*", help="planning modes, if not all of the study")
+    parser.add_argument("--between", type=float, nargs=2, default=(0.0, 1.0), help="execute plans that state such a success only")
+    parser.add_argument("--repeats", type=int, default=1, help="executions of a plan, each with other fingers")
     parser.add_argument("--show", type=Path, nargs="*", help="rows of earlier runs, to print again")
     options = parser.parse_args()
     if options.show:
@@ -307,7 +323,9 @@ def main() -> None:
     with ProcessPoolExecutor(options.jobs) as pool:
         while solved < options.tasks:
             seeds = range(seed, seed + min(2 * options.jobs, options.tasks - solved))
-            for found in pool.map(rows_of, [(options.study, options.engine, k, options.budget, options.only) for k in seeds]):
+            between = tuple(options.between)
+            asked = [(options.study, options.engine, k, options.budget, options.only, between, options.repeats) for k in seeds]
+            for found in pool.map(rows_of, asked):
                 rows += found
                 solved += bool(found)
             seed = seeds.stop

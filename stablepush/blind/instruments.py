@@ -106,7 +106,8 @@ def _rows(world: World, name: str, truth: Truth, order: float, rng: np.random.Ge
     shift = 0.4
     rest = _seen(w, truth, truth.fine_time[:1], order)[0]
     away = truth.pusher[0].copy()
-    away[:2] -= 0.002 * np.array((np.cos(away[2]), np.sin(away[2])))
+    # well before it touches: the first row is a mean over a part of the push
+    away[:2] -= 0.006 * np.array((np.cos(away[2]), np.sin(away[2])))
     rows = []
     for t in (0.1, 0.2):
         # nothing touches: the sensor reads its offset

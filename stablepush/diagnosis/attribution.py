@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -10,10 +11,10 @@ import numpy as np
 from scipy.stats import t as student
 
 from stablepush.core import FloatArray, first_least, order_with_ties
-from stablepush.diagnosis.equations import OF_BODY, OF_PRESSURE, RANGES, SIZES, Fitted, ScoreTest, Values
+from stablepush.diagnosis.equations import OF_BODY, OF_PRESSURE, SIZES, Fitted, ScoreTest, Values
 from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.system import IN_CLEARANCES, System
-from stablepush.effects import CATALOGUE
+from stablepush.effects import CATALOGUE, FAMILIES
 
 #: Draws of the bootstrap of the greatest statistic.
 _DRAWS = 999
@@ -36,6 +37,14 @@ _TWO = 2.0
 #: An effect in the body frame does all but as well as the free surface with this share of its gain: that of another form than
 #: the catalogue's has more, a surface that the nominal pressure cannot have leaves a third or less.
 _ALL_BUT = 0.9
+#: A further cause must gain this share of what those before it explain: what an effect of another form leaves is not another's.
+_FURTHER = 0.03
+#: What a term of a family must gain more, and the largest logarithm of the p-value of all of them.
+_CHARGE, _LOG_P = 4.0, math.log(1e-3)
+#: The centre of pressure has moved if it is off by so many standard deviations, and that does this share of what a refit does.
+_MOVED, _MOST_OF = 8.0, 0.6
+#: A nominal surface that was fitted to pokes may be off by this share of half of the plausible range of what reshapes it.
+_OF_A_MODEL = 0.3
 #: Parts into which trials fall for held-out judgements.
 FOLDS = 5
 #: Slip counts from so many of its own standard errors, and from this share of the speed.
@@ -109,6 +118,11 @@ class Attribution:
         return {"contact-friction": np.array([self.contact.estimate - mu])}
 
 
+def beyond_pressure(system: System) -> tuple[str, ...]:
+    """Effects that a refitted pressure cannot take in, those of the lab's own behind the catalogue's."""
+    return (*BEYOND_PRESSURE, *system.own)
+
+
 def folds_of(system: System, seed: int = 0) -> np.ndarray:
     """Number of the fold of each trial; repeats of a push stay together."""
     order = np.random.default_rng(seed).permutation(int(system.push.max(initial=-1)) + 1)
@@ -150,17 +164,28 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
             body = {id: held_out(system, [id], False, folds) for id in OF_BODY}
             scores |= body
             # one that is too small to matter stands for something else
-            body = {id: density for id, density in body.items() if _possible(id, system.fit([id], False).values[id])}
+            least = _OF_A_MODEL if system.rig.model is not None else 0.0
+            sizes = {id: system.fit([id], False).values[id] for id in body}
+            body = {
+                id: density
+                for id, density in body.items()
+                if _possible(system, id, sizes[id]) and float(np.linalg.norm(sizes[id])) > least * system.plausible(id)
+            }
             named = _as_good_as_free(system, scores, body) if body else []
             if named:
                 chosen, confounded, free = named[:1], named[1:], False
                 confounded_with = named[0]
+            elif "pressure-shift" in body and _center_has_moved(system, scores, body["pressure-shift"]):
+                # in another form than all of it moved alike: the pressure is fitted freely beside
+                chosen = ["pressure-shift"]
     final = system.fit(chosen, free)
     tests: dict[str, ScoreTest] = {}
     for id in chosen:
-        others = system.fit([e for e in chosen if e != id], free)
-        tests |= system.tests(others, free, [id])
-    tests |= system.tests(final, free, [id for id in SIZES if id not in (*chosen, *confounded)])
+        # beside a free pressure nothing is left of what only moves it
+        beside = free and id not in OF_PRESSURE
+        others = system.fit([e for e in chosen if e != id], beside)
+        tests |= system.tests(others, beside, [id], whole=id in system.opened)
+    tests |= system.tests(final, free, [id for id in (*SIZES, *system.own) if id not in (*chosen, *confounded)])
     if confounded:
         # each in the place of the cause that it is confounded with
         tests |= system.tests(system.fit([e for e in chosen if e != confounded_with], free), free, confounded)
@@ -174,17 +199,21 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
     chosen: list[str] = []
     screened: dict[str, Screening] = {}
     demands, current = system.demands, system.fit([], True)
+    explained = 0.0
     while len(chosen) < _MOST:
         progress(f"effects: {', '.join(chosen) or 'none yet'}")
-        tests = system.tests(current, True, [id for id in BEYOND_PRESSURE if id not in chosen])
+        tests = system.tests(current, True, [id for id in beyond_pressure(system) if id not in chosen])
         family_wise_p = family_wise_p_values(tests)
         entering = []
         for id, test in tests.items():
             # factor on the thresholds of an effect whose family-wise p-value is too large
             times = 1.0 if family_wise_p[id] <= demands.family_wise_p else demands.certain
-            screening = Screening(tuple(chosen), test.gain, test.statistic, family_wise_p[id], _possible(id, test.estimate))
+            screening = Screening(
+                tuple(chosen), test.gain, test.statistic, family_wise_p[id], _possible(system, id, test.estimate)
+            )
             screened[id] = screening
-            if min(screening.gain, screening.statistic) > demands.gain and times < np.inf and screening.possible:
+            least = max(demands.gain, _FURTHER * explained)
+            if min(screening.gain, screening.statistic) > least and times < np.inf and screening.possible:
                 entering.append((test.gain, id, times))
         fits = []
         # of effects that explain as much, which are one on this log, the first of the catalogue
@@ -197,22 +226,74 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
             fits += [(fit, [id])] if screened[id].significantly_better else []
         entered = fits or _masked(system, chosen, current)
         if not entered:
+            entered = _in_other_forms(system, chosen, current, explained)
+        if not entered:
             break
         current, added = entered[first_least([-fit.score for fit, _ in entered], _ALIKE)]
+        explained += sum(tests[id].gain for id in added)
         chosen += added
         system.settle(current)
-        current = system.fit(chosen, True)
+        current = _with_forms(system, chosen, system.fit(chosen, True))
     for id in list(chosen):
         if len(chosen) > 1:
             without = system.fit([e for e in chosen if e != id], True)
             if not system.significantly_better(current.density, without.density):
                 chosen.remove(id)
+                system.opened -= {id}
                 current = without
                 test = system.tests(without, True, [id])[id]
                 screened[id] = replace(
                     screened[id], given=tuple(chosen), gain=test.gain, statistic=test.statistic, significantly_better=False
                 )
     return chosen, current, screened
+
+
+def _with_forms(system: System, chosen: Sequence[str], current: Fitted) -> Fitted:
+    """The fit with the terms of the families of chosen effects, of those that need them: heredity, simple forms first.
+
+    A form that the catalogue does not have leaves residuals that follow what the effect depends on; another effect would take
+    them.
+    """
+    for id in chosen:
+        if id in system.opened or id not in FAMILIES or not system.has_wrench:
+            continue
+        test = system.tests(current, True, [id])[id]
+        terms = len(test.estimate)
+        if (
+            min(test.gain, test.statistic) <= system.demands.gain + _CHARGE * (terms - 1)
+            or float(test.log_p(test.statistic)) > _LOG_P
+        ):
+            continue
+        system.opened |= {id}
+        fit = system.fit(chosen, True)
+        if system.significantly_better(fit.density, current.density):
+            current = fit
+        else:
+            system.opened -= {id}
+    return current
+
+
+def _in_other_forms(system: System, chosen: Sequence[str], current: Fitted, explained: float) -> list[tuple[Fitted, list[str]]]:
+    """The fit with an effect whose own form does not show, but whose family does, if there is any: the one that gains most."""
+    if not system.has_wrench:
+        return []
+    asked = [id for id in FAMILIES if id not in chosen and id not in system.nuisance and id in BEYOND_PRESSURE]
+    tests = system.tests(current, True, asked, whole=True)
+    family_wise_p = family_wise_p_values(tests)
+    passed = [
+        id
+        for id, test in tests.items()
+        if min(test.gain, test.statistic) > max(system.demands.gain + _CHARGE * (len(test.estimate) - 1), _FURTHER * explained)
+        and family_wise_p[id] <= system.demands.family_wise_p
+        and _possible(system, id, test.estimate)
+    ]
+    for id in sorted(passed, key=lambda id: -tests[id].gain)[:_TRIED]:
+        system.opened |= {id}
+        fit = system.fit([*chosen, id], True)
+        if system.significantly_better(fit.density, current.density, times=_TWO):
+            return [(fit, [id])]
+        system.opened -= {id}
+    return []
 
 
 def _masked(system: System, chosen: list[str], current: Fitted) -> list[tuple[Fitted, list[str]]]:
@@ -226,7 +307,7 @@ def _masked(system: System, chosen: list[str], current: Fitted) -> list[tuple[Fi
     found = []
     for pair in combinations([id for id in IN_CLEARANCES if id not in chosen and id not in system.nuisance], 2):
         both = system.fit([*chosen, *pair], True)
-        possible = all(_possible(id, both.values[id]) for id in pair)
+        possible = all(_possible(system, id, both.values[id]) for id in pair)
         if possible and system.significantly_better(both.density, current.density, times=_TWO):
             found.append((both, list(pair)))
     return found
@@ -250,6 +331,20 @@ def _as_good_as_free(system: System, scores: dict[str, FloatArray], body: dict[s
     return [id for id in enough if id == best or not system.significantly_better(body[best], body[id])] if best in enough else []
 
 
+def _center_has_moved(system: System, scores: dict[str, FloatArray], moved: FloatArray) -> bool:
+    """Whether the centre of the refitted pressure is clearly elsewhere, and that is most of what a refit gains."""
+    fitted = system.fit([], True)
+    loads, nominal = fitted.loads, system.nominal
+    center = loads @ system.points / loads.sum()
+    off = center - nominal @ system.points / nominal.sum()
+    # of changes of the loads by one standard deviation each
+    changes = system.deviations(fitted, True)
+    spread = (changes.T @ system.points - np.outer(changes.sum(axis=0), center)) / loads.sum()
+    deviation = np.sqrt((spread**2).sum(axis=0))
+    most = float((moved - scores["scaled"]).sum()) > _MOST_OF * float((scores["free"] - scores["scaled"]).sum())
+    return most and bool(np.linalg.norm(off / deviation) > _MOVED) and _possible(system, "pressure-shift", off)
+
+
 def family_wise_p_values(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[str, float]:
     """Return the family-wise p-value of each effect: how often, without effects, the smallest p-value of all is as small.
 
@@ -266,11 +361,14 @@ def family_wise_p_values(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[
     return {id: max(p, min(1.0, 2.0 ** (1.0 - tests[id].informative_trials()))) for id, p in found.items()}
 
 
-def _possible(id: str, estimate: FloatArray) -> bool:
+def _possible(system: System, id: str, estimate: FloatArray) -> bool:
     """Whether an estimate has the sign that the effect must have, and a size that matters."""
-    return float(np.linalg.norm(estimate)) > _LEAST_OF.get(id, _LEAST) * RANGES[id] and not (
-        id in ("inertia", "latency") and estimate[0] < 0
-    )
+    count = system.size(id, whole=False)
+    own, terms = estimate[:count], estimate[count:]
+    size = float(np.linalg.norm(own)) / system.plausible(id)
+    if len(terms):
+        size = max(size, float(np.linalg.norm(terms)) / FAMILIES[id].plausible)
+    return size > _LEAST_OF.get(id, _LEAST) and not (id in ("inertia", "latency") and estimate[0] < 0)
 
 
 def _confounded(system: System, chosen: list[str], current: Fitted) -> tuple[str, list[str]]:
@@ -279,16 +377,16 @@ def _confounded(system: System, chosen: list[str], current: Fitted) -> tuple[str
         found: list[str] = []
         others = [e for e in chosen if e != id]
         without = system.fit(others, True)
-        tests = system.tests(without, True, [e for e in BEYOND_PRESSURE if e not in others])
-        for other in BEYOND_PRESSURE:
+        tests = system.tests(without, True, [e for e in beyond_pressure(system) if e not in others])
+        for other in beyond_pressure(system):
             if (
                 other in chosen
                 or tests[other].gain < _CONFOUNDED_GAIN * tests[id].gain
-                or not _possible(other, tests[other].estimate)
+                or not _possible(system, other, tests[other].estimate)
             ):
                 continue
             instead = system.fit([*others, other], True)
-            plausible = float(np.linalg.norm(instead.values[other])) <= _MOST_PLAUSIBLE * RANGES[other]
+            plausible = float(np.linalg.norm(instead.values[other])) <= _MOST_PLAUSIBLE * system.plausible(other)
             if plausible and not system.significantly_better(current.density, instead.density):
                 found.append(other)
         if found:

@@ -183,7 +183,7 @@ def _clearance_change(id: str, value: FloatArray, normals: FloatArray, twists: F
     if id == "contact-geometry":
         return np.full(len(normals), float(value[0]))
     if id == "frame-offset":
-        return np.asarray(normals @ value)
+        return np.asarray(normals @ value[:2])
     if id == "latency":
         return np.asarray(-float(value[0]) * (normals * twists[:, :2]).sum(axis=1))
     return np.zeros(len(normals))

@@ -9,10 +9,10 @@ from scipy.optimize import nnls
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
-from stablepush.diagnosis.equations import OF_PRESSURE, SIZES, Fitted
+from stablepush.diagnosis.equations import OF_PRESSURE, Fitted
 from stablepush.diagnosis.results import RankedEffect
 from stablepush.diagnosis.system import System
-from stablepush.effects import Effect, KnownEffect
+from stablepush.effects import CATALOGUE, Effect, KnownEffect
 from stablepush.objects import SupportDistribution
 from stablepush.planning import Correction
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
@@ -68,9 +68,10 @@ def _correction(
     radius = None
     if "contact-geometry" in effects and "contact-geometry" in values and all(system.observations.off):
         radius = max(0.0, (system.observations.finger_radius or 0.0) + float(values["contact-geometry"][0]))
-    tracker = values["frame-offset"] if "frame-offset" in effects and "frame-offset" in values else None
+    tracker = values["frame-offset"][:2] if "frame-offset" in effects and "frame-offset" in values else None
     known = {entry.effect: entry for entry in ranking}
-    others = [id for id in effects if id not in _FOLDED and known[id].parameters]
+    # effects of a lab's own are in no catalogue: a scene cannot hold them
+    others = [id for id in effects if id not in _FOLDED and id in CATALOGUE and known[id].parameters]
     return Correction(
         probability=probability,
         surface=_surface(system, fitted, effects, found.free, refitted),
@@ -125,7 +126,7 @@ def _pressure(system: System, loads: FloatArray) -> FloatArray:
 def _error(system: System, fitted: Fitted, id: str) -> float:
     """Standard error of an effect of one parameter."""
     names = list(fitted.values)
-    at = sum(SIZES[name] for name in names[: names.index(id)])
+    at = sum(len(fitted.values[name]) for name in names[: names.index(id)])
     return float(np.sqrt(max(0.0, fitted.covariance[at, at])))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.stats import f as f_distribution
 
 from stablepush.core import BoolArray, FloatArray
 from stablepush.diagnosis.forward import PARAMETERS
+from stablepush.effects import FAMILIES, LabEffect
 
 #: Degrees of freedom of the row errors (Student): rows that are far off count less.
 _TAIL = 5.0
@@ -35,6 +37,8 @@ RANGES: Mapping[str, float] = {
 OF_BODY = ("pressure-shift", "pressure-spread", "anisotropy-object")
 OF_PRESSURE = OF_BODY[:2]
 Values = dict[str, FloatArray]
+#: Terms of families are found within so many times half of their plausible range.
+_FAR = 4.0
 
 
 class Demands(NamedTuple):
@@ -144,6 +148,10 @@ class Equations(ABC):
     demands : Demands
     about : Fitted, optional
         Where fits begin; the nominal surface without effects if not given.
+    own : mapping of str to LabEffect
+        Effects of a lab's own, by id.
+    opened : set of str
+        Effects that are fitted with the terms of their family (:data:`stablepush.effects.FAMILIES`).
     """
 
     trial: np.ndarray
@@ -152,6 +160,8 @@ class Equations(ABC):
     nuisance: tuple[str, ...] = ()
     steps, few, tolerance = 12, 12, 1e-7
     about: Fitted | None = None
+    opened: frozenset[str] = frozenset()
+    own: Mapping[str, LabEffect] = MappingProxyType({})
     demands = Demands(18.0, 6.0, 2.0, 0.01, np.inf)
 
     @abstractmethod
@@ -159,8 +169,15 @@ class Equations(ABC):
         """Whitened measured minus predicted rows."""
 
     @abstractmethod
-    def columns(self, id: str, loads: FloatArray, values: Values) -> FloatArray:
-        """Whitened derivatives (rows, d) of the prediction by an effect's parameters."""
+    def columns(self, id: str, loads: FloatArray, values: Values, size: int) -> FloatArray:
+        """Whitened derivatives (rows, size) of the prediction by the first parameters of an effect."""
+
+    def size(self, id: str, whole: bool | None = None) -> int:
+        """Return the number of an effect's parameters; with the terms of its family if ``whole``, or if it is opened."""
+        if id in self.own:
+            return self.own[id].parameter.size
+        terms = id in self.opened if whole is None else whole
+        return SIZES[id] + (len(FAMILIES[id].terms) if terms and id in FAMILIES else 0)
 
     @abstractmethod
     def base(self, values: Values, free: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -168,6 +185,10 @@ class Equations(ABC):
 
         ``free``: any pressure, else the nominal one, scaled if its friction is not known.
         """
+
+    def plausible(self, id: str) -> float:
+        """Half of the plausible range of an effect's parameters, as they are fitted."""
+        return self.own[id].plausible if id in self.own else RANGES[id]
 
     def settle(self, fitted: Fitted) -> None:
         """Let later fits begin at this one."""
@@ -181,17 +202,17 @@ class Equations(ABC):
         """
         use = np.ones(len(self.trial), dtype=bool) if chosen is None else chosen[self.trial]
         effects = [*effects, *(id for id in self.nuisance if id not in effects)]
-        values: Values = {id: np.zeros(SIZES[id]) for id in effects}
+        values: Values = {id: np.zeros(self.size(id)) for id in effects}
         loads = self.nominal.copy()
         begin = start or self.about
         if begin is not None:
-            values |= {id: value for id, value in begin.values.items() if id in values}
+            values |= {id: _of_size(value, self.size(id)) for id, value in begin.values.items() if id in values}
             loads = begin.loads.copy() if free or start else loads
         residual = self.residual(loads, values)
         for _ in range(self.steps if start is None else self.few):
             directions, base, precision = self.base(values, free)
             q = len(precision)
-            design = np.concatenate((base, *(self.columns(id, loads, values) for id in effects)), axis=1)
+            design = np.concatenate((base, *(self.columns(id, loads, values, self.size(id)) for id in effects)), axis=1)
             scale = _scale(residual[use])
             weights = (_TAIL + 1) / (_TAIL + residual**2 / scale) * use
             data = design.T @ (weights[:, None] * design)
@@ -205,9 +226,9 @@ class Equations(ABC):
             before = after = _loss(residual[use], scale, away, precision)
             for share in _SHARES:
                 new_loads = loads + share * (directions @ step[:q])
-                ends = q + np.cumsum([0, *(SIZES[id] for id in effects)])
+                ends = q + np.cumsum([0, *(self.size(id) for id in effects)])
                 new_values = {
-                    id: _clipped(id, values[id] + share * step[i:j])
+                    id: self._clipped(id, values[id] + share * step[i:j])
                     for id, i, j in zip(effects, ends[:-1], ends[1:], strict=True)
                 }
                 new_residual = self.residual(new_loads, new_values)
@@ -220,6 +241,12 @@ class Equations(ABC):
         covariance = self._spread(design, data, prior, residual, use)[q:, q:]
         return Fitted(loads, values, covariance, residual, self.density(residual, use))
 
+    def _clipped(self, id: str, value: FloatArray) -> FloatArray:
+        """Values within what makes sense."""
+        if id in self.own:
+            return np.clip(value, self.own[id].parameter.least, self.own[id].parameter.most)
+        return _clipped(id, value)
+
     def deviations(self, fitted: Fitted, free: bool) -> FloatArray:
         """Return what a fit leaves open of the loads: changes (k, q) of them, of one standard deviation each.
 
@@ -227,7 +254,7 @@ class Equations(ABC):
         """
         directions, base, precision = self.base(fitted.values, free)
         q, residual = len(precision), fitted.residual
-        design = np.concatenate((base, *(self.columns(id, fitted.loads, fitted.values) for id in fitted.values)), axis=1)
+        design = np.concatenate((base, *self._held(fitted)), axis=1)
         scale, use = _scale(residual), np.ones(len(residual), dtype=bool)
         weights = (_TAIL + 1) / (_TAIL + residual**2 / scale)
         data = design.T @ (weights[:, None] * design)
@@ -285,20 +312,29 @@ class Equations(ABC):
         rows = -0.5 * (_TAIL + 1) * np.log1p(residual**2 / (_TAIL * scale)) - 0.5 * np.log(scale)
         return by_trial(self.trial, rows[:, None])[:, 0]
 
-    def tests(self, fitted: Fitted, free: bool, candidates: Sequence[str]) -> dict[str, ScoreTest]:
-        """Test effects that are not fitted by one Gauss-Newton step, loads and the other effects refitted."""
+    def _held(self, fitted: Fitted) -> list[FloatArray]:
+        """Columns of the effects of a fit."""
+        return [self.columns(id, fitted.loads, fitted.values, len(value)) for id, value in fitted.values.items()]
+
+    def tests(self, fitted: Fitted, free: bool, candidates: Sequence[str], whole: bool = False) -> dict[str, ScoreTest]:
+        """Test effects by one Gauss-Newton step, loads and the other effects refitted.
+
+        Of an effect that is not fitted its own form is tested, or with ``whole`` that and its family; of one that is fitted the
+        terms of its family.
+        """
         residual = fitted.residual
         scale = _scale(residual)
         weights = (_TAIL + 1) / (_TAIL + residual**2 / scale)
         _, base, precision = self.base(fitted.values, free)
-        held = [self.columns(id, fitted.loads, fitted.values) for id in fitted.values]
-        design = np.concatenate((base, *held), axis=1)
+        design = np.concatenate((base, *self._held(fitted)), axis=1)
         hessian = design.T @ (weights[:, None] * design)
         hessian[: len(precision), : len(precision)] += precision * scale
         hessian += 1e-12 * np.diag(np.diag(hessian) + 1e-30)
         found: dict[str, ScoreTest] = {}
         for id in candidates:
-            columns = self.columns(id, fitted.loads, fitted.values)
+            known = 0 if id in self.nuisance else len(fitted.values.get(id, ()))
+            columns = self.columns(id, fitted.loads, fitted.values, self.size(id, whole or known > 0))[:, known:]
+            size = columns.shape[1]
             clean = columns - design @ np.linalg.lstsq(hessian, design.T @ (weights[:, None] * columns), rcond=1e-14)[0]
             information = columns.T @ (weights[:, None] * clean)
             information = (information + information.T) / 2
@@ -310,7 +346,7 @@ class Equations(ABC):
             estimate = np.linalg.solve(information, score)
             left = residual - clean @ estimate
             outer = (weights[:, None, None] * clean[:, :, None] * clean[:, None, :]).reshape(len(clean), -1)
-            shares = by_trial(self.trial, outer).reshape(-1, SIZES[id], SIZES[id])
+            shares = by_trial(self.trial, outer).reshape(-1, size, size)
             scores = by_trial(self.trial, clean * (weights * left)[:, None])
             found[id] = ScoreTest(
                 float(statistics(score[None], scores[None])[0]), float(score @ estimate) / scale, estimate, information / scale,
@@ -334,8 +370,17 @@ def _loss(residual: FloatArray, scale: float, away: FloatArray, precision: Float
     return float((_TAIL + 1) * np.log1p(residual**2 / (_TAIL * scale)).sum() + away @ precision @ away)
 
 
+def _of_size(value: FloatArray, size: int) -> FloatArray:
+    """Parameters, with zeros behind them or without the last of them."""
+    return np.append(value, np.zeros(max(0, size - len(value))))[:size]
+
+
 def _clipped(id: str, value: FloatArray) -> FloatArray:
     """Values within what makes sense."""
+    own, terms = value[: SIZES[id]], value[SIZES[id] :]
+    if len(terms):
+        far = _FAR * FAMILIES[id].plausible
+        return np.concatenate((_clipped(id, own), np.clip(terms, -far, far)))
     if id in ("anisotropy-world", "anisotropy-object"):
         size = float(np.hypot(*value))
         return value if size <= 0.6 else value * (0.6 / size)

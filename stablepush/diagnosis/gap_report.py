@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperimen
 from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
 from stablepush.diagnosis.system import System, system_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share, residuals
-from stablepush.effects import CATALOGUE
+from stablepush.effects import CATALOGUE, LabEffect, lab_effects
 from stablepush.geometry import rotate_vectors
 from stablepush.io import PushLog, Rig
 from stablepush.planning import Correction
@@ -129,7 +130,9 @@ class GapReport:
         }  # fmt: skip
 
 
-def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | None = None) -> GapReport:
+def diagnose(
+    log: PushLog, *, name: str = "", effects: Sequence[LabEffect] = (), progress: Callable[[str], None] | None = None
+) -> GapReport:
     """Diagnose the gap between a log of real pushes and the nominal simulation that its rig describes.
 
     Parameters
@@ -137,6 +140,8 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     log : PushLog
     name : str
         What the log is called in the report.
+    effects : sequence of LabEffect, optional
+        Effects of the lab's own, tested beside the catalogue and those that packages registered. They need a log with forces.
     progress : callable, optional
         Called with a few words on what is done.
 
@@ -153,7 +158,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     if len(np.unique(observations.trial)) < 2:
         return _too_little(log, name)
     forces = bool(observations.has_wrench.any())
-    system, pushes, left_out = _equations(log, observations)
+    system, pushes, left_out = _equations(log, observations, lab_effects(effects))
     found = attribute(system, progress)
     found = without_contradiction(system, found, pushes)
     if "contact-friction" not in found.named:
@@ -180,16 +185,16 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
             held_out(system, found.chosen, found.free, folds), held_out(system, [], found.free, folds)
         )
     if worse or (unknown and not explains_most(held, named)):
-        verdict, effects = "unknown", []
+        verdict, reported = "unknown", []
     elif found.confounded:
-        verdict, effects = (
+        verdict, reported = (
             "ambiguous",
             [found.confounded_with, *found.confounded, *(id for id in named if id != found.confounded_with)],
         )
     elif named:
-        verdict, effects = "named", named
+        verdict, reported = "named", named
     else:
-        verdict, effects = ("absorbed" if found.recalibrated else "none"), []
+        verdict, reported = ("absorbed" if found.recalibrated else "none"), []
         # residuals that no model fits, not only in a few rows; residuals that repeats of a push share; large pose errors in many
         # pushes
         if size > _MISFIT or (common > _COMMON and p_common < _P_COMMON) or (not forces and pose_errors_are_significant(held)):
@@ -210,15 +215,17 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
     progress("where the gap lies")
     ends, trials_of_errors = held.ends.get("before", np.zeros((0, 3))), np.array([push.trial for push in pushes], dtype=int)
     where = localise(system, residuals(system, held.wrenches.get("before"), ends, trials_of_errors, held.floors))
-    ranking = rank(system, found, effects)
+    ranking = rank(system, found, reported)
     # poses alone determine the shape of the surface, not its size
     sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
     surface = system.surface(found.final.loads) if sized else None
     # a rig has fingers of one radius
     simulated = [id for id in named if id != "contact-geometry" or all(observations.off)]
-    report_effects = {entry.effect: entry.estimates for entry in ranking if entry.effect in simulated}
-    notes = _notes(log, system, found, effects, share, p_share, left_out)
-    slipping, after = slipping_unexpectedly(held, log), _next(system, found, effects, ranking)
+    report_effects = {
+        entry.effect: entry.estimates for entry in ranking if entry.effect in simulated and entry.effect in CATALOGUE
+    }
+    notes = _notes(log, system, found, reported, share, p_share, left_out)
+    slipping, after = slipping_unexpectedly(held, log), _next(system, found, reported, ranking)
     if slipping:
         names = ", ".join(observations.names[k] for k in slipping[:_LISTED])
         more = "" if len(slipping) <= _LISTED else f" and {len(slipping) - _LISTED} more"
@@ -231,7 +238,7 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
         trials=len(log),
         channels=[entry.channel for entry in reduced],
         verdict=Verdict(verdict),
-        named=effects,
+        named=reported,
         gap=gaps,
         where=where,
         ranking=ranking,
@@ -246,13 +253,13 @@ def diagnose(log: PushLog, *, name: str = "", progress: Callable[[str], None] | 
             bool(after.pushes),
         )
         if verdict == "unknown"
-        else _sentence(verdict, effects, reduced, touch, system.has_wrench, log.rig.noise is not None),
+        else _sentence(system, verdict, reported, reduced, touch, system.has_wrench, log.rig.noise is not None),
         notes=notes,
         rig=_completed(log.rig, system, found),
         surface=surface,
         effects=report_effects,
-        corrected=corrections(system, found, ranking, effects, reshaped),
-        evidence=evidence(system, found, ranking, effects, why),
+        corrected=corrections(system, found, ranking, reported, reshaped),
+        evidence=evidence(system, found, ranking, reported, why),
         residuals={k: system.observations.wrench - v for k, v in held.wrenches.items()},
         ends=held.ends,
         places=np.reshape([push.end for push in pushes], (-1, 3)),
@@ -279,13 +286,15 @@ def gap_reductions_with(log: PushLog, effects: list[str]) -> list[GapReduction]:
     return reductions(hold_out(system, found, log, pushes))
 
 
-def _equations(log: PushLog, observations: Observations) -> tuple[System, list[Replay], int]:
+def _equations(
+    log: PushLog, observations: Observations, own: Mapping[str, LabEffect] = MappingProxyType({})
+) -> tuple[System, list[Replay], int]:
     """The equations of a log, the pushes whose final poses are measurements, and how many others the log has."""
     replayed = replays(log, observations)
     if replayed and not observations.has_wrench.any():
         motions = motions_of(observations, log.rig, replayed)
         return motions, motions.pushes, len(replayed) - len(motions.pushes)
-    system = system_of(observations, log.rig)
+    system = system_of(observations, log.rig, own)
     pushes, system.final_pose_noise = system.predictable(replayed)
     return system, pushes, len(replayed) - len(pushes)
 
@@ -342,12 +351,14 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
     return NextExperiment(pair, pushes, why)
 
 
-def _sentence(verdict: str, effects: list[str], reductions: list[GapReduction], touch: float, forces: bool, noise: bool) -> str:
+def _sentence(
+    system: System, verdict: str, effects: list[str], reductions: list[GapReduction], touch: float, forces: bool, noise: bool
+) -> str:
     # of the first channel that comes nearer: a cause need not show in all
     shares = {f"the {entry.channel}": entry.closed for entry in reductions} | {"how fingers touch": touch}
     nearer = [(channel, share) for channel, share in shares.items() if share > _REPORTED]
     how = f"; {100 * nearer[0][1]:.0f} % of the gap in {nearer[0][0]} is explained on held-out trials" if nearer else ""
-    words = [CATALOGUE[id].what for id in effects]
+    words = [system.own[id].what if id in system.own else CATALOGUE[id].what for id in effects]
     if verdict == "none":
         if not forces:
             carried = any(entry.channel in ("stability", "pose") for entry in reductions)

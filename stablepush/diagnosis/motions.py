@@ -101,11 +101,11 @@ class Motions(System):
     def residual(self, loads: FloatArray, values: Values) -> FloatArray:
         return np.concatenate((self.pose_errors(loads, values).ravel() / self.spread, super().residual(loads, values)))
 
-    def columns(self, id: str, loads: FloatArray, values: Values) -> FloatArray:
-        ends = np.zeros((3 * len(self.pushes), SIZES[id]))
+    def columns(self, id: str, loads: FloatArray, values: Values, size: int) -> FloatArray:
+        ends = np.zeros((3 * len(self.pushes), size))
         if id in MOVING:
-            ends = self._slope(id, (MOVING[id],) * SIZES[id]) / self.spread[:, None]
-        return np.concatenate((ends, self.clearance_columns(id, values.get(id))))
+            ends[:, : SIZES[id]] = self._slope(id, (MOVING[id],) * SIZES[id]) / self.spread[:, None]
+        return np.concatenate((ends, self.clearance_columns(id, values.get(id), size)))
 
     def base(self, values: Values, free: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
         count = len(self.nominal) if free else 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -67,6 +68,8 @@ class Observations:
         Trials, and forces (N) in W, of readings before the push while no finger touches: what they read is the sensor's own.
     finger_radius : float or None
         In m: the rig's, else the distance at which fingers usually are from the outline; None if neither is known.
+    columns : dict of str to array, shape (trials,)
+        Columns of ``trials.csv``: numbers where all are, else words.
     off : tuple of two floats
         Fingers, left and right of where the pusher faces, whose radius may be another, 1 or 0: both, unless one alone is off.
     """
@@ -90,6 +93,7 @@ class Observations:
     rest: tuple[np.ndarray, FloatArray]
     finger_radius: float | None
     off: tuple[float, float]
+    columns: dict[str, np.ndarray]
 
     @property
     def has_wrench(self) -> BoolArray:
@@ -174,8 +178,16 @@ def observe(log: PushLog) -> Observations:
     return Observations(
         names, trial, rank[trial], time, pose, twist, acceleration, unsteady, wrench, pusher,
         normal, place, clearance, slip, span, group, _at_rest(log, names, rows_of, poses), radius,
-        _fingers_off(log, trial, clearance),
+        _fingers_off(log, trial, clearance), {name: _column(values) for name, values in log.trials.items()},
     )  # fmt: skip
+
+
+def _column(values: Any) -> np.ndarray:
+    """A column as numbers, if all of it are."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        return np.asarray([str(value) for value in values])
 
 
 def _at_rest(log: PushLog, names: list[str], pushes: dict[str, np.ndarray], poses: FloatArray) -> tuple[np.ndarray, FloatArray]:

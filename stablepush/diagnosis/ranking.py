@@ -10,10 +10,10 @@ from scipy.stats import t as student
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
-from stablepush.diagnosis.equations import RANGES, SIZES
+from stablepush.diagnosis.equations import SIZES
 from stablepush.diagnosis.results import ParameterEstimate, RankedEffect
 from stablepush.diagnosis.system import System
-from stablepush.effects import CATALOGUE
+from stablepush.effects import CATALOGUE, FAMILIES
 
 #: Evidence for an effect, the lesser of its statistic and its gain, at which it is as probable as not, and over which odds grow
 #: by e: for effects that are not named, and for those that are. Found on simulated logs apart from those that are reported.
@@ -49,9 +49,11 @@ UNSEEN = {
 }
 
 
-def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, ParameterEstimate]:
+def _parameters(system: System, id: str, value: FloatArray, errors: FloatArray) -> dict[str, ParameterEstimate]:
     """Parameters of the catalogue, with 95 % intervals, from those that are fitted."""
-    known = {p.name: p for p in CATALOGUE[id].parameters}
+    own = system.own.get(id)
+    of_effect = CATALOGUE[id].parameters if own is None else (own.parameter,)
+    known = {p.name: p for p in of_effect}
 
     def entry(name: str, estimate: Any, low: Any, high: Any) -> dict[str, ParameterEstimate]:
         pairs = [list(p) for p in zip(low, high, strict=True)] if isinstance(estimate, list) else [low, high]
@@ -68,7 +70,7 @@ def _parameters(id: str, value: FloatArray, errors: FloatArray) -> dict[str, Par
 
         found = entry("ratio", ratio(size), ratio(size - 1.96 * error), ratio(size + 1.96 * error))
         return found | entry("direction", direction, direction - spread, direction + spread)
-    name = CATALOGUE[id].parameters[0].name
+    name = of_effect[0].name
     shift = 1.0 if id == "pressure-spread" else 0.0
     # not beyond what makes sense
     least, most = known[name].least, known[name].most
@@ -84,7 +86,7 @@ def rank(system: System, found: Attribution, effects: list[str]) -> list[RankedE
     apart = (found.confounded_with, *found.confounded) if found.confounded else ()
     shared = _of_fit(found.confounded_with, system, found, effects)[0] / len(apart) if apart else 0.0
     entries = []
-    for id in CATALOGUE:
+    for id in (*CATALOGUE, *system.own):
         if id == "contact-friction" and (system.has_wrench or found.contact is not None):
             entry = _of_slip(system, found)
         elif id == "model-capacity":
@@ -97,8 +99,9 @@ def rank(system: System, found: Attribution, effects: list[str]) -> list[RankedE
         probability, parameters, seen = entry
         if id in apart:
             probability = shared
-        reason = None if seen else _unseen(id, found)
-        entries.append(RankedEffect(id, float(np.clip(probability, 0.001, 0.999)), parameters, seen, reason))
+        reason = None if seen else system.own[id].needs if id in system.own else _unseen(id, found)
+        form = _form(id, found) if id in found.final.values else None
+        entries.append(RankedEffect(id, float(np.clip(probability, 0.001, 0.999)), parameters, seen, reason, form))
     return sorted(entries, key=lambda entry: -entry.probability)
 
 
@@ -127,26 +130,49 @@ def _of_slip(system: System, found: Attribution) -> Entry:
 
 def _of_fit(id: str, system: System, found: Attribution, effects: list[str]) -> Entry:
     """An effect that is fitted, or tested beside those that are."""
-    test, size = found.tests[id], SIZES[id]
+    test, size = found.tests[id], system.size(id, whole=False)
     values = np.linalg.eigvalsh(test.information)
     # vaguer than any value of the effect is the same as not known at all
-    deviation = np.full(size, 1 / math.sqrt(max(values[0], RANGES[id] ** -2)))
-    blind = bool(deviation[0] > _BLIND * RANGES[id])
+    deviation = np.full(size, 1 / math.sqrt(max(values[0], system.plausible(id) ** -2)))
+    blind = bool(deviation[0] > _BLIND * system.plausible(id))
     estimate = test.estimate
     if id in found.final.values:
         estimate = found.final.values[id]
-        at = sum(SIZES[k] for k in list(found.final.values)[: list(found.final.values).index(id)])
-        deviation = np.sqrt(np.maximum(np.diag(found.final.covariance)[at : at + size], 0.0))
-    deviation = np.hypot(_SHORT * deviation, _SYSTEMATIC.get(id, _OTHERS) * float(np.linalg.norm(estimate)))
+        deviation = _deviations(found, id)[:size]
+    deviation = np.hypot(_SHORT * deviation, _SYSTEMATIC.get(id, _OTHERS) * float(np.linalg.norm(estimate[:size])))
     nominal = {"contact-geometry": system.observations.finger_radius, "contact-friction": system.mu}
-    parameters = _parameters(id, np.asarray(estimate + (nominal.get(id) or 0.0)), deviation)
-    evidence = min(test.statistic, test.gain) - 2 * (size - 1)
+    parameters = _parameters(system, id, np.asarray(estimate[:size] + (nominal.get(id) or 0.0)), deviation)
+    evidence = min(test.statistic, test.gain) - 2 * (len(test.estimate) - 1)
     if id in found.chosen:
         probability = min(0.99, max(0.5, _logistic((evidence - _EVEN_CHOSEN) / _ODDS_CHOSEN)))
     else:
         probability = _logistic((evidence - _EVEN) / _ODDS)
         probability = probability if id in effects else min(probability, 0.3)
     return probability, parameters, not blind or (id == "contact-friction" and id in system.nuisance)
+
+
+def _deviations(found: Attribution, id: str) -> FloatArray:
+    """Standard deviations of all parameters of an effect that is fitted."""
+    before = list(found.final.values)[: list(found.final.values).index(id)]
+    at = sum(len(found.final.values[k]) for k in before)
+    return np.sqrt(np.maximum(np.diag(found.final.covariance)[at : at + len(found.final.values[id])], 0.0))
+
+
+def _form(id: str, found: Attribution) -> dict[str, Any] | None:
+    """The terms of its family with which an effect was fitted, beside its own form, with their coefficients; None if none."""
+    value = found.final.values[id]
+    size = SIZES.get(id, len(value))
+    if len(value) == size:
+        return None
+    family, terms = FAMILIES[id], value[size:]
+    deviations = _SHORT * _deviations(found, id)[size:]
+    return {
+        "covariate": family.covariate,
+        "basis": list(family.terms),
+        "coefficients": terms.tolist(),
+        "ci95": np.column_stack((terms - 1.96 * deviations, terms + 1.96 * deviations)).tolist(),
+        "unit": family.unit,
+    }
 
 
 def _logistic(value: float) -> float:

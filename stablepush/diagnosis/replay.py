@@ -217,10 +217,11 @@ def friction_of(believed: Nominal, surface: IdealLimitSurface, values: Mapping[s
     N."""
     tables = []
     for id in ("anisotropy-object", "anisotropy-world"):
-        a, b = values.get(id, np.zeros(2))
+        a, b = values.get(id, np.zeros(2))[:2]
         size = min(float(np.hypot(a, b)), 0.9)
         tables.append(principal(math.sqrt((1 + size) / (1 - size)), 0.5 * math.atan2(b, a)))
-    gradient, slope = values.get("spatial-variation", np.zeros(2)), values.get("tilt", np.zeros(2))
+    # terms of families are not simulated
+    gradient, slope = (values.get(id, np.zeros(2))[:2] for id in ("spatial-variation", "tilt"))
     support = surface.support
     points = support.points
     if "pressure-spread" in values:
@@ -266,7 +267,7 @@ def carried(pushes: Sequence[Replay], friction: TableFriction, slider: Slider, m
 
 def carry_out(replay: Replay, table: Any, slider: Slider, mu: float, values: Mapping[str, FloatArray]) -> FloatArray:
     """Return the pose (3,) of the tracked frame where a push ends, on a table as compiled; NaN where it cannot be simulated."""
-    offset = np.array((*values.get("frame-offset", np.zeros(2)), 0.0))
+    offset = np.array((*values.get("frame-offset", np.zeros(2))[:2], 0.0))
     delay = float(values.get("latency", np.zeros(1))[0]) if replay.logged else 0.0
     pusher = replay.pusher
     if replay.logged and "contact-geometry" in values:

@@ -9,7 +9,7 @@ import numpy as np
 
 from stablepush.core import first_least
 from stablepush.diagnosis.candidates import Candidates, final_poses_of, loads_of
-from stablepush.diagnosis.equations import SIZES, Fitted
+from stablepush.diagnosis.equations import Fitted
 from stablepush.diagnosis.motions import Motions
 from stablepush.diagnosis.system import System
 from stablepush.objects import EdgePush
@@ -38,11 +38,11 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[Edge
         return []
     predicted, slopes, known = [], [], []
     for id, fitted in causes.items():
-        size = SIZES[id]
+        size = len(fitted.values[id])
         small = candidates.small(id) * np.eye(size)
         predicted.append(candidates.readings(id, fitted, np.zeros(size)))
         slopes.append(np.stack([(candidates.readings(id, fitted, s) - predicted[-1]) / s.max() for s in small], axis=-1))
-        at = sum(SIZES[k] for k in list(fitted.values)[: list(fitted.values).index(id)])
+        at = sum(len(fitted.values[k]) for k in list(fitted.values)[: list(fitted.values).index(id)])
         spread = fitted.covariance[at : at + size, at : at + size]
         known.append(np.linalg.pinv(spread, rcond=_RANK, hermitian=True))
     # what cannot be simulated with either effect, or with a little more of it, is of no use

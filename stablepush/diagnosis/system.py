@@ -10,16 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
+from types import MappingProxyType
 
 import numpy as np
 from scipy.optimize import nnls
 
 from stablepush.core import FloatArray, InputError
-from stablepush.diagnosis.equations import SIZES, Equations, Fitted, Values, robust_variance
+from stablepush.diagnosis.equations import SIZES, Demands, Equations, Fitted, Values, robust_variance
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.nominal import CELLS, nominal_of, unit_loads
 from stablepush.diagnosis.observations import Observations, contact_velocity
 from stablepush.diagnosis.replay import Replay, carried, friction_of, pose_errors
+from stablepush.effects import FAMILIES, LabEffect, LogRows
 from stablepush.geometry import rotate_vectors
 from stablepush.io import Noise, Rig
 from stablepush.mechanics import TableFriction
@@ -43,6 +45,13 @@ _MOTIONS = 150
 IN_CLEARANCES: Mapping[str, int] = {"contact-geometry": 1, "frame-offset": 2, "latency": 1}
 
 
+#: What causes must pass where the nominal surface is a model that was fitted to pokes: its errors are alike in pushes that are
+#: alike, and an executed plan has few of them.
+_DEMANDS_OF_A_MODEL = Demands(25.0, 8.0, 2.5, 0.002, np.inf)
+#: Steps of differences by the terms of a family, over half of their plausible range.
+_SMALL_TERM = 0.05
+
+
 class System(Equations):
     """The whitened equations of a log.
 
@@ -57,10 +66,13 @@ class System(Equations):
         Whether the log has forces, and whether it carries information on the limit surface.
     """
 
-    def __init__(self, observations: Observations, rig: Rig, noisier: float = 1.0) -> None:
+    def __init__(
+        self, observations: Observations, rig: Rig, noisier: float = 1.0, own: Mapping[str, LabEffect] = MappingProxyType({})
+    ) -> None:
         chosen = observations.has_wrench if observations.has_wrench.any() else np.ones(len(observations.time), dtype=bool)
         self.observations = o = _rows(observations, chosen)
         self.push = pushes_of(o.group)
+        self.own, self.rows = own, log_rows(o)
         self.rig, self.has_wrench = rig, bool(observations.has_wrench.any())
         self.has_surface = self.has_wrench
         slider = rig.slider
@@ -79,7 +91,9 @@ class System(Equations):
         self.rho = slider.characteristic_length
         self.center = np.asarray(support.center)
         loads, beyond_points = self.believed.loads_on(self.points), self.believed.beyond_points(o.twist)
-        self.model = ForwardModel(o, self.points, self.weight, slider.radius_of_gyration**2, self.center, beyond_points)
+        self.model = ForwardModel(
+            o, self.points, self.weight, slider.radius_of_gyration**2, self.center, beyond_points, own, self.rows
+        )
         #: What the pokes behind the nominal surface leave open, as changes (k, q) of the loads by one standard deviation.
         self.open_modes = self.believed.modes(self.points)
         self.noise = _noise(rig, o, noisier)
@@ -95,13 +109,27 @@ class System(Equations):
         self.clearance_rows = [(k, np.flatnonzero(np.isfinite(o.clearance[:, k]))) for k in range(2)]
         self.clearance_noise = float(np.hypot(self.noise.position * 1.05, (o.finger_radius or 0.0) * self.noise.angle))
         trial, self.rest = o.rest if self.has_wrench else (np.zeros(0, dtype=int), np.zeros((0, 2)))
+        self._bias_at_rest = self._of_bias_at_rest(trial)
         parts = [np.repeat(o.trial, 3)] if self.has_wrench else []
         parts += [o.trial[rows] for _, rows in self.clearance_rows] + [np.repeat(trial, 2)]
         self.trial = np.concatenate(parts).astype(int)
         #: Noise (m) of the final poses that are carried out again, where there are any.
         self.final_pose_noise = np.zeros((0, 3))
+        if rig.model is not None and self.has_wrench:
+            self.demands = _DEMANDS_OF_A_MODEL
         if rig.finger_radius is None and any(len(rows) for _, rows in self.clearance_rows):
             self.nuisance = ("contact-geometry",)
+
+    def _of_bias_at_rest(self, trial: np.ndarray) -> FloatArray:
+        """What a sensor reads at rest (2m, 6) for the parameters of a bias and of its family, of trials (m,)."""
+        o = self.observations
+        first = np.minimum(np.searchsorted(o.trial, trial), max(0, len(o.trial) - 1))
+        known = o.trial[first] == trial if len(o.trial) else np.zeros(len(trial), dtype=bool)
+        late = np.where(known, o.order[first] - 0.5, 0.0) if len(o.trial) else np.zeros(len(trial))
+        tool = np.where(known, np.nan_to_num(o.pusher[first, 2]), 0.0) if len(o.trial) else np.zeros(len(trial))
+        each, (c, s) = np.tile(np.eye(2), (len(trial), 1, 1)), (np.cos(tool), np.sin(tool))
+        turned: FloatArray = np.moveaxis(np.array(((c, -s), (s, c))), 2, 0)
+        return np.concatenate((each, late[:, None, None] * each, turned), axis=2).reshape(-1, 6)
 
     def _whiten(self, loads: FloatArray) -> None:
         """Factors of the inverse covariances of the rows' wrenches."""
@@ -177,13 +205,30 @@ class System(Equations):
         left = fitted.residual[behind - count : behind]
         return float(robust_variance(left**2)) if count else 0.0
 
+    def of_wrench(self, values: Values) -> Values:
+        """Return the effects that show in wrenches."""
+        return {id: v for id, v in values.items() if id in PARAMETERS or id in self.own}
+
     def clearance_change(self, id: str, value: FloatArray) -> FloatArray:
         """Change (g,) of the clearances by an effect, in m."""
         half = 0.5 * value if id == "latency" else np.zeros_like(value)
-        return np.asarray(self.clearance_columns(id, half) @ value) * self.clearance_noise
+        return np.asarray(self.clearance_columns(id, half, len(value)) @ value) * self.clearance_noise
 
-    def clearance_columns(self, id: str, value: FloatArray | None = None) -> FloatArray:
-        """Whitened columns (g, d) of the clearance derivatives by an effect's parameters, at a value (none if not given)."""
+    def clearance_columns(self, id: str, value: FloatArray | None, size: int) -> FloatArray:
+        """Whitened columns (g, size) of the clearance derivatives by an effect's parameters, at a value (none if not given)."""
+        if id in self.own:
+            changes = [
+                np.column_stack([self.own[id].clearance(self.rows, k, unit)[rows] for unit in np.eye(size)])
+                for k, rows in self.clearance_rows
+            ]
+            return np.nan_to_num(np.concatenate(changes)) / self.clearance_noise
+        own = self._own_clearance_columns(id, value)
+        if size == SIZES[id] or id not in IN_CLEARANCES:
+            return np.column_stack((own, np.zeros((len(own), size - SIZES[id]))))
+        late = np.concatenate([self.observations.order[rows] - 0.5 for _, rows in self.clearance_rows])
+        return np.column_stack((own, late[:, None] * own))
+
+    def _own_clearance_columns(self, id: str, value: FloatArray | None) -> FloatArray:
         o, parts = self.observations, []
         for k, rows in self.clearance_rows:
             normal = o.normal[rows, k]
@@ -206,39 +251,42 @@ class System(Equations):
     def residual(self, loads: FloatArray, values: Values) -> FloatArray:
         parts = []
         if self.has_wrench:
-            wrench_values = {id: v for id, v in values.items() if id in PARAMETERS}
-            parts.append(self.white(self.observations.wrench - self.model.predict(loads, wrench_values)))
+            parts.append(self.white(self.observations.wrench - self.model.predict(loads, self.of_wrench(values))))
         clearances = (
             np.concatenate([self.observations.clearance[rows, k] for k, rows in self.clearance_rows]) / self.clearance_noise
         )
         for id in values:
-            if id in IN_CLEARANCES and len(clearances):
+            if (id in IN_CLEARANCES or id in self.own) and len(clearances):
                 clearances = clearances - self.clearance_change(id, values[id]) / self.clearance_noise
         # what a sensor reads that touches nothing is its offset
         bias = values.get("force-bias", np.zeros(2))
-        return np.concatenate((*parts, clearances, (self.rest - bias).ravel() / self.noise.force))
+        left = self.rest.ravel() - self._bias_at_rest[:, : len(bias)] @ bias
+        return np.concatenate((*parts, clearances, left / self.noise.force))
 
-    def columns(self, id: str, loads: FloatArray, values: Values) -> FloatArray:
-        size = SIZES[id]
+    def columns(self, id: str, loads: FloatArray, values: Values, size: int) -> FloatArray:
         parts = []
         if self.has_wrench:
-            if id in PARAMETERS:
-                base = values.get(id, np.zeros(size))
-                others = {k: v for k, v in values.items() if k in PARAMETERS}
+            if id in PARAMETERS or id in self.own:
+                base = np.zeros(size)
+                known = values.get(id, np.zeros(0))[:size]
+                base[: len(known)] = known
+                others, own = self.of_wrench(values), id in self.own
                 derivatives = []
                 for k in range(size):
-                    step = np.zeros(size)
-                    step[k] = SMALL[id]
+                    step, small = np.zeros(size), _SMALL_TERM * self.plausible(id)
+                    if not own:
+                        small = SMALL[id] if k < SIZES[id] else _SMALL_TERM * FAMILIES[id].plausible
+                    step[k] = small
                     ahead = self.model.predict(loads, {**others, id: base + step})
                     behind = self.model.predict(loads, {**others, id: base - step})
-                    derivatives.append((ahead - behind) / (2 * SMALL[id]))
+                    derivatives.append((ahead - behind) / (2 * small))
                 parts.append(self.white(np.stack(derivatives, axis=-1)))
             else:
                 parts.append(np.zeros((3 * len(self.observations.time), size)))
         at_rest = np.zeros((self.rest.size, size))
         if id == "force-bias":
-            at_rest = np.tile(np.eye(2), (len(self.rest), 1)) / self.noise.force
-        return np.concatenate((*parts, self.clearance_columns(id, values.get(id)), at_rest))
+            at_rest = self._bias_at_rest[:, :size] / self.noise.force
+        return np.concatenate((*parts, self.clearance_columns(id, values.get(id), size), at_rest))
 
     def base(self, values: Values, free: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
         clearances = sum(len(rows) for _, rows in self.clearance_rows) + self.rest.size
@@ -253,7 +301,7 @@ class System(Equations):
         else:
             precision = np.eye(directions.shape[1])
             precision[0, 0] = 1.0 / (_SCALE * np.linalg.norm(self.nominal)) ** 2
-        matrix, _ = self.model.matrix({id: v for id, v in values.items() if id in PARAMETERS})
+        matrix, _ = self.model.matrix(self.of_wrench(values))
         columns = self.white(matrix @ directions)
         return directions, np.concatenate((columns, np.zeros((clearances, directions.shape[1])))), precision
 
@@ -292,6 +340,12 @@ class System(Equations):
         return IdealLimitSurface(SupportDistribution(self.points[carrying], positive[carrying]), float(positive.sum()), self.rho)
 
 
+def log_rows(o: Observations) -> LogRows:
+    """Return rows as effects of a lab's own see them."""
+    columns = {name: values[o.trial] for name, values in o.columns.items()}
+    return LogRows(columns, o.time, o.order, o.pose, o.twist, o.pusher, o.wrench, o.normal)
+
+
 def pushes_of(groups: Sequence[str]) -> np.ndarray:
     """Numbers (trials,) of the pushes that trials repeat; a log that is one group says nothing of repeats."""
     together = len({g or k for k, g in enumerate(groups)}) > 1
@@ -305,14 +359,14 @@ def _rows(o: Observations, chosen: np.ndarray) -> Observations:
     return replace(o, **arrays)
 
 
-def system_of(observations: Observations, rig: Rig) -> System:
+def system_of(observations: Observations, rig: Rig, own: Mapping[str, LabEffect] = MappingProxyType({})) -> System:
     """Return the equations of a log; where its rig does not say how noisy it is, the noise is what a free pressure leaves."""
-    system = System(observations, rig)
+    system = System(observations, rig, own=own)
     if rig.noise is None and system.has_wrench:
         left = system.fit([], True).residual[: 3 * len(system.observations.time)]
         size = float(np.sqrt(robust_variance(left**2)))
         if size > 1:
-            return System(observations, rig, size)
+            return System(observations, rig, size, own)
     return system
 
 

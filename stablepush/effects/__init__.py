@@ -1,6 +1,6 @@
 """The catalogue of effects that a simulation may lack: parameters, units, ranges.
 
-What an effect is, not what it does; ``rig`` applies it, ``diagnosis`` looks for it. Imports ``core``.
+What an effect is, not what it does; ``rig`` applies it, ``diagnosis`` looks for it. A lab adds its own. Imports ``core``.
 """
 
 import lazy_loader as lazy

@@ -1,0 +1,103 @@
+"""Effects of a lab's own, beside the catalogue: what a sensor reads with them, and where that shows.
+
+Friction that follows the humidity of the room, play in the mount of a tool: a lab knows what its rig may have. Such an effect is
+one class, given to :func:`stablepush.diagnose` or registered as an entry point of the group ``stablepush.effects``.
+"""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stablepush.core import FloatArray, InputError, load_plugin, plugin_names
+from stablepush.effects.catalogue import CATALOGUE, Parameter
+
+_GROUP = "stablepush.effects"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LogRows:
+    """The rows (n,) of a log that a diagnosis compares, as an effect sees them.
+
+    Attributes
+    ----------
+    columns : mapping of str to array, shape (n,)
+        The columns of ``trials.csv``, for each row that of its trial: numbers where all are, else words.
+    time, order : array, shape (n,)
+        In s, in the trial; and the place of the trial in the log, from 0 to 1.
+    pose, twist, pusher : array, shape (n, 3)
+        Of the tracked frame in W; its body twist; and the pose of the pusher in W, NaN where it is not known.
+    wrench : array, shape (n, 3)
+        The load as it was measured, in the tracked frame; NaN where there is none.
+    normal : array, shape (n, 2, 2)
+        Inward normals of the outline at the fingers, in B; NaN where a finger does not touch.
+    """
+
+    columns: Mapping[str, np.ndarray]
+    time: FloatArray
+    order: FloatArray
+    pose: FloatArray
+    twist: FloatArray
+    pusher: FloatArray
+    wrench: FloatArray
+    normal: FloatArray
+
+
+class LabEffect(ABC):
+    """An effect that the catalogue does not have.
+
+    Derive from it, set the attributes, and say what the effect changes: the loads that are read, the clearances between fingers
+    and outline, or both. The values of the parameter are fitted, zero being no effect.
+
+    Attributes
+    ----------
+    id : str
+        A word of its own, like ``"humidity"``.
+    what, needs : str
+        What it is, and what a log must hold to show it; in words.
+    parameter : Parameter
+        Its parameter, zero without the effect: name, unit, and ``low`` to ``high``, the range in which rigs are found.
+    """
+
+    id: str
+    what: str
+    needs: str
+    parameter: Parameter
+
+    def wrench(self, rows: LogRows, wrench: FloatArray, value: FloatArray) -> FloatArray:
+        """Return the loads (n, 3) that are read in the tracked frame, of those without the effect; linear in these, but for a
+        constant."""
+        return wrench
+
+    def clearance(self, rows: LogRows, finger: int, value: FloatArray) -> FloatArray:
+        """Return how much (n,) in m the clearance of finger 0 or 1 is changed: its centre's distance from the outline less its
+        radius; NaN where that is unknown. Linear in the value."""
+        return np.zeros(len(rows.time))
+
+    @property
+    def plausible(self) -> float:
+        """Half of the range in which its parameter is found."""
+        return (self.parameter.high - self.parameter.low) / 2
+
+
+def lab_effects(given: Sequence[LabEffect] = ()) -> dict[str, LabEffect]:
+    """Return effects by id: those that packages registered, and those that are given.
+
+    Raises :class:`InputError` for one that is none, has no name of its own, or nothing to be fitted.
+    """
+    registered = [load_plugin(_GROUP, name) for name in plugin_names(_GROUP)]
+    found: dict[str, LabEffect] = {}
+    for number, effect in enumerate((*(entry() if isinstance(entry, type) else entry for entry in registered), *given)):
+        place = f"effects[{number - len(registered)}]" if number >= len(registered) else f"entry point {_GROUP}"
+        if not isinstance(effect, LabEffect):
+            raise InputError(place, "expected a LabEffect", type(effect).__name__)
+        id = getattr(effect, "id", "")
+        if not id or id in CATALOGUE or id in found:
+            raise InputError(place, "expected an id of its own", repr(id))
+        if not effect.plausible > 0:
+            raise InputError(place, "expected a parameter with a range, low < high")
+        found[id] = effect
+    return found
