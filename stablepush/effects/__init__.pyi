@@ -7,6 +7,16 @@ from .catalogue import (
     parse_effect as parse_effect,
     principal as principal,
 )
-from .families import FAMILIES as FAMILIES, FASTEST as FASTEST, PLACE as PLACE, SLOWEST as SLOWEST, Family as Family
+from .families import (
+    FAMILIES as FAMILIES,
+    FASTEST as FASTEST,
+    PLACE as PLACE,
+    SLOWEST as SLOWEST,
+    Family as Family,
+    friction_over_direction as friction_over_direction,
+    friction_over_log as friction_over_log,
+    friction_over_place as friction_over_place,
+    friction_over_speed as friction_over_speed,
+)
 from .known import KnownEffect as KnownEffect, effects_from_node as effects_from_node
 from .lab import LabEffect as LabEffect, LogRows as LogRows, lab_effects as lab_effects

@@ -6,9 +6,14 @@ depend on direction as a weave does. The catalogue's form is the first term of a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stablepush.core import FloatArray
 
 #: Unit (m) of places in the terms, and of logarithms of speed beyond which terms do not grow further, below and above.
 PLACE, SLOWEST, FASTEST = 0.15, -2.5, 1.5
@@ -57,3 +62,35 @@ def _families() -> dict[str, Family]:
 
 #: Families by the id of the effect whose form they extend; an effect that is not listed has one form.
 FAMILIES: Mapping[str, Family] = MappingProxyType(_families())
+
+
+def friction_over_direction(ratio: float, direction: float, terms: Sequence[float], angles: ArrayLike) -> FloatArray:
+    """Return friction (n,) along motions in directions (n,) in rad, over its mean, of an anisotropy and its waves."""
+    phi, size = np.asarray(angles, dtype=np.float64), (ratio**2 - 1) / (ratio**2 + 1)
+    own = np.sqrt(1 + size * np.cos(2 * (phi - direction))) / (1 - size**2) ** 0.25
+    a4, b4, a6, b6 = (*terms, 0.0, 0.0, 0.0, 0.0)[:4]
+    return np.asarray(own + a4 * np.cos(4 * phi) + b4 * np.sin(4 * phi) + a6 * np.cos(6 * phi) + b6 * np.sin(6 * phi))
+
+
+def friction_over_speed(slope: float, terms: Sequence[float], speeds: ArrayLike, reference: float) -> FloatArray:
+    """Return friction (n,) at speeds (n,) in m/s, over that at the reference speed."""
+    u = np.log(np.asarray(speeds, dtype=np.float64) / reference)
+    cut = np.clip(u, SLOWEST, FASTEST)
+    second, third = (*terms, 0.0, 0.0)[:2]
+    return np.asarray((1 + slope * u) * (1 + cut**2 * (second + third * cut)))
+
+
+def friction_over_place(gradient: Sequence[float], terms: Sequence[float], places: ArrayLike) -> FloatArray:
+    """Return friction (...) at places (..., 2) in m in W, over that at the origin of W."""
+    place = np.asarray(places, dtype=np.float64)
+    x, y = place[..., 0] / PLACE, place[..., 1] / PLACE
+    xx, xy, yy, xxx, xxy, xyy, yyy = (*terms, *[0.0] * 7)[:7]
+    more = xx * x * x + xy * x * y + yy * y * y + x * x * (xxx * x + xxy * y) + y * y * (xyy * x + yyy * y)
+    return np.asarray((1 + place @ np.asarray(gradient)) * (1 + more))
+
+
+def friction_over_log(rate: float, terms: Sequence[float], orders: ArrayLike) -> FloatArray:
+    """Return friction (n,) of pushes at places (n,) of the log, 0 to 1, over that of the first."""
+    o = np.asarray(orders, dtype=np.float64)
+    first, second, third = (*terms, 0.0, 0.0, 0.0)[:3]
+    return np.asarray(1 + rate * o + 4 * o * (1 - o) * (first + (2 * o - 1) * (2 * second + (2 * o - 1) * 2 * third)))

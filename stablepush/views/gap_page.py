@@ -16,7 +16,14 @@ from stablepush.geometry import rotate_vectors
 from stablepush.objects import EdgePush, Slider
 from stablepush.views.pages import Section, render, script
 from stablepush.views.plot.canvas import figure_png
-from stablepush.views.plot.gaps import plot_effects, plot_final_poses, plot_residuals, plot_residuals_against
+from stablepush.views.plot.gaps import (
+    drawn_forms,
+    plot_effects,
+    plot_final_poses,
+    plot_forms,
+    plot_residuals,
+    plot_residuals_against,
+)
 
 #: Rows that a page has, at most.
 _MOST_ROWS = 2000
@@ -36,6 +43,12 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     sections = [
         Section("Verdict", report.sentence, [("verdict", report.verdict), ("effects", ", ".join(report.named) or "none")]),
     ]
+    if drawn_forms(report):
+        words = (
+            "Friction as it was found, over the nominal one. Grey: the simplest form; blue: with the terms that this log needs."
+        )
+        found = [(entry.effect, _numbers(entry)) for entry in drawn_forms(report)]
+        sections.append(Section.with_picture("What was found", figure_png(plot_forms(report)), words, found))
     if report.gap:
         sections.append(Section("How large the gap is", size, [(entry.channel, _gap(entry)) for entry in report.gap]))
     left_out = "Root mean squares on held-out trials. The floor is the noise level, capped at the remaining residual."
@@ -219,12 +232,24 @@ def _unit(entry: ChannelGap | GapReduction) -> str:
 
 def _effect(entry: RankedEffect, evidence: Evidence) -> str:
     """An effect: probability, parameters, evidence for and against; or why it is not identifiable."""
-    parameters = "; ".join(_parameter(name, p) for name, p in entry.parameters.items()) if entry.identifiable else ""
+    parameters = _numbers(entry) if entry.identifiable else ""
     if evidence.unseen:
         return "\n".join(filter(None, (parameters, evidence.unseen)))
     lines = [f"{entry.probability:.2f}" + (f": {parameters}" if parameters else "")]
     lines += [f"for: {clause}" for clause in evidence.supporting] + [f"against: {clause}" for clause in evidence.opposing]
     return "\n".join(lines)
+
+
+def _numbers(entry: RankedEffect) -> str:
+    """Parameters of an effect, and the terms of its family."""
+    words = [_parameter(name, p) for name, p in entry.parameters.items()]
+    if entry.form is not None:
+        terms = zip(entry.form["basis"], entry.form["coefficients"], entry.form["ci95"], strict=True)
+        listed = ", ".join(
+            f"{name} {readable(value)} ({readable(low)} to {readable(high)})" for name, value, (low, high) in terms
+        )
+        words.append(f"terms of the {entry.form['covariate']}: {listed}")
+    return "; ".join(words)
 
 
 def _parameter(name: str, found: ParameterEstimate) -> str:

@@ -1,8 +1,10 @@
 from .calibration import plot_calibration as plot_calibration
 from .canvas import figure_png as figure_png, save_figure as save_figure
 from .gaps import (
+    drawn_forms as drawn_forms,
     plot_effects as plot_effects,
     plot_final_poses as plot_final_poses,
+    plot_forms as plot_forms,
     plot_residuals as plot_residuals,
     plot_residuals_against as plot_residuals_against,
 )

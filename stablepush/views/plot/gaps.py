@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stablepush.diagnosis import GapReport
+from stablepush.core import FloatArray, InputError
+from stablepush.diagnosis import GapReport, RankedEffect
+from stablepush.effects import (
+    REFERENCE_SPEED,
+    friction_over_direction,
+    friction_over_log,
+    friction_over_place,
+    friction_over_speed,
+)
 from stablepush.geometry import rotate_vectors
-from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, OBSTACLE, PUSHER, canvas, legend
+from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, OBSTACLE, PUSHER, SLIDER, canvas, legend
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 #: Names of effects that a log cannot judge; still read on white.
@@ -109,3 +121,96 @@ def plot_effects(report: GapReport) -> Figure:
     axes.set_xlabel("probability")
     axes.set_title("Blue: named; orange: other effects; grey: not identifiable from this log")
     return figure
+
+
+def drawn_forms(report: GapReport) -> list[RankedEffect]:
+    """Return the named effects that make friction a function of something: those that :func:`plot_forms` draws."""
+    return [entry for entry in report.ranking if entry.effect in report.named and entry.effect in _CURVES]
+
+
+def plot_forms(report: GapReport) -> Figure:
+    """Draw the form of the named effects of friction that follow something: friction against direction, against speed, over the
+    log, and as a map of the table. Grey: the effect's own form, without the terms of its family.
+
+    Raises :class:`InputError` if no effect is named that has such a form.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    entries = drawn_forms(report)
+    if not entries:
+        raise InputError("report", "expected a named effect of friction over direction, speed, place or the log")
+    figure = Figure(figsize=(min(2, len(entries)) * 4.6, math.ceil(len(entries) / 2) * 3.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = np.ravel(figure.subplots(math.ceil(len(entries) / 2), min(2, len(entries)), squeeze=False))
+    for axes, entry in zip(panels, entries, strict=False):
+        _CURVES[entry.effect](axes, entry, report)
+        axes.set_title(entry.effect)
+    for axes in panels[len(entries) :]:
+        axes.set_axis_off()
+    return figure
+
+
+def _terms(entry: RankedEffect) -> list[float]:
+    return [] if entry.form is None else list(entry.form["coefficients"])
+
+
+def _curve(axes: Axes, entry: RankedEffect, x: FloatArray, share: Callable[[list[float]], FloatArray], label: str) -> None:
+    if entry.form is not None:
+        axes.plot(x, share([]), color=SLIDER, linewidth=1.2)
+    axes.plot(x, share(_terms(entry)), color=COUNTER_CLOCKWISE, linewidth=2.0)
+    axes.axhline(1.0, color=OBSTACLE, linewidth=0.8)
+    axes.grid(visible=True, color="0.9", linewidth=0.6)
+    axes.set_xlabel(label)
+    axes.set_ylabel("friction over nominal")
+
+
+def _over_direction(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
+    ratio, direction = (entry.parameters[name].estimate for name in ("ratio", "direction"))
+    assert isinstance(ratio, float)
+    assert isinstance(direction, float)
+    angles = np.linspace(0.0, np.pi, 361)
+    label = f"direction of motion [deg in {'W' if entry.effect.endswith('world') else 'B'}]"
+    _curve(axes, entry, np.degrees(angles), lambda terms: friction_over_direction(ratio, direction, terms, angles), label)
+
+
+def _over_speed(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
+    slope = entry.parameters["slope"].estimate
+    assert isinstance(slope, float)
+    seen = report.speeds[report.speeds > 0]
+    low, high = np.quantile(seen, (0.02, 0.98)) if len(seen) else (0.5 * REFERENCE_SPEED, 2 * REFERENCE_SPEED)
+    speeds = np.geomspace(low, max(high, 1.01 * low), 200)
+    _curve(axes, entry, 1000 * speeds, lambda terms: friction_over_speed(slope, terms, speeds, REFERENCE_SPEED), "speed [mm/s]")
+
+
+def _over_log(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
+    rate = entry.parameters["rate"].estimate
+    assert isinstance(rate, float)
+    orders = np.linspace(0.0, 1.0, 200)
+    _curve(axes, entry, orders, lambda terms: friction_over_log(rate, terms, orders), "place in the log, first to last push")
+
+
+def _over_place(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
+    gradient = entry.parameters["gradient"].estimate
+    assert isinstance(gradient, list)
+    low, high = report.poses[:, :2].min(axis=0), report.poses[:, :2].max(axis=0)
+    x, y = (np.linspace(a, b, 61) for a, b in zip(low, high, strict=True))
+    share = friction_over_place(gradient, _terms(entry), np.stack(np.meshgrid(x, y), axis=-1))
+    most = max(0.02, float(np.abs(share - 1).max()))
+    picture = axes.pcolormesh(x, y, share, cmap="PuOr_r", vmin=1 - most, vmax=1 + most, shading="auto")
+    axes.plot(*report.poses[:, :2].T, linestyle="none", marker=".", markersize=2, color=OBSTACLE)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.figure.colorbar(picture, ax=axes, label="friction over nominal", shrink=0.85)
+
+
+_CURVES: Mapping[str, Callable[[Axes, RankedEffect, GapReport], None]] = MappingProxyType(
+    {
+        "anisotropy-world": _over_direction,
+        "anisotropy-object": _over_direction,
+        "speed-dependence": _over_speed,
+        "drift": _over_log,
+        "spatial-variation": _over_place,
+    }
+)

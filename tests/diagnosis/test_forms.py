@@ -1,0 +1,121 @@
+"""Families of forms: fits use the terms of the curves that are drawn, and forms that no catalogue has are found."""
+
+import numpy as np
+import pytest
+
+import stablepush as sp
+from stablepush.diagnosis.forward import PARAMETERS, ForwardModel
+from stablepush.diagnosis.observations import observe
+from stablepush.diagnosis.system import System
+from stablepush.effects import (
+    FAMILIES,
+    REFERENCE_SPEED,
+    friction_over_direction,
+    friction_over_log,
+    friction_over_place,
+    friction_over_speed,
+)
+from stablepush.views import gap_html
+from stablepush.views.plot import plot_forms
+
+SLIDER = sp.Slider.centered([(0.0, 0.0), (0.15, 0.0), (0.0, 0.15)], mass=1.5)
+FEET = sp.SupportDistribution([(-0.03, -0.03), (0.07, -0.03), (-0.03, 0.07)], [1, 1, 1])
+NOISE = sp.Noise(0.02, 1e-4, 1e-3)
+
+
+@pytest.fixture(scope="module")
+def log():
+    rig = sp.VirtualRig(SLIDER, sp.IdealLimitSurface(FEET, 3.5), 0.6, sp.Pusher.finger(0.005), [], NOISE)
+    return rig.execute(sp.random_pushes(SLIDER, rig.pusher, 40, seed=2), seed=2).log
+
+
+@pytest.fixture(scope="module")
+def straight(log):
+    """A forward model of rows that translate, over one support point at the origin: friction is the force along the motion."""
+    o = observe(log)
+    o.twist[:, 2] = 0.0
+    return o, ForwardModel(o, np.zeros((1, 2)), 0.0, 1.0, np.zeros(2), np.zeros((len(o.twist), 3)))
+
+
+@pytest.mark.parametrize("id", ["anisotropy-world", "anisotropy-object", "speed-dependence", "spatial-variation", "drift"])
+def test_fits_use_the_curves_that_are_drawn(straight, id):
+    o, model = straight
+    rng = np.random.default_rng(4)
+    value = np.concatenate((0.1 * rng.normal(size=PARAMETERS[id]), 0.02 * rng.normal(size=len(FAMILIES[id].terms))))
+    load = model.predict(np.ones(1), {id: value})
+    along = o.twist[:, :2] / np.linalg.norm(o.twist[:, :2], axis=1, keepdims=True)
+    friction = (load[:, :2] * along).sum(axis=1)
+    own, terms = value[: PARAMETERS[id]], value[PARAMETERS[id] :]
+    if id.startswith("anisotropy"):
+        size = np.hypot(*own)
+        angles = np.arctan2(along[:, 1], along[:, 0]) + (o.pose[:, 2] if id.endswith("world") else 0.0)
+        expected = friction_over_direction(np.sqrt((1 + size) / (1 - size)), np.arctan2(own[1], own[0]) / 2, terms, angles)
+    elif id == "speed-dependence":
+        expected = friction_over_speed(own[0], terms, o.speed, REFERENCE_SPEED)
+    elif id == "spatial-variation":
+        expected = friction_over_place(own, terms, o.pose[:, :2])
+    else:
+        expected = friction_over_log(own[0], terms, o.order)
+    np.testing.assert_allclose(friction, expected, rtol=1e-6)
+
+
+def test_waves_take_the_force_of_a_convex_set(straight):
+    """The force across the motion is the slope of the friction along it."""
+    o, model = straight
+    value = np.array((0.0, 0.0, 0.01, -0.005, 0.002, 0.003))
+    load = model.predict(np.ones(1), {"anisotropy-object": value})
+    along = o.twist[:, :2] / np.linalg.norm(o.twist[:, :2], axis=1, keepdims=True)
+    across = load[:, 1] * along[:, 0] - load[:, 0] * along[:, 1]
+    angles, step = np.arctan2(along[:, 1], along[:, 0]), 1e-5
+    ahead, behind = (friction_over_direction(1.0, 0.0, value[2:], angles + s * step) for s in (1, -1))
+    np.testing.assert_allclose(across, (ahead - behind) / (2 * step), atol=1e-7)
+
+
+@pytest.mark.parametrize("id", [*FAMILIES])
+def test_columns_are_the_derivatives_of_what_is_fitted(log, id):
+    """Rows of loads, clearances and readings at rest, by every term of a family."""
+    system = System(observe(log), log.rig)
+    if id in system.nuisance:
+        pytest.skip("always fitted")
+    system.opened = frozenset({id})
+    size = system.size(id)
+    value = np.zeros(size)
+    columns = system.columns(id, system.nominal, {id: value}, size)
+    for k in range(size):
+        step = np.zeros(size)
+        step[k] = 1e-5
+        ahead, behind = (system.residual(system.nominal, {id: s * step}) for s in (1, -1))
+        off = np.abs(columns[:, k] + (ahead - behind) / 2e-5) > 2e-3 * max(1.0, np.abs(columns[:, k]).max())
+        # turns about a support point are no place for differences
+        assert off.mean() < 0.01 and columns[:, k].any()
+
+
+def reread(log, factor):
+    """The log, had friction been so many times as large in each row."""
+    changed = {k: v * factor if k in ("fx", "fy", "tau") else v for k, v in log.samples.items()}
+    return sp.PushLog(log.rig, log.trials, changed)
+
+
+def test_a_drift_that_no_catalogue_has_is_named_and_drawn(log):
+    """Friction that rises and falls again: the catalogue's straight line does not show it at all."""
+    place = {name: k / (len(log) - 1) for k, name in enumerate(log.trials["trial"])}
+    orders = np.array([place[name] for name in log.samples["trial"]])
+    report = sp.diagnose(reread(log, 1 + 0.3 * 4 * orders * (1 - orders)))
+    assert report.verdict == "named" and report.named == ["drift"]
+    form = report.ranking[0].form
+    assert form["basis"] == list(FAMILIES["drift"].terms) and len(form["ci95"]) == 3
+    found = friction_over_log(report.ranking[0].parameters["rate"].estimate, form["coefficients"], [0.25, 0.5, 0.75])
+    np.testing.assert_allclose(found, 1 + 0.3 * np.array((0.75, 1.0, 0.75)), atol=0.04)
+    assert report.to_json()["ranking"][0]["form"]["unit"] == "share of the friction"
+    drawn = plot_forms(report).axes[0]
+    highest = drawn.lines[1].get_ydata()
+    assert drawn.get_title() == "drift" and highest.max() == pytest.approx(1.3, abs=0.04)
+    page = gap_html(report)
+    assert "What was found" in page and "4o(1-o)" in page
+
+
+def test_a_clean_log_opens_no_form(log):
+    report = sp.diagnose(log)
+    assert report.verdict == "none" and all(entry.form is None for entry in report.ranking)
+    with pytest.raises(sp.InputError, match="expected a named effect"):
+        plot_forms(report)
