@@ -21,7 +21,7 @@ from stablepush.stability import BOUNDARY_SLACK
 SCENARIOS = 2000
 #: Scenarios that lose the slider of which the end is simulated: the others are taken to end like these. A share of all, within
 #: bounds: of few that are lost, few say as much about the arrival.
-_SIMULATED, _FEWEST, _MOST = 400, 8, 24
+_SIMULATED, _FEWEST, _MOST = 400, 6, 24
 #: Longest travel of a finger in a step of these simulations, in radii of the slider: coarser than where a docking is simulated.
 _STEP = 1 / 12
 

@@ -78,6 +78,7 @@ class PolynomialLimitSurface(LimitSurface):
     provenance: Mapping[str, Any]
     _gradient: FloatArray = field(repr=False)
     _hessian: FloatArray = field(repr=False)
+    _scaled: tuple[FloatArray, FloatArray, float] | None = field(repr=False)
 
     def __init__(
         self,
@@ -127,6 +128,7 @@ class PolynomialLimitSurface(LimitSurface):
         object.__setattr__(self, "provenance", MappingProxyType(dict(provenance or {})))
         object.__setattr__(self, "_gradient", read_only(gradient_operator(degree) @ a))
         object.__setattr__(self, "_hessian", read_only(hessian_operator(degree) @ a))
+        object.__setattr__(self, "_scaled", None)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # read-only views of mappings cannot be sent to another process
@@ -229,7 +231,8 @@ class PolynomialLimitSurface(LimitSurface):
 
         v = check_vectors(twists, "twists", 3)
         flat = np.ascontiguousarray(v.reshape(-1, 3))
-        if not flat.any(axis=1).all():
+        # column by column: numpy is slow to reduce a short last axis
+        if not ((flat[:, 0] != 0) | (flat[:, 1] != 0) | (flat[:, 2] != 0)).all():
             raise InputError("twists", "expected twists that are not zero")
         hessian, axes, size = self.scaled_hessian()
         loads = np.empty_like(flat)
@@ -248,6 +251,8 @@ class PolynomialLimitSurface(LimitSurface):
         H along the axes sets the scale: coefficients of newtons and of kilonewtons run the same iterations. Raises
         :class:`ConvergenceError` for a surface that is not bounded along every axis.
         """
+        if self._scaled is not None:
+            return self._scaled
         pure = self.coefficients[(self.exponents == self.degree).any(axis=1)]
         if not (pure > 0).all():
             raise ConvergenceError("H_inv: the surface is not bounded along every axis, so twists have no load on it")
@@ -255,7 +260,9 @@ class PolynomialLimitSurface(LimitSurface):
         size = float(half_axes.max())
         if size > LARGEST_MAGNITUDE:
             raise ConvergenceError(f"H_inv: the surface is all but unbounded along an axis, up to a load of {size:g}")
-        return np.ascontiguousarray(self._hessian * size**self.degree), (half_axes / size) ** 2, size
+        scaled = np.ascontiguousarray(self._hessian * size**self.degree), (half_axes / size) ** 2, size
+        object.__setattr__(self, "_scaled", scaled)
+        return scaled
 
     def _normalized(self, wrenches: ArrayLike) -> FloatArray:
         return normalize_wrench(check_vectors(wrenches, "wrenches", 3), self.characteristic_length)

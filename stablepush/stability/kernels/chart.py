@@ -119,11 +119,25 @@ def hemisphere(loop: FloatArray, sense: int) -> shapely.Geometry:
             nearest = circle[int(np.argmin(np.abs(circle - line[k]).sum(axis=1)))]
             if np.abs(nearest - line[k]).sum() < 1e-9:
                 line[k] = nearest
+    if len(lines) == 1 and not inside.all():
+        sides = _sides(lines[0], circle)
+        if all(side.is_valid and side.area > DUST for side in sides):
+            place = np.array(sides[0].representative_point().coords)
+            return sides[0] if encloses(loop, twists_from_disc(place, sense))[0] else sides[1]
     net = shapely.union_all([shapely.LineString(line) for line in (*lines, np.concatenate((circle, circle[:1])))])
     faces = [face for face in shapely.get_parts(shapely.polygonize([net])) if face.area > DUST]
     places = np.array([face.representative_point().coords[0] for face in faces]).reshape(-1, 2)
     kept = encloses(loop, twists_from_disc(places, sense))
     return only_polygons(shapely.union_all([face for face, good in zip(faces, kept, strict=True) if good]))
+
+
+def _sides(line: FloatArray, circle: FloatArray) -> tuple[shapely.Polygon, shapely.Polygon]:
+    """The two parts of the disc that a line (n, 2) makes that begins and ends at places of the rim."""
+    first, last = (int(np.argmin(np.abs(circle - end).sum(axis=1))) for end in (line[0], line[-1]))
+    order = np.roll(circle, -last, axis=0)
+    at = (first - last) % len(circle)
+    # from the end of the line on to its begin, either way round
+    return shapely.Polygon(np.concatenate((line, order[1:at]))), shapely.Polygon(np.concatenate((line, order[:at:-1])))
 
 
 def encloses(loop: FloatArray, twists: FloatArray) -> BoolArray:
