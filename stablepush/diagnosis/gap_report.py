@@ -31,9 +31,9 @@ from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import Replay, replays
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
 from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
-from stablepush.diagnosis.system import System, system_of
+from stablepush.diagnosis.system import System, log_rows, system_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share, residuals
-from stablepush.effects import CATALOGUE, LabEffect, lab_effects
+from stablepush.effects import CATALOGUE, LabEffect, applicable, lab_effects
 from stablepush.geometry import rotate_vectors
 from stablepush.io import PushLog, Rig
 from stablepush.planning import Correction
@@ -158,7 +158,8 @@ def diagnose(
     if len(np.unique(observations.trial)) < 2:
         return _too_little(log, name)
     forces = bool(observations.has_wrench.any())
-    system, pushes, left_out = _equations(log, observations, lab_effects(effects))
+    own = applicable(lab_effects(effects), log_rows(observations), [effect.id for effect in effects])
+    system, pushes, left_out = _equations(log, observations, own)
     found = attribute(system, progress)
     found = without_contradiction(system, found, pushes)
     if "contact-friction" not in found.named:
@@ -204,6 +205,11 @@ def diagnose(
         # few trials do not show that a refit predicts others better, but it may fit all of them
         clear = [entry.channel for entry in gaps if stands_clear(system, held, entry)]
         verdict = "absorbed" if "pose" not in clear and refit_leaves_noise(system) else "unknown"
+    if verdict == "absorbed" and any(
+        entry.channel == "pose" and stands_clear(system, held, replace(entry, nominal=entry.refitted)) for entry in gaps
+    ):
+        # a refit that leaves pushes where they were absorbs nothing of that
+        verdict = "unknown"
     # a change of all friction alike leaves the surface's shape as it is
     fits = found.scores
     reshaped = verdict == "absorbed" or ("free" in fits and system.significantly_better(fits["free"], fits["scaled"]))
@@ -427,6 +433,12 @@ def _notes(
         notes.append(
             f"a Gaussian process of place, heading, order and speed could explain up to {100 * share:.0f} % of the residuals "
             f"(p {p_share:.2f})"
+        )
+    formed = [id for id in found.named if id in system.opened]
+    if formed:
+        notes.append(
+            f"terms beside the own form of {', '.join(formed)} are in the ranking, and in no corrected rig or scene: they are "
+            "not simulated"
         )
     off = system.observations.off
     if "contact-geometry" in effects and not all(off):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -185,7 +186,7 @@ def observe(log: PushLog) -> Observations:
 def _column(values: Any) -> np.ndarray:
     """A column as numbers, if all of it are."""
     try:
-        return np.asarray(values, dtype=np.float64)
+        return np.asarray([math.nan if value in ("", None) else value for value in values], dtype=np.float64)
     except (TypeError, ValueError):
         return np.asarray([str(value) for value in values])
 

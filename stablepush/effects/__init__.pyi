@@ -19,4 +19,4 @@ from .families import (
     friction_over_speed as friction_over_speed,
 )
 from .known import KnownEffect as KnownEffect, effects_from_node as effects_from_node
-from .lab import LabEffect as LabEffect, LogRows as LogRows, lab_effects as lab_effects
+from .lab import LabEffect as LabEffect, LogRows as LogRows, applicable as applicable, lab_effects as lab_effects

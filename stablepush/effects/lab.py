@@ -101,3 +101,26 @@ def lab_effects(given: Sequence[LabEffect] = ()) -> dict[str, LabEffect]:
             raise InputError(place, "expected a parameter with a range, low < high")
         found[id] = effect
     return found
+
+
+def applicable(effects: Mapping[str, LabEffect], rows: LogRows, asked: Sequence[str]) -> dict[str, LabEffect]:
+    """Return the effects that a log can be asked about; those that packages registered and that it cannot are left out.
+
+    Raises :class:`InputError` for one that was asked for, if the log lacks a column that it reads, or if what it returns has
+    another shape or is not finite where the log is.
+    """
+    found: dict[str, LabEffect] = {}
+    known = np.isfinite(rows.wrench).all(axis=1)
+    for id, effect in effects.items():
+        small, got = np.full(effect.parameter.size, 0.01 * effect.plausible), ""
+        try:
+            read = np.asarray(effect.wrench(rows, np.nan_to_num(rows.wrench), small))
+            if read.shape != rows.wrench.shape or not np.isfinite(read[known]).all():
+                got = f"shape {read.shape}" if read.shape != rows.wrench.shape else "numbers that are not finite"
+        except KeyError as error:
+            got = f"no column {error.args[0]!r} in trials.csv"
+        if not got:
+            found[id] = effect
+        elif id in asked:
+            raise InputError(f"effect {id}", f"expected finite loads {rows.wrench.shape} of a log with {effect.needs}", got)
+    return found

@@ -101,6 +101,22 @@ def test_effects_that_are_none_are_refused(clean):
         assert str(error.value) == words
 
 
+def test_a_log_that_lacks_what_an_effect_reads(clean, monkeypatch):
+    from stablepush.effects import lab
+
+    trials = {name: values for name, values in clean.trials.items() if name != "humidity"}
+    dry = sp.PushLog(clean.rig, trials, clean.samples)
+    with pytest.raises(sp.InputError, match="got no column 'humidity' in trials"):
+        sp.diagnose(dry, effects=[Humidity()])
+    blank = sp.PushLog(clean.rig, {**trials, "humidity": ["", *clean.trials["humidity"][1:]]}, clean.samples)
+    with pytest.raises(sp.InputError, match="got numbers that are not finite"):
+        sp.diagnose(blank, effects=[Humidity()])
+    # one that a package registered is left out
+    monkeypatch.setattr(lab, "plugin_names", lambda group: ["humidity"])
+    monkeypatch.setattr(lab, "load_plugin", lambda group, name: Humidity)
+    assert sp.diagnose(dry).verdict == "none"
+
+
 def test_packages_register_effects(monkeypatch):
     from stablepush.effects import lab
 
