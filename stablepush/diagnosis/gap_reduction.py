@@ -35,7 +35,7 @@ _OFF, _SIGNIFICANT = 2.0, 0.01
 _CLEAR = 1.5
 #: Or so many times as large, if in a few pushes only.
 _FAR = 5.0
-#: What a simulated push of rigid bodies may end off by itself, over the radius of the slider.
+#: Error of the final pose of a push that is simulated with rigid bodies, over the radius of the slider.
 _RIGID = 0.01
 #: Shares of a gap that effects may leave of what a refit without them leaves, and of what the nominal simulation leaves.
 _LEAVES_OF_REFIT, _LEAVES = 0.5, 0.1
