@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stablepush.core import BoolArray, Deadline, FloatArray, InputError, OutOfTimeError
-from stablepush.planning import PROMISED, PlanningProblem, PlanOptions
+from stablepush.planning import PlanningProblem, PlanOptions, promised_region
 from stablepush.stability import StabilityOracle
 
 #: Pushes stay this far (rad) inside the stable set, so that the check, which allows 1e-6, never disagrees.
@@ -31,9 +31,9 @@ class StableSet:
         self.oracle = StabilityOracle(problem.surface, problem.contacts[contact])
         self._problem, self._least, self._deadline = problem, max(0.0, problem.min_margin) + _INSIDE, deadline or Deadline()
         self._within = [asked.regions[contact]] if asked.regions else []
-        if asked.region in PROMISED:
-            worst = problem.uncertainty.worst_contact(problem.contacts[contact])
-            self._within.append(PROMISED[asked.region](problem.slider, worst))
+        promised = promised_region(problem, contact, asked.region)
+        if promised is not None:
+            self._within.append(promised)
         self._members: list[StabilityOracle] = []
         self._votes = asked.probability
         if asked.probability > 0:

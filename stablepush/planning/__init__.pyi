@@ -5,7 +5,7 @@ from .comparison import RegionPlan as RegionPlan, certified_share as certified_s
 from .correct import correct as correct
 from .correction import Correction as Correction, load_corrections as load_corrections
 from .feasibility import infeasibility as infeasibility
-from .options import PROMISED as PROMISED, REGIONS as REGIONS, PlanOptions as PlanOptions
+from .options import REGIONS as REGIONS, PlanOptions as PlanOptions, promised_region as promised_region
 from .problem import (
     PlanningProblem as PlanningProblem,
     disc_outlines as disc_outlines,

@@ -6,12 +6,25 @@ import math
 from dataclasses import dataclass, field
 
 from stablepush.core import InputError, check_number, renamed_fields
+from stablepush.planning.problem import PlanningProblem
 from stablepush.stability import StableRegion, all_pressure_region, lynch_mason_region
 
 #: Regions that hold for every pressure.
-PROMISED = {"all-pressure": all_pressure_region, "conservative": lynch_mason_region}
+_PROMISED = {"all-pressure": all_pressure_region, "conservative": lynch_mason_region}
 #: Sets of rotation centres that a plan may draw on.
-REGIONS = ("model", *PROMISED)
+REGIONS = ("model", *_PROMISED)
+
+
+def promised_region(problem: PlanningProblem, number: int, region: str) -> StableRegion | None:
+    """Return the motions that a region guarantees at a contact, whatever the problem says is uncertain; None for ``"model"``.
+
+    They hold for every pressure, every friction and place of the fingers (:meth:`Uncertainty.worst_contact`) and every centre
+    of mass in its box (:attr:`Uncertainty.com_tolerance`).
+    """
+    if region not in _PROMISED:
+        return None
+    unknown = problem.uncertainty
+    return _PROMISED[region](problem.slider, unknown.worst_contact(problem.contacts[number]), com_tolerance=unknown.com_tolerance)
 
 
 @renamed_fields(cor_rate="max_twist_rate", improve="refinement_budget")
@@ -24,8 +37,8 @@ class PlanOptions:
     region : {"model", "all-pressure", "conservative"}
         CORs that a plan may use. ``"model"``: those that the limit surface calls stable. ``"all-pressure"``: of these, the ones
         that are stable for every pressure distribution. ``"conservative"``: of these, the ones that Lynch and Mason's STABLE
-        finds. The last two hold for every contact friction and finger position that the problem's ``uncertainty`` allows
-        (:meth:`Uncertainty.worst_contact`) and assume an exact centre of mass.
+        finds. The last two hold for every contact friction and finger position that the problem's ``uncertainty`` allows, and
+        for every centre of mass within three standard deviations (:func:`promised_region`).
     probability : float
         Least share of the surface's ensemble that must call each push stable (a chance constraint for each arc); 0 asks nothing.
     margin_weight : float

@@ -29,7 +29,7 @@ from stablepush.planning.check import check_plan
 from stablepush.planning.collision import SweptBody
 from stablepush.planning.feasibility import infeasibility
 from stablepush.planning.likely import likely_plan
-from stablepush.planning.options import PROMISED, PlanOptions
+from stablepush.planning.options import PlanOptions, promised_region
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult, Push, Transfer
 from stablepush.planning.scenarios import alignment_push
@@ -194,10 +194,9 @@ def _alignment(problem: PlanningProblem, region: str) -> tuple[Push | None, str,
     words = f"the straight push of {1000 * push.length:.3g} mm that aligns the slider"
     if not SweptBody(problem, contact).push_is_free(push.start, push.twist, push.duration):
         return None, f"start: obstacles or bounds block {words}", ""
-    if region in PROMISED:
-        promised = PROMISED[region](problem.slider, problem.uncertainty.worst_contact(contact))
-        if not promised.contains_twists(push.twist[None])[0]:
-            return None, f"start: {words} is not stable for every pressure, contact friction and finger position", ""
+    promised = promised_region(problem, 0, region)
+    if promised is not None and not promised.contains_twists(push.twist[None])[0]:
+        return None, f"start: {words} is not stable for every pressure, contact friction, finger position and centre of mass", ""
     return push, "", ""
 
 
@@ -221,9 +220,10 @@ def _assumptions(problem: PlanningProblem) -> str:
     ranges = [problem.uncertainty.friction_range(contact.mu) for contact in problem.contacts]
     low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
     return (
-        f"stable for every pressure under the slider, contact friction from {low:.3g} to {high:.3g}, and fingers up to "
-        f"{1000 * problem.uncertainty.contact_place:.3g} mm off along their edge; the centre of mass, the outline and the start "
-        "under the pusher are assumed exact"
+        f"stable for every pressure under the slider, contact friction from {low:.3g} to {high:.3g}, fingers up to "
+        f"{1000 * problem.uncertainty.contact_place:.3g} mm off along their edge, and a centre of mass up to "
+        f"{1000 * problem.uncertainty.com_tolerance:.3g} mm off along each axis; the outline and the start under the pusher are "
+        "assumed exact"
     )
 
 

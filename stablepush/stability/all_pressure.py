@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError, check_array, check_number, first_least, read_only
 from stablepush.geometry import unit
 from stablepush.objects import PushContact, Slider
+from stablepush.stability.center_of_mass import box_corners, require_inside
 from stablepush.stability.kernels.chart import SphericalPolygons, hemisphere, new_places, spherical_polygons_from_disc, whole_disc
 from stablepush.stability.region import EXTENT_RADII, Interval, StableRegion, all_turns, cut_parts
 
@@ -73,31 +74,19 @@ class _Support:
             raise InputError("slider", "expected support points that are not all on a line")
         # pressure lies on the outline itself, which need not be convex; support points may share their load within their hull
         vertices = slider.vertices if slider.support is None else hull
-        try:
-            tolerance = np.atleast_1d(np.asarray(com_tolerance, dtype=np.float64))
-        except (TypeError, ValueError):
-            raise InputError("com_tolerance", "expected one or two half widths >= 0 in m", repr(com_tolerance)) from None
-        if tolerance.shape not in ((1,), (2,)) or not np.isfinite(tolerance).all() or (tolerance < 0).any():
-            raise InputError("com_tolerance", "expected one or two half widths >= 0 in m", repr(com_tolerance))
-        box = np.broadcast_to(tolerance, (2,))
+        corners = box_corners(com_tolerance)
+        require_inside(hull, corners)
         self.rho = (
             slider.characteristic_length if length is None else check_number(length, "characteristic_length", positive=True)
         )
         self.vertices = np.ascontiguousarray(vertices / self.rho)
-        corners = np.unique(np.array(((1, 1), (-1, 1), (-1, -1), (1, -1))) * box, axis=0)
         self.coms = np.ascontiguousarray(corners / self.rho)
         self.first = self._triangle(hull / self.rho)
         self.cone = contact.cone(self.rho)
         self.facets = np.ascontiguousarray(self.cone.normals)
 
     def _triangle(self, v: FloatArray) -> FloatArray:
-        """Three vertices (3, 2) of the hull whose triangle holds the first place of the COM; every place must be inside the
-        hull."""
-        edges = np.roll(v, -1, axis=0) - v
-        for z in self.coms:
-            height = edges[:, 0] * (z[1] - v[:, 1]) - edges[:, 1] * (z[0] - v[:, 0])
-            if (height < 1e-9 * np.linalg.norm(edges, axis=1)).any():
-                raise InputError("slider", "expected the centre of mass, with its tolerance, inside the hull of the support")
+        """Three vertices (3, 2) of the hull whose triangle holds the first place of the COM."""
         found = []
         for i in range(1, len(v) - 1):
             corners = v[[0, i, i + 1]]
