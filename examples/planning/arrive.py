@@ -184,9 +184,12 @@ def slipped(task: Task, done: Execution) -> float:
     return max(float(np.linalg.norm(path - path[min(50, len(path) - 1)], axis=1).max()) for path in paths)
 
 
-def rows_of(job: tuple[str, str, int, float, list[str] | None, tuple[float, float], int]) -> list[dict[str, Any]]:
+Between = tuple[float, float]
+
+
+def rows_of(job: tuple[str, str, int, float, list[str] | None, Between, Between, int]) -> list[dict[str, Any]]:
     """Plans of a task in all modes, executed; none if it has no quickest plan."""
-    study, engine, seed, budget, only, between, repeats = job
+    study, engine, seed, budget, only, sticking, arriving, repeats = job
     task = random_task(seed)
     rows: list[dict[str, Any]] = []
     with warnings.catch_warnings():
@@ -198,14 +201,17 @@ def rows_of(job: tuple[str, str, int, float, list[str] | None, tuple[float, floa
             if only and name not in only:
                 continue
             result = sp.plan(task.problem, time_limit=30, refinement_budget=budget, **asked) if asked != QUICKEST else quickest
-            if result.solved and not between[0] <= (result.success_probability or 0.0) <= between[1]:
+            stated = about_end(task, result) if result.solved else None
+            if stated and not (sticking[0] <= stated.probability <= sticking[1] and arriving[0] <= stated.arrival <= arriving[1]):
                 continue
             truths = {"beyond": BEYOND, "guarantees": {name: {}, f"{name}, exact centre": EXACT}}.get(study, {name: {}})
             for words, off in truths.items():
                 row = {"seed": seed, "name": words, "solved": result.solved, "quickest": quickest.duration}
-                if not result.solved:
+                if stated is None:
                     rows.append(row)
-                for again in range(repeats if result.solved else 0):
+                    continue
+                row |= {"sticking_stated": stated.probability, "arrival_stated": stated.arrival}
+                for again in range(repeats):
                     rows.append(row | judged(retried(task, again), result, engine, off))
     return rows
 
@@ -220,15 +226,14 @@ def retried(task: Task, again: int) -> Task:
     return replace(task, contact_mu=float(rng.uniform(low, high)), aside=aside)
 
 
+def about_end(task: Task, result: sp.PlanResult) -> sp.Success:
+    """The probabilities that a plan states, of arriving at its own end, against which arrival is judged."""
+    return sp.estimate_success(task.problem.with_changes(goal=result.pushes[-1].end, tolerance=NEAR), result, seed=1)
+
+
 def judged(task: Task, result: sp.PlanResult, engine: str, off: dict[str, float]) -> dict[str, Any]:
-    """The probabilities that a plan states, and the outcome of its execution."""
+    """The outcome of an execution."""
     end = result.pushes[-1].end
-    # for the end of the plan, against which arrival is judged
-    problem = task.problem
-    about_end = sp.PlanningProblem(
-        problem.slider, problem.surface, problem.contacts, problem.start, end, tolerance=NEAR, uncertainty=UNCERTAINTY
-    )
-    stated = sp.estimate_success(about_end, result, seed=1)
     true = replace(task, contact_mu=task.contact_mu * off.get("friction", 1.0), aside=off.get("aside", task.aside))
     true = replace(true, displaced=off.get("start", 0.0), feet=task.feet - off.get("exact", 0.0) * task.center)
     done = carried_out(true, result.pushes, engine)
@@ -237,8 +242,6 @@ def judged(task: Task, result: sp.PlanResult, engine: str, off: dict[str, float]
     return {
         "duration": result.duration,
         "planning_time": result.planning_time,
-        "sticking_stated": stated.probability,
-        "arrival_stated": stated.arrival,
         "stuck": slip < STUCK,
         "arrived": distance <= NEAR[0] and turn <= NEAR[1],
         "distance": distance,
@@ -310,6 +313,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--only", nargs="*", help="planning modes, if not all of the study")
     parser.add_argument("--between", type=float, nargs=2, default=(0.0, 1.0), help="execute plans that state such a success only")
+    parser.add_argument("--arriving", type=float, nargs=2, default=(0.0, 1.0), help="and such an arrival")
     parser.add_argument("--repeats", type=int, default=1, help="executions of a plan, each with other fingers")
     parser.add_argument("--show", type=Path, nargs="*", help="rows of earlier runs, to print again")
     options = parser.parse_args()
@@ -323,8 +327,8 @@ def main() -> None:
     with ProcessPoolExecutor(options.jobs) as pool:
         while solved < options.tasks:
             seeds = range(seed, seed + min(2 * options.jobs, options.tasks - solved))
-            between = tuple(options.between)
-            asked = [(options.study, options.engine, k, options.budget, options.only, between, options.repeats) for k in seeds]
+            between = (tuple(options.between), tuple(options.arriving))
+            asked = [(options.study, options.engine, k, options.budget, options.only, *between, options.repeats) for k in seeds]
             for found in pool.map(rows_of, asked):
                 rows += found
                 solved += bool(found)

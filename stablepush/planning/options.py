@@ -16,15 +16,14 @@ REGIONS = ("model", *_PROMISED)
 
 
 def promised_region(problem: PlanningProblem, number: int, region: str) -> StableRegion | None:
-    """Return the motions that a region guarantees at a contact, whatever the problem says is uncertain; None for ``"model"``.
+    """Return the motions that a region guarantees at a contact; None for ``"model"``.
 
-    They hold for every pressure, every friction and place of the fingers (:meth:`Uncertainty.worst_contact`) and every centre
-    of mass in its box (:attr:`Uncertainty.com_tolerance`).
+    They hold for every pressure and for every friction and place of the fingers that the problem's ``uncertainty`` allows
+    (:meth:`Uncertainty.worst_contact`). The centre of mass is taken as exact.
     """
     if region not in _PROMISED:
         return None
-    unknown = problem.uncertainty
-    return _PROMISED[region](problem.slider, unknown.worst_contact(problem.contacts[number]), com_tolerance=unknown.com_tolerance)
+    return _PROMISED[region](problem.slider, problem.uncertainty.worst_contact(problem.contacts[number]))
 
 
 @renamed_fields(cor_rate="max_twist_rate", improve="refinement_budget")
@@ -37,8 +36,8 @@ class PlanOptions:
     region : {"model", "all-pressure", "conservative"}
         CORs that a plan may use. ``"model"``: those that the limit surface calls stable. ``"all-pressure"``: of these, the ones
         that are stable for every pressure distribution. ``"conservative"``: of these, the ones that Lynch and Mason's STABLE
-        finds. The last two hold for every contact friction and finger position that the problem's ``uncertainty`` allows, and
-        for every centre of mass within three standard deviations (:func:`promised_region`).
+        finds. The last two hold for every contact friction and finger position that the problem's ``uncertainty`` allows and
+        take the centre of mass as exact (:func:`promised_region`).
     probability : float
         Least share of the surface's ensemble that must call each push stable (a chance constraint for each arc); 0 asks nothing.
     margin_weight : float

@@ -196,7 +196,7 @@ def _alignment(problem: PlanningProblem, region: str) -> tuple[Push | None, str,
         return None, f"start: obstacles or bounds block {words}", ""
     promised = promised_region(problem, 0, region)
     if promised is not None and not promised.contains_twists(push.twist[None])[0]:
-        return None, f"start: {words} is not stable for every pressure, contact friction, finger position and centre of mass", ""
+        return None, f"start: {words} is not stable for every pressure, contact friction and finger position", ""
     return push, "", ""
 
 
@@ -220,10 +220,9 @@ def _assumptions(problem: PlanningProblem) -> str:
     ranges = [problem.uncertainty.friction_range(contact.mu) for contact in problem.contacts]
     low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
     return (
-        f"stable for every pressure under the slider, contact friction from {low:.3g} to {high:.3g}, fingers up to "
-        f"{1000 * problem.uncertainty.contact_place:.3g} mm off along their edge, and a centre of mass up to "
-        f"{1000 * problem.uncertainty.com_tolerance:.3g} mm off along each axis; the outline and the start under the pusher are "
-        "assumed exact"
+        f"stable for every pressure under the slider, contact friction from {low:.3g} to {high:.3g}, and fingers up to "
+        f"{1000 * problem.uncertainty.contact_place:.3g} mm off along their edge; the centre of mass, the outline and the start "
+        "under the pusher are assumed exact"
     )
 
 

@@ -11,8 +11,6 @@ from stablepush.objects import PushContact
 
 #: Points of one edge differ by no more (m) along its normal.
 _LEVEL = 1e-9
-#: What a guarantee covers of the centre of mass, in standard deviations along each axis: 99.5 % of all places.
-_DEVIATIONS = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +66,6 @@ class Uncertainty:
         """Half-width of the friction of the contacts over its middle."""
         given = self.contact_friction
         return (given[1] - given[0]) / (given[1] + given[0]) if isinstance(given, tuple) else given
-
-    @property
-    def com_tolerance(self) -> float:
-        """Half width (m), three standard deviations, of the box of centres of mass that a guarantee covers."""
-        return _DEVIATIONS * self.center_of_mass
 
     def worst_contact(self, contact: PushContact) -> PushContact:
         """Return a contact whose wrench cone lies in the cones of all contacts that a nominal one may be.

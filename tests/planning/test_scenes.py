@@ -38,15 +38,11 @@ def test_scenes_are_solved_or_refused(name):
 
 
 def test_what_the_model_buys():
-    scene = sp.load_scene(SCENES / "tight-turn.json")
-    exact = scene.with_changes(uncertainty=sp.Uncertainty(center_of_mass=0.0))
-    plans = {one.region: one for one in sp.compare_regions(exact, refinement_budget=0)}
+    plans = {one.region: one for one in sp.compare_regions(sp.load_scene(SCENES / "tight-turn.json"), refinement_budget=0)}
     assert list(plans) == ["model", "all-pressure", "conservative"]
     assert plans["model"].result.duration < plans["conservative"].result.duration
     assert plans["all-pressure"].certified == plans["conservative"].certified == 1
     assert 0 < plans["model"].certified < 1
-    # of the turns that STABLE has about every centre of mass within 3 mm none is tight enough
-    assert sp.plan(scene, success=0, region="conservative").status == "no-path"
 
 
 def test_the_sweep_study(tmp_path):
