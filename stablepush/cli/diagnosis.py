@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 def diagnose(
     log: Annotated[Path, typer.Argument(help="pushlog/1 folder.")],
+    simulated: Annotated[
+        Path | None, typer.Option(help="pushlog/1 folder of another simulator, same commands: the nominal simulation.")
+    ] = None,
     answer: Annotated[Path | None, typer.Option("--json", help="diagnosis/1 file to write.")] = None,
     html: Annotated[Path | None, typer.Option(help="Report as one HTML page.")] = None,
     pushes: Annotated[Path | None, typer.Option(help="CSV list of the pushes to try next, as simulate takes it.")] = None,
@@ -34,9 +37,12 @@ def diagnose(
     for path in (answer, html, pushes, mended):
         if path is not None:
             require_outside(path, log)
+            if simulated is not None:
+                require_outside(path, simulated)
     data = read_pushlog(log)
+    other = None if simulated is None else read_pushlog(simulated)
     with about(log), Progress("diagnose") as step:
-        report = run(data, name=str(log), progress=step.describe)
+        report = run(data, name=str(log), simulated=other, progress=step.describe)
     if answer is not None:
         write_json(answer, report.to_json())
     if html is not None:
@@ -54,7 +60,7 @@ def diagnose(
         unit = "" if entry.unit == "1" else f" {entry.unit}"
         sizes = f"{entry.before:.4g}{unit} before, {entry.after:.4g} after, floor {entry.floor:.4g}"
         print(f"{entry.channel}: {sizes}; explained {100 * entry.closed:.0f} % ({percent(low)} to {percent(high)})")
-    if answer is not None and report.verdict in ("absorbed", "named", "ambiguous"):
+    if answer is not None and report.corrected and report.verdict in ("absorbed", "named", "ambiguous"):
         print(f"to plan for the rig as it is: stablepush correct SCENE.json {answer} -o SCENE2.json")
 
 
@@ -71,6 +77,9 @@ def _write_pushes(report: GapReport, path: Path) -> None:
 def _write_corrected(report: GapReport, folder: Path) -> None:
     from stablepush.io import model_to_json, rig_to_json, write_json
 
+    if not report.corrected:
+        print(f"{folder}: not written: what differs from another simulator corrects that simulator, not rig.json")
+        return
     if report.surface is None:
         print(f"{folder}: not written: a corrected simulation needs forces in the log, or mass and support friction in rig.json")
         return

@@ -30,6 +30,7 @@ from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import Replay, replays
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
+from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
 from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
 from stablepush.diagnosis.system import System, log_rows, system_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share, residuals
@@ -50,6 +51,8 @@ _MISFIT = 4.0
 _COMMON, _P_COMMON = 8.0, 1e-3
 #: Trials and effects that a sentence lists at most, and the least probability of an effect that one lists.
 _LISTED, _LIKELY = 3, 0.05
+#: Final poses that differ from another simulator's by so many times what repeats scatter are off.
+_CLEARLY = 1.5
 #: A sentence names a channel whose gap is reduced by more than this share.
 _REPORTED = 0.05
 
@@ -131,7 +134,12 @@ class GapReport:
 
 
 def diagnose(
-    log: PushLog, *, name: str = "", effects: Sequence[LabEffect] = (), progress: Callable[[str], None] | None = None
+    log: PushLog,
+    *,
+    name: str = "",
+    simulated: PushLog | None = None,
+    effects: Sequence[LabEffect] = (),
+    progress: Callable[[str], None] | None = None,
 ) -> GapReport:
     """Diagnose the gap between a log of real pushes and the nominal simulation that its rig describes.
 
@@ -140,6 +148,10 @@ def diagnose(
     log : PushLog
     name : str
         What the log is called in the report.
+    simulated : PushLog, optional
+        The same commands carried out by another simulator: its log is the nominal simulation. Trials match by ``group`` where
+        both logs have it, else by ``trial``, rows by ``t``. An effect is what our model says it changes. The report then has no
+        corrected rig: what differs is of the other simulator.
     effects : sequence of LabEffect, optional
         Effects of the lab's own, tested beside the catalogue and those that packages registered. They need a log with forces.
     progress : callable, optional
@@ -154,12 +166,17 @@ def diagnose(
         raise InputError("log", "expected a PushLog, as of read_pushlog", type(log).__name__)
     progress = progress or (lambda _: None)
     progress("reading")
+    comparison = None if simulated is None else compare(log, simulated)
+    if comparison is not None:
+        if not comparison.can_name:
+            return _only_compared(log, name, comparison)
+        log = comparison.log
     observations = observe(log)
     if len(np.unique(observations.trial)) < 2:
         return _too_little(log, name)
     forces = bool(observations.has_wrench.any())
     own = applicable(lab_effects(effects), log_rows(observations), [effect.id for effect in effects])
-    system, pushes, left_out = _equations(log, observations, own)
+    system, pushes, left_out = _equations(log, observations, own, comparison)
     found = attribute(system, progress)
     found = without_contradiction(system, found, pushes)
     if "contact-friction" not in found.named:
@@ -226,11 +243,11 @@ def diagnose(
     sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
     surface = system.surface(found.final.loads) if sized else None
     # a rig has fingers of one radius
-    simulated = [id for id in named if id != "contact-geometry" or all(observations.off)]
-    report_effects = {
-        entry.effect: entry.estimates for entry in ranking if entry.effect in simulated and entry.effect in CATALOGUE
-    }
+    of_rig = [id for id in named if id != "contact-geometry" or all(observations.off)]
+    report_effects = {entry.effect: entry.estimates for entry in ranking if entry.effect in of_rig and entry.effect in CATALOGUE}
     notes = _notes(log, system, found, reported, share, p_share, left_out)
+    if comparison is not None:
+        notes = [*comparison.notes(), *notes]
     slipping, after = slipping_unexpectedly(held, log), _next(system, found, reported, ranking)
     if slipping:
         names = ", ".join(observations.names[k] for k in slipping[:_LISTED])
@@ -262,9 +279,9 @@ def diagnose(
         else _sentence(system, verdict, reported, reduced, touch, system.has_wrench, log.rig.noise is not None),
         notes=notes,
         rig=_completed(log.rig, system, found),
-        surface=surface,
+        surface=surface if comparison is None else None,
         effects=report_effects,
-        corrected=corrections(system, found, ranking, reported, reshaped),
+        corrected=[] if comparison is not None else corrections(system, found, ranking, reported, reshaped),
         evidence=evidence(system, found, ranking, reported, why),
         residuals={k: system.observations.wrench - v for k, v in held.wrenches.items()},
         ends=held.ends,
@@ -293,10 +310,15 @@ def gap_reductions_with(log: PushLog, effects: list[str]) -> list[GapReduction]:
 
 
 def _equations(
-    log: PushLog, observations: Observations, own: Mapping[str, LabEffect] = MappingProxyType({})
+    log: PushLog,
+    observations: Observations,
+    own: Mapping[str, LabEffect] = MappingProxyType({}),
+    comparison: Comparison | None = None,
 ) -> tuple[System, list[Replay], int]:
     """The equations of a log, the pushes whose final poses are measurements, and how many others the log has."""
     replayed = replays(log, observations)
+    if comparison is not None:
+        observations, replayed = less_simulated(comparison, observations, replayed)
     if replayed and not observations.has_wrench.any():
         motions = motions_of(observations, log.rig, replayed)
         return motions, motions.pushes, len(replayed) - len(motions.pushes)
@@ -308,14 +330,37 @@ def _equations(
 def _too_little(log: PushLog, name: str) -> GapReport:
     """The answer to a log that can show nothing."""
     words = "the log has fewer than two pushes in which the slider is seen to move: it cannot be diagnosed"
-    ranking = [RankedEffect(id, 0.02, {}, False, UNSEEN[id]) for id in CATALOGUE]
+    return _without_causes(log, name, Verdict.NONE, [], [], f"{words[0].upper()}{words[1:]}.", [words], UNSEEN)
+
+
+def _only_compared(log: PushLog, name: str, comparison: Comparison) -> GapReport:
+    """How far a log is from another simulator's where no causes can be told."""
+    gap = comparison.gap()
+    clear = gap.nominal > _CLEARLY * gap.noise_floor and gap.p_lack_of_fit < _LIKELY
+    why = dict.fromkeys(CATALOGUE, "these pushes cannot tell causes apart")
+    return _without_causes(
+        log, name, Verdict.UNKNOWN if clear else Verdict.NONE, [gap], [comparison.reduction()], comparison.sentence(),
+        comparison.notes(), why,
+    )  # fmt: skip
+
+
+def _without_causes(
+    log: PushLog,
+    name: str,
+    verdict: Verdict,
+    gaps: list[ChannelGap],
+    reduced: list[GapReduction],
+    sentence: str,
+    notes: list[str],
+    reasons: Mapping[str, str],
+) -> GapReport:
+    ranking = [RankedEffect(id, 0.02, {}, False, reasons[id]) for id in CATALOGUE]
     nothing = np.zeros((0, 3))
     after = NextExperiment([], [], "make more pushes, at varied headings, places, speeds and faces, in random order")
-    sentence = f"{words[0].upper()}{words[1:]}."
     return GapReport(
-        name, len(log), [], Verdict.NONE, [], [], [], ranking, [], [], after, sentence, [words], log.rig, None,
-        {}, [], {id: not_identifiable(UNSEEN[id]) for id in CATALOGUE}, {}, {}, nothing, nothing, nothing, np.zeros(0),
-        np.zeros(0), np.zeros(0), [], [],
+        name, len(log), [entry.channel for entry in gaps], verdict, [], gaps, [], ranking, reduced, [], after, sentence, notes,
+        log.rig, None, {}, [], {id: not_identifiable(reasons[id]) for id in CATALOGUE}, {}, {}, nothing, nothing, nothing,
+        np.zeros(0), np.zeros(0), np.zeros(0), [], [],
     )  # fmt: skip
 
 
