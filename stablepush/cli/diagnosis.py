@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def diagnose(
-    log: Annotated[Path, typer.Argument(help="pushlog/1 folder.")],
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="pushlog/1 folder; several of one rig together.")],
     simulated: Annotated[
         Path | None, typer.Option(help="pushlog/1 folder of another simulator, same commands: the nominal simulation.")
     ] = None,
@@ -35,14 +36,14 @@ def diagnose(
         if mended in (answer, html, pushes):
             raise InputError("", "expected different output paths, this one is given twice", file=mended)
     for path in (answer, html, pushes, mended):
-        if path is not None:
-            require_outside(path, log)
-            if simulated is not None:
-                require_outside(path, simulated)
-    data = read_pushlog(log)
+        for folder in (*logs, *([] if simulated is None else [simulated])):
+            if path is not None:
+                require_outside(path, folder)
+    data = [read_pushlog(log) for log in logs]
     other = None if simulated is None else read_pushlog(simulated)
-    with about(log), Progress("diagnose") as step:
-        report = run(data, name=str(log), simulated=other, progress=step.describe)
+    about_logs = about(logs[0]) if len(logs) == 1 else nullcontext()
+    with about_logs, Progress("diagnose") as step:
+        report = run(data, name=[str(log) for log in logs], simulated=other, progress=step.describe)
     if answer is not None:
         write_json(answer, report.to_json())
     if html is not None:
@@ -53,7 +54,7 @@ def diagnose(
         _write_pushes(report, pushes)
     if mended is not None:
         _write_corrected(report, mended)
-    print(f"{log}: {report.verdict}{': ' + ', '.join(report.named) if report.named else ''}")
+    print(f"{report.log}: {report.verdict}{': ' + ', '.join(report.named) if report.named else ''}")
     print(report.sentence)
     for entry in report.reductions:
         low, high = entry.ci95

@@ -39,6 +39,8 @@ _TWO = 2.0
 _ALL_BUT = 0.9
 #: A further cause must gain this share of what those before it explain: what an effect of another form leaves is not another's.
 _FURTHER = 0.03
+#: A part of a log would show an effect if that should gain so much there.
+_SHOWS = 6.0
 #: What a term of a family must gain more, and the largest logarithm of the p-value of all of them.
 _CHARGE, _LOG_P = 4.0, math.log(1e-3)
 #: The centre of pressure has moved if it is off by so many standard deviations, and that does this share of what a refit does.
@@ -90,7 +92,8 @@ class Attribution:
     ``chosen``: effects that act; ``confounded``: those that are confounded with one of them in this log, ``confounded_with``;
     ``free``: whether the refitted pressure is needed; ``final``: the fit with all of it; ``tests`` of all effects, each given
     the others that are chosen; ``scores`` by name: held-out log densities (trials,) of the nominal simulation and its
-    refits; ``screened``: how effects fared that pressure cannot take in.
+    refits; ``screened``: how effects fared that pressure cannot take in; ``single``: effects that stood out but act in one
+    half of the pushes only, or not in all of several logs that would show them.
     """
 
     chosen: list[str]
@@ -103,6 +106,7 @@ class Attribution:
     scores: dict[str, FloatArray]
     contact: ContactFriction | None
     screened: dict[str, Screening]
+    single: Sequence[str] = ()
 
     @property
     def named(self) -> list[str]:
@@ -145,6 +149,11 @@ def held_out(system: System, effects: Sequence[str], free: bool, folds: np.ndarr
 def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
     """Find which effects act on a log."""
     chosen, current, screened = _steps(system, progress)
+    single = [id for id in chosen if not _replicates(system, chosen, id)]
+    if single:
+        chosen = [id for id in chosen if id not in single]
+        system.opened -= set(single)
+        current = system.fit(chosen, True)
     confounded_with, confounded = _confounded(system, chosen, current)
     scores: dict[str, FloatArray] = {}
     recalibrated, free = False, True
@@ -190,7 +199,17 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
         # each in the place of the cause that it is confounded with
         tests |= system.tests(system.fit([e for e in chosen if e != confounded_with], free), free, confounded)
     return Attribution(
-        chosen, confounded, confounded_with, recalibrated, free, final, tests, scores, slip_friction(system, final), screened
+        chosen,
+        confounded,
+        confounded_with,
+        recalibrated,
+        free,
+        final,
+        tests,
+        scores,
+        slip_friction(system, final),
+        screened,
+        single,
     )
 
 
@@ -246,6 +265,29 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
                     screened[id], given=tuple(chosen), gain=test.gain, statistic=test.statistic, significantly_better=False
                 )
     return chosen, current, screened
+
+
+def _replicates(system: System, chosen: Sequence[str], id: str) -> bool:
+    """Whether an effect does what it does in each half of the pushes, and in each log that would show it.
+
+    With the scores and the information of the trials of a part, and the estimate of all, the sum of squares there must fall.
+    """
+    if not system.has_wrench:
+        return True
+    test = system.tests(system.fit([e for e in chosen if e != id], True), True, [id], whole=id in system.opened)[id]
+    theta = test.estimate
+    # scores are those that the step leaves
+    score = test.scores + np.einsum("tij,j->ti", test.shares, theta)
+    gain = 2 * score @ theta - np.einsum("i,tij,j->t", theta, test.shares, theta)
+    expected = np.einsum("i,tij,j->t", theta, test.shares, theta)
+    half = folds_of(system)[: len(gain)] % 2
+    parts = [half == k for k in range(2)]
+    if system.logs > 1 and id not in system.each:
+        parts += [system.log[: len(gain)] == k for k in range(system.logs)]
+    # in the units of a gain
+    scale = test.gain / max(float(expected.sum()), 1e-30)
+    asked = [part for part in parts if scale * float(expected[part].sum()) > _SHOWS]
+    return all(float(gain[part].sum()) > 0 for part in asked)
 
 
 def _with_forms(system: System, chosen: Sequence[str], current: Fitted) -> Fitted:
@@ -333,6 +375,9 @@ def _as_good_as_free(system: System, scores: dict[str, FloatArray], body: dict[s
 
 def _center_has_moved(system: System, scores: dict[str, FloatArray], moved: FloatArray) -> bool:
     """Whether the centre of the refitted pressure is clearly elsewhere, and that is most of what a refit gains."""
+    if system.logs > 1:
+        # each log has a pressure of its own
+        return False
     fitted = system.fit([], True)
     loads, nominal = fitted.loads, system.nominal
     center = loads @ system.points / loads.sum()

@@ -58,7 +58,7 @@ def loads_of(system: System) -> Candidates:
     def readings(id: str, fitted: Fitted, step: FloatArray) -> FloatArray:
         value = fitted.values[id] + step
         effects = {**fitted.values, id: value}
-        load = model.predict(fitted.loads, {k: v for k, v in effects.items() if k in PARAMETERS})
+        load = model.predict(system.of_last(fitted.loads), {k: v for k, v in effects.items() if k in PARAMETERS})
         return np.column_stack((load / noise, seen * _clearance_change(id, value, inward, o.twist) / system.clearance_noise))
 
     def expected(difference: FloatArray) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.optimize import nnls
@@ -79,8 +80,18 @@ def _correction(
         contact_friction_error=error,
         finger_radius=radius,
         tracker_offset=tracker,
-        effects=tuple(KnownEffect(Effect(id, known[id].estimates), _covariance(known[id])) for id in others),
+        effects=tuple(
+            KnownEffect(Effect(id, of_last_log(known[id], system)), None if id in system.each else _covariance(known[id]))
+            for id in others
+        ),
     )
+
+
+def of_last_log(entry: RankedEffect, system: System) -> dict[str, Any]:
+    """Return the estimates of an effect by parameter; of one that each log has of its own, those of the last."""
+    if entry.effect not in system.each:
+        return entry.estimates
+    return {name: value[-1] for name, value in entry.estimates.items()}
 
 
 def _surface(system: System, fitted: Fitted, effects: Sequence[str], free: bool, refitted: bool) -> LimitSurface | None:
@@ -92,9 +103,10 @@ def _surface(system: System, fitted: Fitted, effects: Sequence[str], free: bool,
     sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
     if not (refitted or moved) or not sized:
         return system.rig.model
-    rng, deviations = np.random.default_rng(0), system.deviations(fitted, free)
-    drawn = [fitted.loads + deviations @ rng.normal(size=deviations.shape[1]) for _ in range(_MEMBERS)]
-    rows = np.array([_pressure(system, loads) for loads in (fitted.loads, *drawn)])
+    rng, deviations = np.random.default_rng(0), system.of_last(system.deviations(fitted, free))
+    best = system.of_last(fitted.loads)
+    drawn = [best + deviations @ rng.normal(size=deviations.shape[1]) for _ in range(_MEMBERS)]
+    rows = np.array([_pressure(system, loads) for loads in (best, *drawn)])
     carrying = rows.max(axis=0) > _LEAST_SHARE * float(rows[0].sum())
     points, rows = system.points[carrying], rows[:, carrying]
     if "pressure-spread" in fitted.values:
@@ -118,7 +130,7 @@ def _pressure(system: System, loads: FloatArray) -> FloatArray:
     wanted = of(loads)
     if believed.model is not None:
         nominal = believed.load * believed.model.wrench(twists) / (1, 1, system.rho)
-        wanted = nominal.ravel() + wanted - of(system.nominal)
+        wanted = nominal.ravel() + wanted - of(system.of_last(system.nominal))
     found, _ = nnls(design, wanted)
     return np.asarray(found)
 

@@ -228,7 +228,7 @@ class Equations(ABC):
                 new_loads = loads + share * (directions @ step[:q])
                 ends = q + np.cumsum([0, *(self.size(id) for id in effects)])
                 new_values = {
-                    id: self._clipped(id, values[id] + share * step[i:j])
+                    id: self.clipped(id, values[id] + share * step[i:j])
                     for id, i, j in zip(effects, ends[:-1], ends[1:], strict=True)
                 }
                 new_residual = self.residual(new_loads, new_values)
@@ -241,7 +241,7 @@ class Equations(ABC):
         covariance = self._spread(design, data, prior, residual, use)[q:, q:]
         return Fitted(loads, values, covariance, residual, self.density(residual, use))
 
-    def _clipped(self, id: str, value: FloatArray) -> FloatArray:
+    def clipped(self, id: str, value: FloatArray) -> FloatArray:
         """Values within what makes sense."""
         if id in self.own:
             return np.clip(value, self.own[id].parameter.least, self.own[id].parameter.most)

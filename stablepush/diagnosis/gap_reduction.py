@@ -60,12 +60,13 @@ class HeldOut:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fold:
-    """Trials (all,) that are left out, and loads, surfaces and effects that were fitted to the others, by name of the fit."""
+    """Trials (all,) that are left out, and loads, surfaces of each log and effects that were fitted to the others, by name of
+    the fit."""
 
     test: np.ndarray
     loads: dict[str, FloatArray]
     values: dict[str, Values]
-    surfaces: dict[str, IdealLimitSurface]
+    surfaces: dict[str, tuple[IdealLimitSurface, ...]]
 
 
 def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[Replay]) -> HeldOut:
@@ -86,7 +87,7 @@ def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[
             part["pose"] = part["touch"]  # type: ignore[assignment, index]
     labels = _labels(system, log) if system.has_surface and system.rig.contact_friction is not None else {}
     if labels:
-        _stability(held, folds, labels, system.rig.model)
+        _stability(held, folds, labels, system.rig.model, system.log)
     return held
 
 
@@ -102,7 +103,7 @@ def _folds(system: System, found: Attribution) -> Iterator[_Fold]:
         loads = {"before": scaled, "refit": plain.loads, "after": corrected.loads}
         unknown = {id: v for id, v in plain.values.items() if id in system.nuisance}
         values: dict[str, Values] = {"before": {}, "refit": unknown, "after": {**corrected.values, **found.slips(system)}}
-        surfaces = {k: system.surface(m) for k, m in loads.items()} if system.has_surface else {}
+        surfaces = {k: system.surfaces(m) for k, m in loads.items()} if system.has_surface else {}
         yield _Fold(test, loads, values, surfaces)
 
 
@@ -161,17 +162,22 @@ def _clearances(held: HeldOut, system: System, folds: list[_Fold]) -> None:
 
 
 def _stability(
-    held: HeldOut, folds: list[_Fold], labels: dict[int, tuple[PushContact, FloatArray, bool]], model: LimitSurface | None
+    held: HeldOut,
+    folds: list[_Fold],
+    labels: dict[int, tuple[PushContact, FloatArray, bool]],
+    model: LimitSurface | None,
+    log: np.ndarray,
 ) -> None:
-    """Labels of stability: 1 where the oracle errs. ``model``: the nominal surface, if it is not that of points."""
+    """Labels of stability: 1 where the oracle errs. ``model``: the nominal surface, if it is not that of points; ``log``
+    (trials,): which log a trial is of."""
     held.squares["stability"] = {k: np.zeros(len(labels)) for k in _FITS}
     held.trials["stability"], held.floors["stability"] = np.array(list(labels)), 0.0
     for at, (trial, (contact, twist, stable)) in enumerate(labels.items()):
         fold = next(fold for fold in folds if fold.test[trial])
-        for key, surface in fold.surfaces.items():
+        for key, surfaces in fold.surfaces.items():
             shift_of_mu = float(fold.values[key].get("contact-friction", np.zeros(1))[0])
             touching = replace(contact, mu=max(0.0, contact.mu + shift_of_mu))
-            believed = model if model is not None and key == "before" else surface
+            believed = model if model is not None and key == "before" else surfaces[log[trial]]
             held.squares["stability"][key][at] = float(StabilityOracle(believed, touching).is_stable(twist) != stable)
 
 
@@ -191,7 +197,7 @@ def wrench_floor(system: System) -> float:
         (np.einsum("nii->ni", covariance) * scale**2).sum(axis=1) for covariance in (system.covariance, system.reading_covariance)
     )
     motion = np.maximum(rows - force, 0.0)
-    loads = np.abs(system.nominal)
+    loads = np.abs(system.of_last(system.nominal))
     most = max(float(loads.max()), _SMOOTH * float(loads.sum())) ** 2 + 1e-30
     return float((force + motion * most / (motion + most)).mean())
 
@@ -237,10 +243,21 @@ def _twists(surface: IdealLimitSurface, wrenches: FloatArray) -> FloatArray:
     return np.concatenate((_twists(surface, wrenches[:half]), _twists(surface, wrenches[half:])))
 
 
-def _angles(system: System, surface: IdealLimitSurface, wrenches: FloatArray) -> FloatArray:
+def _angles(system: System, surfaces: Sequence[IdealLimitSurface], wrenches: FloatArray) -> FloatArray:
     """Angles (n,) in ``(vx, vy, rho*omega)`` between slip twists of loads and the measured ones; none where there is no twist."""
-    scale = (1.0, 1.0, system.rho)
-    return np.nan_to_num(angle_between(_twists(surface, wrenches) * scale, system.observations.twist * scale))
+    return _apart(system, surfaces, np.arange(len(wrenches)), wrenches, system.observations.twist)
+
+
+def _apart(
+    system: System, surfaces: Sequence[IdealLimitSurface], rows: np.ndarray, wrenches: FloatArray, twists: FloatArray
+) -> FloatArray:
+    """Angles (m,) between the slip twists of loads (m, 3) and twists (m, 3) of rows (m,), each on the surface of its log."""
+    scale, found = np.array((1.0, 1.0, system.rho)), np.zeros(len(wrenches))
+    log = system.log[system.observations.trial[rows]]
+    for k, surface in enumerate(surfaces):
+        mine = np.flatnonzero(log == k)
+        found[mine] = np.nan_to_num(angle_between(_twists(surface, wrenches[mine]) * scale, twists[mine] * scale))
+    return found
 
 
 def _twist_floor(system: System, fold: _Fold, rows: np.ndarray) -> FloatArray:
@@ -248,13 +265,12 @@ def _twist_floor(system: System, fold: _Fold, rows: np.ndarray) -> FloatArray:
     rng = np.random.default_rng(0)
     clean = (system.model.predict(fold.loads["after"], {}) - system.model.beyond_points)[rows]
     noise = np.array((system.noise.force, system.noise.force, system.noise.moment))
-    scale = np.array((1.0, 1.0, system.rho))
     motion = system.observations.twist[rows]
     total = np.zeros(len(clean))
     for _ in range(_DRAWS):
         load = clean + noise * rng.normal(size=clean.shape)
         moved = motion + system.motion_noise[rows] * rng.normal(size=motion.shape)
-        total += np.nan_to_num(angle_between(_twists(fold.surfaces["after"], load) * scale, moved * scale)) ** 2
+        total += _apart(system, fold.surfaces["after"], np.flatnonzero(rows), load, moved) ** 2
     return total / _DRAWS
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from stablepush.core import FloatArray, InputError, renamed_fields
 from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out, slip_friction
-from stablepush.diagnosis.corrected import corrections
+from stablepush.diagnosis.corrected import corrections, of_last_log
 from stablepush.diagnosis.equations import SIZES, robust_variance
 from stablepush.diagnosis.evidence import Evidence, evidence, not_identifiable, readable
 from stablepush.diagnosis.gap_reduction import (
@@ -33,6 +33,7 @@ from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperimen
 from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
 from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
 from stablepush.diagnosis.system import System, log_rows, system_of
+from stablepush.diagnosis.together import join, observe_each, together_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share, residuals
 from stablepush.effects import CATALOGUE, LabEffect, applicable, lab_effects
 from stablepush.geometry import rotate_vectors
@@ -49,6 +50,8 @@ _UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
 _MISFIT = 4.0
 #: Nor are means of trials so large over the noise, in mean square, if repeats of a push share them with so small a p-value.
 _COMMON, _P_COMMON = 8.0, 1e-3
+#: Effects that are another in each log.
+_EACH_LOG = ("drift", "pressure-shift", "pressure-spread", "anisotropy-object")
 #: Trials and effects that a sentence lists at most, and the least probability of an effect that one lists.
 _LISTED, _LIKELY = 3, 0.05
 #: Final poses that differ from another simulator's by so many times what repeats scatter are off.
@@ -96,6 +99,7 @@ class GapReport:
     speeds: FloatArray = field(repr=False)
     row_names: list[str] = field(repr=False)
     end_names: list[str] = field(repr=False)
+    logs: list[str] = field(default_factory=list)
 
     def pose_errors(self, key: str) -> FloatArray:
         """Return the errors (n, 2) of final positions in W, measured less simulated, in m.
@@ -125,7 +129,7 @@ class GapReport:
             "ranking": as_json(self.ranking),
             "shrink": as_json(self.reductions),
             "worse": self.worse,
-            "logs": [self.log],
+            "logs": self.logs or [self.log],
             "corrected": [entry.to_json() for entry in self.corrected],
             "next_experiment": as_json(self.next_experiment),
             "sentence": self.sentence,
@@ -134,9 +138,9 @@ class GapReport:
 
 
 def diagnose(
-    log: PushLog,
+    log: PushLog | Sequence[PushLog],
     *,
-    name: str = "",
+    name: str | Sequence[str] = "",
     simulated: PushLog | None = None,
     effects: Sequence[LabEffect] = (),
     progress: Callable[[str], None] | None = None,
@@ -145,9 +149,12 @@ def diagnose(
 
     Parameters
     ----------
-    log : PushLog
-    name : str
-        What the log is called in the report.
+    log : PushLog or sequence of PushLog
+        Several logs of one rig are diagnosed together: causes of the table, the sensors and the contact are shared, surfaces and
+        drift are each log's own. A cause of which one log shows nothing, though it should, is not named. The corrected rig is
+        that of the last log.
+    name : str or sequence of str
+        What the log, or each of them, is called in the report.
     simulated : PushLog, optional
         The same commands carried out by another simulator: its log is the nominal simulation. Trials match by ``group`` where
         both logs have it, else by ``trial``, rows by ``t``. An effect is what our model says it changes. The report then has no
@@ -162,8 +169,47 @@ def diagnose(
     GapReport
         A log of fewer than two pushes in which the slider moves gets the verdict ``"none"`` with a note that says so.
     """
-    if not isinstance(log, PushLog):
-        raise InputError("log", "expected a PushLog, as of read_pushlog", type(log).__name__)
+    logs = [log] if isinstance(log, PushLog) else list(log) if isinstance(log, Sequence) else []
+    strangers = [type(one).__name__ for one in logs if not isinstance(one, PushLog)]
+    if strangers or not logs:
+        raise InputError("log", "expected a PushLog, as of read_pushlog, or several", (strangers or [type(log).__name__])[0])
+    names = [name] if isinstance(name, str) else list(name)
+    if len(logs) > 1:
+        return _diagnose_together(logs, names, simulated, effects, progress)
+    return _diagnose(logs[0], names[0] if names else "", None, simulated, effects, progress)
+
+
+def _diagnose_together(
+    logs: Sequence[PushLog],
+    names: Sequence[str],
+    simulated: PushLog | None,
+    effects: Sequence[LabEffect],
+    progress: Callable[[str], None] | None,
+) -> GapReport:
+    if simulated is not None:
+        raise InputError("simulated", "expected one log beside another simulator's", f"{len(logs)} logs")
+    if len(names) != len(logs) or len(set(names)) != len(names):
+        names = [f"log {k + 1}" for k in range(len(logs))]
+    joined, number = join(logs, names)
+    report = _diagnose(joined, ", ".join(names), number, None, effects, progress)
+    together = (
+        f"{len(logs)} logs were diagnosed together: surface and drift are each log's own, the corrected rig is that of the last"
+    )
+    notes = [together, *report.notes]
+    if report.verdict == "unknown":
+        notes.append("diagnose each log for itself: what acts in one of them is no cause that they share")
+    return replace(report, logs=list(names), notes=notes)
+
+
+def _diagnose(
+    log: PushLog,
+    name: str,
+    number: np.ndarray | None,
+    simulated: PushLog | None,
+    effects: Sequence[LabEffect],
+    progress: Callable[[str], None] | None,
+) -> GapReport:
+    """Diagnose a log, or joined logs: ``number`` (trials,) of the log of each trial."""
     progress = progress or (lambda _: None)
     progress("reading")
     comparison = None if simulated is None else compare(log, simulated)
@@ -171,12 +217,12 @@ def diagnose(
         if not comparison.can_name:
             return _only_compared(log, name, comparison)
         log = comparison.log
-    observations = observe(log)
+    observations = observe(log) if number is None else observe_each(log, number)
     if len(np.unique(observations.trial)) < 2:
         return _too_little(log, name)
     forces = bool(observations.has_wrench.any())
     own = applicable(lab_effects(effects), log_rows(observations), [effect.id for effect in effects])
-    system, pushes, left_out = _equations(log, observations, own, comparison)
+    system, pushes, left_out = _equations(log, observations, own, comparison, number)
     found = attribute(system, progress)
     found = without_contradiction(system, found, pushes)
     if "contact-friction" not in found.named:
@@ -244,7 +290,9 @@ def diagnose(
     surface = system.surface(found.final.loads) if sized else None
     # a rig has fingers of one radius
     of_rig = [id for id in named if id != "contact-geometry" or all(observations.off)]
-    report_effects = {entry.effect: entry.estimates for entry in ranking if entry.effect in of_rig and entry.effect in CATALOGUE}
+    report_effects = {
+        entry.effect: of_last_log(entry, system) for entry in ranking if entry.effect in of_rig and entry.effect in CATALOGUE
+    }
     notes = _notes(log, system, found, reported, share, p_share, left_out)
     if comparison is not None:
         notes = [*comparison.notes(), *notes]
@@ -314,6 +362,7 @@ def _equations(
     observations: Observations,
     own: Mapping[str, LabEffect] = MappingProxyType({}),
     comparison: Comparison | None = None,
+    number: np.ndarray | None = None,
 ) -> tuple[System, list[Replay], int]:
     """The equations of a log, the pushes whose final poses are measurements, and how many others the log has."""
     replayed = replays(log, observations)
@@ -322,7 +371,7 @@ def _equations(
     if replayed and not observations.has_wrench.any():
         motions = motions_of(observations, log.rig, replayed)
         return motions, motions.pushes, len(replayed) - len(motions.pushes)
-    system = system_of(observations, log.rig, own)
+    system = system_of(observations, log.rig, own) if number is None else together_of(observations, log.rig, number, own)
     pushes, system.final_pose_noise = system.predictable(replayed)
     return system, pushes, len(replayed) - len(pushes)
 
@@ -492,6 +541,18 @@ def _notes(
             f"the radius is that of the {side} finger alone, seen along the push: the other is as in rig.json; "
             "the corrected rig, which has one radius for both, does not include it"
         )
+    for id in found.single:
+        where = "not in all logs that would show it" if system.logs > 1 else "in one half of the pushes only"
+        second = "" if system.logs > 1 else ": a second log of the rig, diagnosed together with this one, would tell"
+        notes.append(f"{id} stands out {where}, and is not named{second}")
+    if found.confounded and system.logs == 1:
+        causes = [found.confounded_with, *found.confounded]
+        alone = [id for id in causes if id in _EACH_LOG]
+        if alone and len(alone) < len(causes):
+            others = ", ".join(id for id in causes if id not in alone)
+            notes.append(
+                f"a second log of the rig would settle {', '.join(alone)} against {others}: what is each log's own differs there"
+            )
     if found.contact is not None:
         contact = found.contact
         notes.append(

@@ -100,7 +100,7 @@ def rank(system: System, found: Attribution, effects: list[str]) -> list[RankedE
         if id in apart:
             probability = shared
         reason = None if seen else system.own[id].needs if id in system.own else _unseen(id, found)
-        form = _form(id, found) if id in found.final.values else None
+        form = _form(id, system, found) if id in found.final.values else None
         entries.append(RankedEffect(id, float(np.clip(probability, 0.001, 0.999)), parameters, seen, reason, form))
     return sorted(entries, key=lambda entry: -entry.probability)
 
@@ -158,11 +158,11 @@ def _deviations(found: Attribution, id: str) -> FloatArray:
     return np.sqrt(np.maximum(np.diag(found.final.covariance)[at : at + len(found.final.values[id])], 0.0))
 
 
-def _form(id: str, found: Attribution) -> dict[str, Any] | None:
-    """The terms of its family with which an effect was fitted, beside its own form, with their coefficients; None if none."""
-    value = found.final.values[id]
-    size = SIZES.get(id, len(value))
-    if len(value) == size:
+def _form(id: str, system: System, found: Attribution) -> dict[str, Any] | None:
+    """The terms of its family with which an effect was fitted, beside its own form, with their coefficients; None if none, or
+    if each of several logs has its own."""
+    value, size = found.final.values[id], system.size(id, whole=False)
+    if len(value) == size or size > SIZES.get(id, size):
         return None
     family, terms = FAMILIES[id], value[size:]
     deviations = _SHORT * _deviations(found, id)[size:]

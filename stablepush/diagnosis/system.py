@@ -64,14 +64,21 @@ class System(Equations):
         Nominal friction loads (N) of the points.
     has_wrench, has_surface : bool
         Whether the log has forces, and whether it carries information on the limit surface.
+    logs, log, each
+        Number of logs that are fitted together (:mod:`.together`), which of them each trial (trials,) is of, and effects whose
+        parameters are each log's own.
     """
+
+    logs = 1
+    each: tuple[str, ...] = ()
 
     def __init__(
         self, observations: Observations, rig: Rig, noisier: float = 1.0, own: Mapping[str, LabEffect] = MappingProxyType({})
     ) -> None:
         chosen = observations.has_wrench if observations.has_wrench.any() else np.ones(len(observations.time), dtype=bool)
-        self.observations = o = _rows(observations, chosen)
+        self.observations = o = rows_of(observations, chosen)
         self.push = pushes_of(o.group)
+        self.log = np.zeros(len(o.names), dtype=int)
         self.own, self.rows = own, log_rows(o)
         self.rig, self.has_wrench = rig, bool(observations.has_wrench.any())
         self.has_surface = self.has_wrench
@@ -198,6 +205,11 @@ class System(Equations):
         """Whitened rows (3n, ...) of arrays (n, 3, ...)."""
         return np.einsum("nij,nj...->ni...", self._w, wrenches).reshape(3 * len(wrenches), *wrenches.shape[2:])
 
+    def noise_left(self) -> float:
+        """Robust root mean square of what a fit with a free pressure leaves of the wrenches, in units of the noise."""
+        left = self.fit([], True).residual[: 3 * len(self.observations.time)]
+        return float(np.sqrt(robust_variance(left**2)))
+
     def clearance_lack_of_fit(self, fitted: Fitted) -> float:
         """Robust mean square of the residual clearances of a fit, over their noise; 0 where none are measured."""
         count = sum(len(rows) for _, rows in self.clearance_rows)
@@ -239,7 +251,7 @@ class System(Equations):
                 parts.append(normal)
             elif id == "latency":
                 # how far the contact moves in the delay: its velocity grows meanwhile
-                there = _rows(o, rows)
+                there = rows_of(o, rows)
                 velocity = contact_velocity(there, k)
                 if value is not None:
                     velocity = velocity + float(value[0]) * contact_velocity(replace(there, twist=there.acceleration), k)
@@ -275,7 +287,7 @@ class System(Equations):
                 for k in range(size):
                     step, small = np.zeros(size), _SMALL_TERM * self.plausible(id)
                     if not own:
-                        small = SMALL[id] if k < SIZES[id] else _SMALL_TERM * FAMILIES[id].plausible
+                        small = SMALL[id] if k < self.size(id, whole=False) else _SMALL_TERM * FAMILIES[id].plausible
                     step[k] = small
                     ahead = self.model.predict(loads, {**others, id: base + step})
                     behind = self.model.predict(loads, {**others, id: base - step})
@@ -292,18 +304,34 @@ class System(Equations):
         clearances = sum(len(rows) for _, rows in self.clearance_rows) + self.rest.size
         if not self.has_wrench:
             return np.zeros((len(self.points), 0)), np.zeros((clearances, 0)), np.zeros((0, 0))
-        total = float(self.nominal.sum())
-        along = self.nominal / np.linalg.norm(self.nominal)
-        directions = np.eye(len(self.points)) if free else np.column_stack((along, self.open_modes))
-        if free:
-            precision = (np.eye(len(along)) - np.outer(along, along)) / (_SPREAD * total) ** 2
-            precision += np.outer(along, along) / (_SCALE * np.linalg.norm(self.nominal)) ** 2
-        else:
-            precision = np.eye(directions.shape[1])
-            precision[0, 0] = 1.0 / (_SCALE * np.linalg.norm(self.nominal)) ** 2
+        directions, precision = self.directions(free)
         matrix, _ = self.model.matrix(self.of_wrench(values))
         columns = self.white(matrix @ directions)
         return directions, np.concatenate((columns, np.zeros((clearances, directions.shape[1])))), precision
+
+    def directions(self, free: bool) -> tuple[FloatArray, FloatArray]:
+        """Return directions (k, q) in which loads may change, and their prior precision (q, q)."""
+        return self.directions_of(self.nominal, free)
+
+    def directions_of(self, nominal: FloatArray, free: bool) -> tuple[FloatArray, FloatArray]:
+        """Return the directions, and their precision, of one log with these nominal loads."""
+        total, size = float(nominal.sum()), float(np.linalg.norm(nominal))
+        along = nominal / size
+        if not free:
+            directions = np.column_stack((along, self.open_modes))
+            precision = np.eye(directions.shape[1])
+            precision[0, 0] = 1.0 / (_SCALE * size) ** 2
+            return directions, precision
+        precision = (np.eye(len(along)) - np.outer(along, along)) / (_SPREAD * total) ** 2
+        return np.eye(len(along)), precision + np.outer(along, along) / (_SCALE * size) ** 2
+
+    def of_last(self, loads: FloatArray) -> FloatArray:
+        """Return the loads (k, ...) of the last log: all there are of one."""
+        return loads
+
+    def surfaces(self, loads: FloatArray) -> tuple[IdealLimitSurface, ...]:
+        """Return the refitted pressure of each log as a limit surface."""
+        return (self.surface(loads),)
 
     def table(self, loads: FloatArray, values: Values) -> TableFriction:
         """Return the friction of the table, as simulations take it, for friction loads and fitted parameters of effects.
@@ -354,7 +382,8 @@ def pushes_of(groups: Sequence[str]) -> np.ndarray:
     return np.array([number[name] for name in names], dtype=int)
 
 
-def _rows(o: Observations, chosen: np.ndarray) -> Observations:
+def rows_of(o: Observations, chosen: np.ndarray) -> Observations:
+    """Return some rows of observations."""
     arrays = {f.name: getattr(o, f.name)[chosen] for f in fields(o) if isinstance(getattr(o, f.name), np.ndarray)}
     return replace(o, **arrays)
 
@@ -362,11 +391,8 @@ def _rows(o: Observations, chosen: np.ndarray) -> Observations:
 def system_of(observations: Observations, rig: Rig, own: Mapping[str, LabEffect] = MappingProxyType({})) -> System:
     """Return the equations of a log; where its rig does not say how noisy it is, the noise is what a free pressure leaves."""
     system = System(observations, rig, own=own)
-    if rig.noise is None and system.has_wrench:
-        left = system.fit([], True).residual[: 3 * len(system.observations.time)]
-        size = float(np.sqrt(robust_variance(left**2)))
-        if size > 1:
-            return System(observations, rig, size, own)
+    if rig.noise is None and system.has_wrench and system.noise_left() > 1:
+        return System(observations, rig, system.noise_left(), own)
     return system
 
 
