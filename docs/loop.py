@@ -19,22 +19,12 @@ from matplotlib import animation, pyplot as plt
 from matplotlib.patches import Polygon
 
 import stablepush as sp
-from stablepush.demo import CONTACT_FRICTION, demo_pokes, demo_scene, demo_slider
-from stablepush.effects import parse_effect
+from stablepush.demo import CONTACT_FRICTION, demo_log, demo_pokes, demo_scene, demo_slider
 from stablepush.geometry import transform_points
 
-#: Friction of the fingers that the robot really has; pictures in a second, and of the parts that move.
-SLIPPERY, RATE, MOVING = 0.3, 8, 22
+#: Pictures in a second, and of the parts that move.
+RATE, MOVING = 8, 22
 OBJECT, PUSHER, WALL, GOOD, BAD = "#0072B2", "#D55E00", "#4D4D4D", "#009E73", "#CC3311"
-NOISE = sp.Noise(0.02, 1e-4, 1e-3)
-
-
-def executed(problem: sp.PlanningProblem, result: sp.PlanResult, seed: int = 0) -> sp.Execution:
-    """A plan on the rig whose fingers are slippery."""
-    effect = parse_effect(f"contact-friction:mu={SLIPPERY}")
-    pusher = sp.Pusher.of_contact(problem.contacts[0], problem.finger_radius)
-    rig = sp.VirtualRig(problem.slider, problem.surface, CONTACT_FRICTION, pusher, [effect], NOISE)
-    return sp.execute_plan(rig, problem, result, seed=seed)
 
 
 def track(done: sp.Execution) -> tuple[np.ndarray, np.ndarray]:
@@ -53,11 +43,11 @@ class Film:
         fit = sp.fit_limit_surface(self.pokes.pairs(), slider=demo_slider())
         self.problem = demo_scene(fit.surface)
         self.plan = sp.plan(self.problem)
-        self.first = executed(self.problem, self.plan)
+        self.first = demo_log(self.problem, self.plan)
         self.report = sp.diagnose(self.first.log)
         self.corrected = sp.correct(self.problem, self.report)
         self.again = sp.plan(self.corrected)
-        self.second = executed(self.corrected, self.again, seed=1)
+        self.second = demo_log(self.corrected, self.again, seed=1)
         self.region = sp.stable_region(fit.surface, self.problem.contacts[0])
 
     def scenes(self, axes: Any) -> Iterator[None]:

@@ -1,19 +1,26 @@
-"""A small built-in rig: simulated pokes on a triangle, so that the whole chain runs without any data."""
+"""A small built-in rig: a triangle on three feet that is poked and pushed, so that the whole chain runs without any data."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from stablepush.effects import parse_effect
 from stablepush.geometry import compose, exp, inverse, transport_twist, wrench_from_force
 from stablepush.io import Noise, PushLog, Rig
+from stablepush.mechanics import Pusher
 from stablepush.objects import PushContact, Slider, SupportDistribution
-from stablepush.planning import PlanningProblem
+from stablepush.planning import PlanningProblem, PlanResult
+from stablepush.rig import Execution, VirtualRig, execute_plan
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
 #: Coefficients of friction of the rig: finger against slider, slider against table.
 CONTACT_FRICTION, SUPPORT_FRICTION = 0.9, 0.35
 _MASS, _GRAVITY = 1.2, 9.81
-_NOISE = Noise(force=0.05, position=1e-4, angle=2e-3)
+#: What the fingers that push really have: nobody knows it in the beginning.
+SLIPPERY = 0.3
+_NOISE, _NOISE_OF_PUSHES = Noise(force=0.05, position=1e-4, angle=2e-3), Noise(force=0.02, position=1e-4, angle=1e-3)
 #: Length (m) and speed (m/s) of a poke.
 _DISTANCE, _SPEED = 0.015, 0.0025
 
@@ -21,6 +28,27 @@ _DISTANCE, _SPEED = 0.015, 0.0025
 def demo_slider() -> Slider:
     """A right triangle with legs of 0.16 m on three feet that the fit does not know."""
     return Slider(np.array(((0.0, 0.0), (0.16, 0.0), (0.0, 0.16))) - 0.16 / 3, _MASS)
+
+
+def demo_truth() -> IdealLimitSurface:
+    """The friction of the three feet on the table, in N."""
+    feet = SupportDistribution(((-0.04, -0.03), (0.07, -0.03), (-0.03, 0.06)), (1, 1, 1))
+    return IdealLimitSurface(feet, SUPPORT_FRICTION * _MASS * _GRAVITY)
+
+
+def demo_rig(problem: PlanningProblem) -> VirtualRig:
+    """The rig that carries out plans: the three feet, and fingers that are far more slippery than the scene believes."""
+    pusher = Pusher.of_contact(problem.contacts[0], problem.finger_radius)
+    slippery = parse_effect(f"contact-friction:mu={SLIPPERY}")
+    return VirtualRig(problem.slider, demo_truth(), CONTACT_FRICTION, pusher, [slippery], _NOISE_OF_PUSHES)
+
+
+def demo_log(problem: PlanningProblem, result: PlanResult, seed: int = 0) -> Execution:
+    """A plan carried out on that rig; the log's ``rig.json`` has what the scene believes, its surface as the nominal one."""
+    done = execute_plan(demo_rig(problem), problem, result, seed=seed)
+    log = done.log
+    believed = replace(log.rig, model=problem.surface, contact_friction=problem.contacts[0].mu, extra=None)
+    return replace(done, log=PushLog(believed, log.trials, log.samples))
 
 
 def demo_pokes(count: int = 40, seed: int = 0) -> PushLog:
@@ -31,8 +59,7 @@ def demo_pokes(count: int = 40, seed: int = 0) -> PushLog:
     """
     rng = np.random.default_rng(seed)
     slider = demo_slider()
-    feet = SupportDistribution(((-0.04, -0.03), (0.07, -0.03), (-0.03, 0.06)), (1, 1, 1))
-    truth = IdealLimitSurface(feet, SUPPORT_FRICTION * _MASS * _GRAVITY)
+    truth = demo_truth()
     columns = ("trial", "t", "x", "y", "theta", "fx", "fy", "tau", "c1x", "c1y", "phase")
     samples: dict[str, list[object]] = {name: [] for name in columns}
     trials: dict[str, list[object]] = {"trial": [], "start_time": [], "group": [], "speed": []}
@@ -108,4 +135,4 @@ def demo_scene(surface: LimitSurface) -> PlanningProblem:
     )
 
 
-__all__ = ["CONTACT_FRICTION", "demo_pokes", "demo_scene", "demo_slider"]
+__all__ = ["CONTACT_FRICTION", "SLIPPERY", "demo_log", "demo_pokes", "demo_rig", "demo_scene", "demo_slider", "demo_truth"]

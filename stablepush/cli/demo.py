@@ -1,4 +1,4 @@
-"""The demonstration: from simulated pokes to a checked push path, with pictures and a report."""
+"""The demonstration: pokes, a plan, a run that loses the object, its diagnosis, and a corrected plan that arrives; as a page."""
 
 from __future__ import annotations
 
@@ -8,12 +8,25 @@ from pathlib import Path
 
 import numpy as np
 
-from stablepush.demo import demo_pokes, demo_scene, demo_slider
+from stablepush.demo import SLIPPERY, demo_log, demo_pokes, demo_scene, demo_slider
+from stablepush.diagnosis import diagnose
 from stablepush.identify import fit_limit_surface
-from stablepush.io import load_model, read_pushlog, save_model, write_atomically, write_pushlog
-from stablepush.planning import check_plan, load_plan, load_scene, plan, save_plan, save_scene
+from stablepush.io import load_model, read_pushlog, save_model, write_atomically, write_json, write_pushlog
+from stablepush.planning import (
+    PlanningProblem,
+    PlanResult,
+    check_plan,
+    correct,
+    load_corrections,
+    load_plan,
+    load_scene,
+    plan,
+    save_plan,
+    save_scene,
+)
+from stablepush.rig import Execution
 from stablepush.stability import all_pressure_region, lynch_mason_region, probability_map, stable_region
-from stablepush.views import Section, plan_html, report_html
+from stablepush.views import Section, execution_html, gap_html, plan_html, report_html
 from stablepush.views.plot import figure_png, plot_plan, plot_regions
 
 
@@ -57,8 +70,11 @@ def run_demo(folder: Path, seed: int) -> int:
     write_atomically(folder / "plan.png", plan_png)
     write_atomically(folder / "plan.html", plan_html(scene, result))
 
+    story, after = _loop(folder, scene, result, seed) if result.solved else ("", [])
+
     certificate = fit.certificate
     sections = [
+        *after[:1],
         Section(
             "From pokes to a limit surface",
             "A finger pokes the triangle at random places. Each poke gives a load and a slip twist; the convex quartic "
@@ -100,14 +116,77 @@ def run_demo(folder: Path, seed: int) -> int:
             ],
         ),
         Section("See it move", link="plan.html", link_text="Animation of the plan"),
+        *after[1:],
     ]
     lead = (
-        "Everything on this page was computed just now on a simulated rig: a triangle on three feet that the "
+        f"{story} Everything on this page was computed just now on a simulated rig: a triangle on three feet that the "
         "identification does not know, poked by one finger and pushed by two."
     )
     write_atomically(folder / "report.html", report_html("stablepush demo", lead, sections))
     print(f"{folder / 'report.html'}: open it in a browser ({time.perf_counter() - started:.1f} s in all)")
     return 0 if result.solved and report.valid else 1
+
+
+def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -> tuple[str, list[Section]]:
+    """Carry out the plan, diagnose the log, correct the scene, plan again, carry that out; what happened, and sections on it."""
+    first = demo_log(scene, result, seed)
+    write_pushlog(first.log, folder / "run")
+    away = _from_goal(scene, first)
+    print(f"{folder / 'run'}: the plan carried out on the rig: the object ends {away:.1f} mm from the goal")
+
+    found = diagnose(read_pushlog(folder / "run"), name="run")
+    write_json(folder / "diagnosis.json", found.to_json())
+    write_atomically(folder / "diagnosis.html", gap_html(found))
+    print(f"{folder / 'diagnosis.json'}: {found.verdict}{': ' + ', '.join(found.named) if found.named else ''}")
+
+    save_scene(correct(scene, load_corrections(folder / "diagnosis.json")), folder / "corrected.json")
+    corrected = load_scene(folder / "corrected.json")
+    again = plan(corrected, time_limit=60.0, seed=seed)
+    save_plan(again, folder / "corrected-plan.json")
+    headings = [f"Before: {away:.0f} mm from the goal"]
+    _show_run(folder / "run.html", scene, result, first)
+    said = f"The object ended {away:.0f} mm from the goal"
+    if not again.solved:
+        print(f"{folder / 'corrected-plan.json'}: {again.status}: {again.message}")
+        return f"{said}, and the corrected scene has no plan: {again.message}.", []
+    second = demo_log(corrected, again, seed + 1)
+    write_pushlog(second.log, folder / "second-run")
+    arrived = _from_goal(corrected, second)
+    print(f"{folder / 'corrected-plan.json'}: carried out, the object ends {arrived:.1f} mm from the goal")
+    _show_run(folder / "second-run.html", corrected, again, second)
+    headings.append(f"After: {arrived:.1f} mm from the goal")
+
+    mu = [problem.contacts[0].mu for problem in (scene, corrected)]
+    cause = f"found the cause ({', '.join(found.named)})" if found.named else f"named no cause ({found.verdict})"
+    near = 1000 * scene.tolerance[0]
+    story = (
+        f"A plan made from 40 pokes was carried out on a rig that is not as believed, and the object ended {away:.0f} mm from "
+        f"the goal. The log of that run {cause}; the plan that was made with it ended {arrived:.1f} mm from the goal, "
+        f"{'within' if arrived <= near else 'outside of'} the tolerance of {near:.0f} mm."
+    )
+    rows = [
+        ("friction of the fingers, as believed", f"{mu[0]:.2f}"),
+        ("as the diagnosis found it", f"{mu[1]:.3f}"),
+        ("as it is", f"{SLIPPERY:.2f}"),
+        ("the first plan", f"{result.duration:.1f} s, says {result.success_probability or 0:.2f}, ended {away:.1f} mm off"),
+        ("the second plan", f"{again.duration:.1f} s, says {again.success_probability or 0:.2f}, ended {arrived:.1f} mm off"),
+    ]
+    lost = "The fingers of the rig are more slippery than anybody knows."
+    pages = list(zip(headings, ("run.html", "second-run.html"), strict=True))
+    told = [
+        Section("Before and after", pages=pages),
+        Section("What the log of the run says", f"{lost} {found.sentence}", rows, "", "diagnosis.html", "The diagnosis, in full"),
+    ]
+    return story, told
+
+
+def _from_goal(problem: PlanningProblem, done: Execution) -> float:
+    """Distance (mm) of the object from the goal after a run."""
+    return 1000 * math.hypot(*(done.final_pose - problem.goal)[:2])
+
+
+def _show_run(path: Path, problem: PlanningProblem, result: PlanResult, done: Execution) -> None:
+    write_atomically(path, execution_html(problem, done.pushers, done.traces, result, "The plan on the rig"))
 
 
 def _degrees(intervals: tuple[tuple[float, float], ...]) -> str:

@@ -12,7 +12,6 @@ from scipy.stats import t as student
 
 from stablepush.core import FloatArray, first_least, order_with_ties
 from stablepush.diagnosis.equations import OF_BODY, OF_PRESSURE, SIZES, Fitted, ScoreTest, Values
-from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.system import IN_CLEARANCES, System
 from stablepush.effects import CATALOGUE, FAMILIES
 
@@ -39,6 +38,8 @@ _TWO = 2.0
 _ALL_BUT = 0.9
 #: A further cause must gain this share of what those before it explain: what an effect of another form leaves is not another's.
 _FURTHER = 0.03
+#: Effects whose estimates are more uncertain than this share of half of their range cannot be seen in a log.
+_BLIND = 0.5
 #: A part of a log would show an effect if that should gain so much there.
 _SHOWS = 6.0
 #: What a term of a family must gain more, and the largest logarithm of the p-value of all of them.
@@ -51,6 +52,9 @@ _OF_A_MODEL = 0.3
 FOLDS = 5
 #: Slip counts from so many of its own standard errors, and from this share of the speed.
 _SLIPS, _SLIP_SHARE, _OPPOSED = 4.0, 0.2, 0.8
+#: Fingers creep if they slip by this share of the way of a push. Trials give the same friction if none is off by the other share,
+#: and so many are needed.
+_CREEP, _SAME, _FEWEST_TRIALS = 0.02, 0.15, 3
 #: Contact friction is off if it differs by at least this much, with so small a p-value.
 _MU, P_SLIP = 0.03, 1e-3
 #: Effects that a refitted pressure cannot take in.
@@ -232,7 +236,8 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
             )
             screened[id] = screening
             least = max(demands.gain, _FURTHER * explained)
-            if min(screening.gain, screening.statistic) > least and times < np.inf and screening.possible:
+            enough = min(screening.gain, screening.statistic) > least and times < np.inf
+            if enough and screening.possible and identifiable(system, id, test):
                 entering.append((test.gain, id, times))
         fits = []
         # of effects that explain as much, which are one on this log, the first of the catalogue
@@ -245,11 +250,12 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
             fits += [(fit, [id])] if screened[id].significantly_better else []
         entered = fits or _masked(system, chosen, current)
         if not entered:
-            entered = _in_other_forms(system, chosen, current, explained)
+            entered, of_forms = _in_other_forms(system, chosen, current, explained)
+            screened |= of_forms
         if not entered:
             break
         current, added = entered[first_least([-fit.score for fit, _ in entered], _ALIKE)]
-        explained += sum(tests[id].gain for id in added)
+        explained += sum(screened[id].gain for id in added)
         chosen += added
         system.settle(current)
         current = _with_forms(system, chosen, system.fit(chosen, True))
@@ -315,10 +321,13 @@ def _with_forms(system: System, chosen: Sequence[str], current: Fitted) -> Fitte
     return current
 
 
-def _in_other_forms(system: System, chosen: Sequence[str], current: Fitted, explained: float) -> list[tuple[Fitted, list[str]]]:
-    """The fit with an effect whose own form does not show, but whose family does, if there is any: the one that gains most."""
+def _in_other_forms(
+    system: System, chosen: Sequence[str], current: Fitted, explained: float
+) -> tuple[list[tuple[Fitted, list[str]]], dict[str, Screening]]:
+    """The fit with an effect whose own form does not show, but whose family does, if there is any: the one that gains most; and
+    how families fared whose effects were fitted."""
     if not system.has_wrench:
-        return []
+        return [], {}
     asked = [id for id in FAMILIES if id not in chosen and id not in system.nuisance and id in BEYOND_PRESSURE]
     tests = system.tests(current, True, asked, whole=True)
     family_wise_p = family_wise_p_values(tests)
@@ -329,13 +338,16 @@ def _in_other_forms(system: System, chosen: Sequence[str], current: Fitted, expl
         and family_wise_p[id] <= system.demands.family_wise_p
         and _possible(system, id, test.estimate)
     ]
+    screened = {}
     for id in sorted(passed, key=lambda id: -tests[id].gain)[:_TRIED]:
         system.opened |= {id}
-        fit = system.fit([*chosen, id], True)
-        if system.significantly_better(fit.density, current.density, times=_TWO):
-            return [(fit, [id])]
+        fit, test = system.fit([*chosen, id], True), tests[id]
+        better = system.significantly_better(fit.density, current.density, times=_TWO)
+        screened[id] = Screening(tuple(chosen), test.gain, test.statistic, family_wise_p[id], True, better)
+        if better:
+            return [(fit, [id])], screened
         system.opened -= {id}
-    return []
+    return [], screened
 
 
 def _masked(system: System, chosen: list[str], current: Fitted) -> list[tuple[Fitted, list[str]]]:
@@ -416,6 +428,12 @@ def _possible(system: System, id: str, estimate: FloatArray) -> bool:
     return size > _LEAST_OF.get(id, _LEAST) and not (id in ("inertia", "latency") and estimate[0] < 0)
 
 
+def identifiable(system: System, id: str, test: ScoreTest) -> bool:
+    """Whether a log would tell values of an effect within its plausible range apart, whatever it reads."""
+    least = float(np.linalg.eigvalsh(test.information)[0])
+    return least > (_BLIND * system.plausible(id)) ** -2
+
+
 def _confounded(system: System, chosen: list[str], current: Fitted) -> tuple[str, list[str]]:
     """A chosen effect, and those that would explain the log about as well in its place."""
     for id in chosen:
@@ -430,8 +448,14 @@ def _confounded(system: System, chosen: list[str], current: Fitted) -> tuple[str
                 or not _possible(system, other, tests[other].estimate)
             ):
                 continue
+            # what has more terms is compared with what may have them too
+            opened = system.opened
+            if id in opened and other in FAMILIES:
+                system.opened |= {other}
             instead = system.fit([*others, other], True)
-            plausible = float(np.linalg.norm(instead.values[other])) <= _MOST_PLAUSIBLE * system.plausible(other)
+            system.opened = opened
+            own = instead.values[other][: system.size(other, whole=False)]
+            plausible = float(np.linalg.norm(own)) <= _MOST_PLAUSIBLE * system.plausible(other)
             if plausible and not system.significantly_better(current.density, instead.density):
                 found.append(other)
         if found:
@@ -450,13 +474,60 @@ def _nominal_density(system: System, chosen: list[str]) -> FloatArray:
 def slip_friction(system: System, fitted: Fitted) -> ContactFriction | None:
     """Friction of the contact from the direction of the force while fingers slip; None if too few trials do, or forces lack.
 
+    Slip shows in single rows, or where it creeps in a whole push. Trials whose fingers creep count where too few slip fast, and
+    only if all give the same friction, which no trial exceeds.
+    """
+    slip = slipping(system, fitted)
+    if slip is None:
+        return None
+    ratios = np.array(list(slip.fast.values()))
+    # friction opposes true slip: where it often does not, the slip is noise
+    if len(ratios) < _FEWEST_TRIALS or (ratios > 0).mean() < _OPPOSED:
+        if not slip.agree or len(slip.ratios) < _FEWEST_TRIALS:
+            return None
+        ratios = np.array(list(slip.ratios.values()))
+    estimate = float(np.median(ratios))
+    deviation = max(1e-4, 1.4826 * float(np.median(np.abs(ratios - estimate))))
+    error = 1.2533 * deviation / np.sqrt(len(ratios))
+    nominal = system.rig.contact_friction
+    if nominal is None:
+        return ContactFriction(estimate, error, len(ratios), 1.0)
+    off = abs(estimate - nominal)
+    p = float(2 * student.sf(off / error, len(ratios) - 1)) if off > _MU else 1.0
+    return ContactFriction(estimate, error, len(ratios), p)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slip:
+    """Friction by trial where fingers slip: ``fast`` in single rows, ``creeping`` in a whole push; ``most``: of the other trials,
+    the greatest median of the tangential over the normal force."""
+
+    fast: dict[int, float]
+    creeping: dict[int, float]
+    most: float
+
+    @property
+    def ratios(self) -> dict[int, float]:
+        return {**self.creeping, **self.fast}
+
+    @property
+    def agree(self) -> bool:
+        """Whether all trials give the same friction, and none that sticks has more."""
+        ratios = np.array(list(self.ratios.values()))
+        middle = float(np.median(ratios)) if len(ratios) else 0.0
+        return bool(middle > 0 and (np.abs(ratios - middle) < _SAME * middle).all() and self.most < (1 + _SAME) * middle)
+
+
+def slipping(system: System, fitted: Fitted) -> Slip | None:
+    """Return the trials whose fingers slip against the object; None without forces, or if no row shows the contact.
+
     What ``fitted`` effects of the sensors do to the force is taken back: they turn it away from the normal as friction would.
     """
-    o, rig = system.observations, system.rig
+    o = system.observations
     if not system.has_wrench:
         return None
-    acting = {id: v for id, v in fitted.values.items() if id in PARAMETERS}
-    rest = {id: v for id, v in acting.items() if CATALOGUE[id].acts != "sensing"}
+    acting = system.of_wrench(fitted.values)
+    rest = {id: v for id, v in acting.items() if (system.own.get(id) or CATALOGUE[id]).acts != "sensing"}
     sensed = system.model.predict(fitted.loads, acting) - system.model.predict(fitted.loads, rest)
     normal = np.where(np.isfinite(o.normal[:, 0]), o.normal[:, 0], o.normal[:, 1])
     known = np.isfinite(normal).all(axis=1) & np.isfinite(o.slip)
@@ -467,22 +538,23 @@ def slip_friction(system: System, fitted: Fitted) -> ContactFriction | None:
     along = (force * normal).sum(axis=1)
     across = force[:, 1] * normal[:, 0] - force[:, 0] * normal[:, 1]
     lever = np.linalg.norm(np.where(np.isfinite(o.place[:, 0]), o.place[:, 0], o.place[:, 1]), axis=1)
-    jitter = np.hypot(1.05 * system.noise.position, system.noise.angle * lever) / o.span
-    certain = np.abs(o.slip) > np.maximum(_SLIPS * jitter, _SLIP_SHARE * o.speed)
-    rows = np.flatnonzero(known & certain & (along > 3 * system.noise.force))
-    if not len(rows):
+    jitter = np.hypot(1.05 * system.noise.position, system.noise.angle * lever)
+    fast_rows = np.abs(o.slip) > np.maximum(_SLIPS * jitter / o.span, _SLIP_SHARE * o.speed)
+    pressed = known & (along > 3 * system.noise.force)
+    if not pressed.any():
         return None
-    ratio = -np.sign(o.slip[rows]) * across[rows] / along[rows]
-    names = np.unique(o.trial[rows])
-    by_trial = np.array([np.median(ratio[o.trial[rows] == t]) for t in names])
-    # friction opposes true slip: where it often does not, the slip is noise
-    if len(names) < 3 or (by_trial > 0).mean() < _OPPOSED:
-        return None
-    estimate = float(np.median(by_trial))
-    deviation = max(1e-4, 1.4826 * float(np.median(np.abs(by_trial - estimate))))
-    error = 1.2533 * deviation / np.sqrt(len(names))
-    if rig.contact_friction is None:
-        return ContactFriction(estimate, error, len(names), 1.0)
-    off = abs(estimate - rig.contact_friction)
-    p = float(2 * student.sf(off / error, len(names) - 1)) if off > _MU else 1.0
-    return ContactFriction(estimate, error, len(names), p)
+    ratio = np.where(pressed, across / np.where(pressed, along, 1.0), 0.0)
+    found, most = Slip({}, {}, 0.0), 0.0
+    for trial in np.unique(o.trial[pressed]):
+        rows = np.flatnonzero((o.trial == trial) & pressed)
+        fast = rows[fast_rows[rows]]
+        if len(fast):
+            found.fast[int(trial)] = float(np.median(-np.sign(o.slip[fast]) * ratio[fast]))
+            continue
+        crept, way = float((o.slip[rows] * o.span[rows]).sum()), float((o.speed[rows] * o.span[rows]).sum())
+        # steps from row to row add up to the first and the last place
+        if len(rows) > 2 and abs(crept) > max(_SLIPS * math.sqrt(2) * float(jitter[rows].max()), _CREEP * way):
+            found.creeping[int(trial)] = float(np.median(-np.sign(crept) * ratio[rows]))
+        else:
+            most = max(most, float(abs(np.median(ratio[rows]))))
+    return replace(found, most=most) if found.ratios else None

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.optimize import nnls
+from scipy.stats import chi2
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import OF_PRESSURE, Fitted
+from stablepush.diagnosis.ranking import rank
 from stablepush.diagnosis.results import RankedEffect
 from stablepush.diagnosis.system import System
 from stablepush.effects import CATALOGUE, Effect, KnownEffect
@@ -26,14 +29,46 @@ _LEAST_SHARE = 1e-6
 _FOLDED = (*OF_PRESSURE, "contact-friction", "contact-geometry", "frame-offset", "model-capacity")
 
 
+def in_own_forms(
+    system: System, found: Attribution, ranking: Sequence[RankedEffect], effects: list[str]
+) -> tuple[Attribution, Sequence[RankedEffect], list[str]]:
+    """Return what was found, its ranking and the named effects as simulations and plans can have them: in their own forms.
+
+    They are fitted without the terms of their families. An effect of which nothing is then left is dropped.
+    """
+    if not system.opened:
+        return found, ranking, effects
+    formed = system.opened
+    with system.own_forms():
+        found = replace(found, final=system.fit(found.chosen, found.free))
+        effects = [id for id in effects if id not in formed or not _holds_zero(found.final, id)]
+        return found, rank(system, found, effects), effects
+
+
 def corrections(
     system: System, found: Attribution, ranking: Sequence[RankedEffect], effects: Sequence[str], refitted: bool
 ) -> list[Correction]:
-    """Return the rigs that a diagnosis leaves possible, each with its probability.
+    """Return the rigs that a diagnosis leaves possible, each with its probability; all :func:`in_own_forms`.
 
     One, or one for each of the causes that cannot be separated. ``refitted``: the shape of the nominal surface does not fit,
     another one takes its place.
     """
+    with system.own_forms():
+        return _corrections(system, found, ranking, effects, refitted)
+
+
+def _holds_zero(fitted: Fitted, id: str) -> bool:
+    """Whether no effect lies within the 95 % region of an effect's estimate."""
+    before = list(fitted.values)[: list(fitted.values).index(id)] if id in fitted.values else []
+    value = fitted.values.get(id, np.zeros(0))
+    at = sum(len(fitted.values[k]) for k in before)
+    spread = fitted.covariance[at : at + len(value), at : at + len(value)]
+    return bool(len(value)) and float(value @ np.linalg.pinv(spread) @ value) < chi2.ppf(0.95, len(value))
+
+
+def _corrections(
+    system: System, found: Attribution, ranking: Sequence[RankedEffect], effects: Sequence[str], refitted: bool
+) -> list[Correction]:
     if not found.confounded or found.confounded_with not in effects:
         return [_correction(system, found, found.final, effects, ranking, 1.0, refitted)]
     probable = {entry.effect: max(entry.probability, 1e-3) for entry in ranking}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -311,6 +312,16 @@ class Equations(ABC):
         scale = _scale(residual[use])
         rows = -0.5 * (_TAIL + 1) * np.log1p(residual**2 / (_TAIL * scale)) - 0.5 * np.log(scale)
         return by_trial(self.trial, rows[:, None])[:, 0]
+
+    @contextmanager
+    def own_forms(self) -> Iterator[None]:
+        """Fit effects in their own forms meanwhile, without the terms of their families: no simulation has these."""
+        opened, about = self.opened, self.about
+        self.opened, self.about = frozenset(), None
+        try:
+            yield
+        finally:
+            self.opened, self.about = opened, about
 
     def _held(self, fitted: Fitted) -> list[FloatArray]:
         """Columns of the effects of a fit."""

@@ -117,7 +117,7 @@ class ForwardModel:
         """Loads (n, 3) as the lab's own effects change them."""
         for id, effect in self._own.items():
             if id in values and self._rows is not None:
-                wrench = effect.wrench(self._rows, wrench, values[id])
+                wrench = effect.wrench(self._rows, wrench.copy(), values[id])
         return wrench
 
     def predict(self, loads: FloatArray, values: Values) -> FloatArray:

@@ -17,6 +17,7 @@ from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.replay import Replay, first_contacts
 from stablepush.diagnosis.results import ChannelGap, GapReduction
 from stablepush.diagnosis.system import IN_CLEARANCES, System
+from stablepush.effects import CATALOGUE
 from stablepush.geometry import angle_between, twist_from_cor
 from stablepush.io import PushLog
 from stablepush.objects import PushContact
@@ -66,6 +67,7 @@ class _Fold:
     test: np.ndarray
     loads: dict[str, FloatArray]
     values: dict[str, Values]
+    simulated: tuple[FloatArray, Values]
     surfaces: dict[str, tuple[IdealLimitSurface, ...]]
 
 
@@ -103,8 +105,13 @@ def _folds(system: System, found: Attribution) -> Iterator[_Fold]:
         loads = {"before": scaled, "refit": plain.loads, "after": corrected.loads}
         unknown = {id: v for id, v in plain.values.items() if id in system.nuisance}
         values: dict[str, Values] = {"before": {}, "refit": unknown, "after": {**corrected.values, **found.slips(system)}}
+        simulated = loads["after"], values["after"]
+        if system.opened:
+            with system.own_forms():
+                own = system.fit(found.chosen, found.free, train)
+            simulated = own.loads, {**own.values, **found.slips(system)}
         surfaces = {k: system.surfaces(m) for k, m in loads.items()} if system.has_surface else {}
-        yield _Fold(test, loads, values, surfaces)
+        yield _Fold(test, loads, values, simulated, surfaces)
 
 
 def _wrenches(held: HeldOut, system: System, folds: list[_Fold]) -> None:
@@ -138,7 +145,8 @@ def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Re
         for fold in folds:
             here = np.flatnonzero(fold.test[trial])
             chosen = [pushes[int(i)] for i in here]
-            ends[here] = system.simulated_errors(chosen, fold.loads[key], fold.values[key])
+            loads, values = fold.simulated if key == "after" else (fold.loads[key], fold.values[key])
+            ends[here] = system.simulated_errors(chosen, loads, values)
         held.ends[key] = ends
     simulated = np.isfinite([held.ends[k] for k in _FITS]).all(axis=(0, 2))
     if simulated.any():
@@ -217,7 +225,7 @@ def explains_most(held: HeldOut, effects: Sequence[str]) -> bool:
     form differs from the catalogue's leaves a gap, too. The other effects act like a refit: they must leave a tenth of the gap
     of the nominal simulation or less.
     """
-    beyond = any(id in PARAMETERS and id not in OF_PRESSURE for id in effects)
+    beyond = any(id not in CATALOGUE or (id in PARAMETERS and id not in OF_PRESSURE) for id in effects)
     base, most = ("refit", _LEAVES_OF_REFIT) if beyond else ("before", _LEAVES)
     gap, after = (float(held.squares["wrench"][k].mean()) for k in (base, "after"))
     floor = min(held.floors["wrench"], after)

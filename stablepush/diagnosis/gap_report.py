@@ -11,7 +11,7 @@ import numpy as np
 
 from stablepush.core import FloatArray, InputError, renamed_fields
 from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out, slip_friction
-from stablepush.diagnosis.corrected import corrections, of_last_log
+from stablepush.diagnosis.corrected import corrections, in_own_forms, of_last_log
 from stablepush.diagnosis.equations import SIZES, robust_variance
 from stablepush.diagnosis.evidence import Evidence, evidence, not_identifiable, readable
 from stablepush.diagnosis.gap_reduction import (
@@ -31,7 +31,7 @@ from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import Replay, replays
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
 from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
-from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
+from stablepush.diagnosis.slip import friction_from_poses, lost_pushes, without_contradiction
 from stablepush.diagnosis.system import System, log_rows, system_of
 from stablepush.diagnosis.together import join, observe_each, together_of
 from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share, residuals
@@ -268,6 +268,9 @@ def _diagnose(
         # few trials do not show that a refit predicts others better, but it may fit all of them
         clear = [entry.channel for entry in gaps if stands_clear(system, held, entry)]
         verdict = "absorbed" if "pose" not in clear and refit_leaves_noise(system) else "unknown"
+    lost = lost_pushes(system, pushes)
+    if verdict in ("none", "absorbed") and lost:
+        verdict = "unknown"
     if verdict == "absorbed" and any(
         entry.channel == "pose" and stands_clear(system, held, replace(entry, nominal=entry.refitted)) for entry in gaps
     ):
@@ -290,10 +293,17 @@ def _diagnose(
     surface = system.surface(found.final.loads) if sized else None
     # a rig has fingers of one radius
     of_rig = [id for id in named if id != "contact-geometry" or all(observations.off)]
+    simulated_as = in_own_forms(system, found, ranking, reported)
+    dropped = set(reported) - set(simulated_as[2])
     report_effects = {
-        entry.effect: of_last_log(entry, system) for entry in ranking if entry.effect in of_rig and entry.effect in CATALOGUE
+        entry.effect: of_last_log(entry, system)
+        for entry in simulated_as[1]
+        if entry.effect in of_rig and entry.effect in CATALOGUE and entry.effect not in dropped
     }
     notes = _notes(log, system, found, reported, share, p_share, left_out)
+    untested = [effect.id for effect in effects if not system.has_wrench]
+    if untested:
+        notes.append(f"effects of the lab's own need forces: {', '.join(untested)} was not tested")
     if comparison is not None:
         notes = [*comparison.notes(), *notes]
     slipping, after = slipping_unexpectedly(held, log), _next(system, found, reported, ranking)
@@ -322,6 +332,7 @@ def _diagnose(
             len(slipping),
             len(log),
             bool(after.pushes),
+            lost,
         )
         if verdict == "unknown"
         else _sentence(system, verdict, reported, reduced, touch, system.has_wrench, log.rig.noise is not None),
@@ -329,7 +340,7 @@ def _diagnose(
         rig=_completed(log.rig, system, found),
         surface=surface if comparison is None else None,
         effects=report_effects,
-        corrected=[] if comparison is not None else corrections(system, found, ranking, reported, reshaped),
+        corrected=[] if comparison is not None else corrections(system, *simulated_as, reshaped),
         evidence=evidence(system, found, ranking, reported, why),
         residuals={k: system.observations.wrench - v for k, v in held.wrenches.items()},
         ends=held.ends,
@@ -434,6 +445,9 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
     pair = list(dict.fromkeys(id for id in likely if id in SIZES and id not in unseen))[:2]
     if found.confounded:
         pair = [found.confounded_with, found.confounded[0]]
+    if any(id in system.own for id in pair):
+        why = f"{' and '.join(pair)} are told apart by pushes in which what the lab's own effect follows varies"
+        return NextExperiment(pair, [], why)
     # without loads and final poses there is nothing to choose pushes by
     if len(pair) < 2 or unseen & set(pair) or not (system.has_wrench or isinstance(system, Motions)):
         why = "make more pushes, at varied headings, places, speeds and faces, in random order"
@@ -457,6 +471,9 @@ def _sentence(
     # of the first channel that comes nearer: a cause need not show in all
     shares = {f"the {entry.channel}": entry.closed for entry in reductions} | {"how fingers touch": touch}
     nearer = [(channel, share) for channel, share in shares.items() if share > _REPORTED]
+    if effects and all(id in CATALOGUE and CATALOGUE[id].acts == "contact" for id in effects):
+        # what the fingers do decides where the object goes
+        nearer.sort(key=lambda entry: entry[0] != "the pose")
     how = f"; {100 * nearer[0][1]:.0f} % of the gap in {nearer[0][0]} is explained on held-out trials" if nearer else ""
     words = [system.own[id].what if id in system.own else CATALOGUE[id].what for id in effects]
     if verdict == "none":
@@ -478,7 +495,9 @@ def _sentence(
     raise AssertionError(verdict)
 
 
-def _unexplained(off: list[ChannelGap], ranking: list[RankedEffect], slipping: int, pushes: int, tells: bool) -> str:
+def _unexplained(
+    off: list[ChannelGap], ranking: list[RankedEffect], slipping: int, pushes: int, tells: bool, lost: Mapping[int, float]
+) -> str:
     """What stands clear of the noise, and what is most likely, where no effect explains the gap."""
     units = {"wrench": "N", "pose": "m"}
     sizes = [
@@ -489,6 +508,9 @@ def _unexplained(off: list[ChannelGap], ranking: list[RankedEffect], slipping: i
     words = ["No effect of the catalogue explains the gap" + (f": {', '.join(sizes)}" if sizes else "")]
     if slipping:
         words.append(f"fingers slipped in {slipping} of {pushes} pushes that should stick")
+    if lost:
+        most = 1000 * max(lost.values())
+        words.append(f"{len(lost)} of {pushes} pushes ended up to {most:.3g} mm from where the nominal simulation has them")
     likely = [f"{e.effect} ({e.probability:.2f})" for e in ranking if e.identifiable and e.probability >= _LIKELY][:_LISTED]
     if likely:
         words.append(f"most likely {', '.join(likely)}")
@@ -528,6 +550,9 @@ def _notes(
             f"a Gaussian process of place, heading, order and speed could explain up to {100 * share:.0f} % of the residuals "
             f"(p {p_share:.2f})"
         )
+    own = [id for id in found.named if id in system.own]
+    if own:
+        notes.append(f"{', '.join(own)} is the lab's own: it is in no corrected rig or scene")
     formed = [id for id in found.named if id in system.opened]
     if formed:
         notes.append(

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from stablepush.core import FloatArray
-from stablepush.diagnosis.attribution import Attribution
+from stablepush.diagnosis.attribution import Attribution, identifiable
 from stablepush.diagnosis.equations import SIZES
 from stablepush.diagnosis.results import ParameterEstimate, RankedEffect
 from stablepush.diagnosis.system import System
@@ -27,8 +27,6 @@ _FACETS = (0.3, 0.01)
 _SHORT = 1.15
 _OTHERS = 0.01
 _SYSTEMATIC = {"inertia": 0.2}
-#: Effects whose estimates are more uncertain than this share of their range cannot be seen in a log.
-_BLIND = 0.5
 UNSEEN = {
     "anisotropy-world": "needs forces, or pushes that slip, in several directions over the table",
     "anisotropy-object": "needs forces, or pushes that slip, in several directions of the slider",
@@ -134,7 +132,7 @@ def _of_fit(id: str, system: System, found: Attribution, effects: list[str]) -> 
     values = np.linalg.eigvalsh(test.information)
     # vaguer than any value of the effect is the same as not known at all
     deviation = np.full(size, 1 / math.sqrt(max(values[0], system.plausible(id) ** -2)))
-    blind = bool(deviation[0] > _BLIND * system.plausible(id))
+    blind = not identifiable(system, id, test)
     estimate = test.estimate
     if id in found.final.values:
         estimate = found.final.values[id]

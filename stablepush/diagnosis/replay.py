@@ -254,15 +254,17 @@ def pose_errors(
 
 def carried(pushes: Sequence[Replay], friction: TableFriction, slider: Slider, mu: float, noise: Noise) -> FloatArray:
     """Return how far (n, 3) the final poses move, in ``(x, y, rho θ)`` in m, when the first pose errs by its noise (root mean
-    squares); NaN where a push cannot be simulated."""
+    squares over the draws that can be simulated: no finger may begin inside of the slider); NaN where there is none."""
     rng = np.random.default_rng(0)
     sizes = np.array((noise.position, noise.position, noise.angle))
     nominal = pose_errors(pushes, friction, slider, mu, {})
-    squares = np.zeros_like(nominal)
+    squares, counts = np.zeros_like(nominal), np.zeros_like(nominal)
     for _ in range(_DRAWS):
         other = [replace(push, start=push.start + sizes * rng.normal(size=3)) for push in pushes]
-        squares += (pose_errors(other, friction, slider, mu, {}) - nominal) ** 2 / _DRAWS
-    return np.asarray(np.sqrt(squares))
+        moved = pose_errors(other, friction, slider, mu, {}) - nominal
+        squares += np.nan_to_num(moved) ** 2
+        counts += np.isfinite(moved)
+    return np.asarray(np.sqrt(np.where(counts > 0, squares / np.maximum(counts, 1), np.nan)))
 
 
 def carry_out(replay: Replay, table: Any, slider: Slider, mu: float, values: Mapping[str, FloatArray]) -> FloatArray:

@@ -12,10 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from stablepush.core import FloatArray
-from stablepush.diagnosis.attribution import Attribution, ContactFriction
+from stablepush.diagnosis.attribution import Attribution, ContactFriction, slipping
 from stablepush.diagnosis.replay import Replay
 from stablepush.diagnosis.system import System
 
+#: Friction that the forces of few trials show must differ by so much, and leave less than this share of the squares; and its
+#: standard error over itself.
+_CLEARLY, _AGREES, _ROUGHLY = 0.1, 0.5, 0.05
 #: Coefficients that are tried, and how often the grid about the best is made finer, of so many.
 _TRIED = np.geomspace(0.05, 1.5, 18)
 _ROUNDS, _FINER = 3, 5
@@ -43,11 +46,11 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
     None unless most of what several pushes are off by goes away with another friction, and not with fingers that are aside.
     """
     nominal = system.rig.contact_friction
+    pushes, noise = all_pushes(system, pushes)
     if nominal is None or not pushes:
         return None
     final = found.final
     values = {id: value for id, value in final.values.items() if id != "contact-friction"}
-    noise = np.hypot(np.linalg.norm(system.final_pose_noise, axis=1), _WRONG * system.rig.slider.radius)
 
     def sizes(mu: float, aside: float = 0.0) -> FloatArray:
         moved = [replace(push, pusher=push.pusher.moved(aside)) for push in pushes] if aside else pushes
@@ -59,6 +62,13 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
 
     before = sizes(nominal)
     off = before > _OFF
+    seen = slipping(system, final)
+    if seen is not None and seen.agree and off.any():
+        # few fingers slip fast enough for their forces alone to tell, but the object ends where that friction takes it
+        mu = float(np.median(list(seen.ratios.values())))
+        after = sizes(mu)
+        if abs(mu - nominal) > _CLEARLY and (after[off] ** 2).sum() < _AGREES * (before[off] ** 2).sum():
+            return ContactFriction(mu, _ROUGHLY * mu, len(seen.ratios), _P_VALUE, "forces and final poses")
     if off.sum() < _LEAST:
         return None
     grid, losses = _TRIED, np.array([loss(float(mu)) for mu in _TRIED])
@@ -80,6 +90,23 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
     near = [mu for mu, found_loss in tried if found_loss <= losses.min() + 1.0]
     error = max(0.5 * (max(near) - min(near)), 0.02 * best)
     return ContactFriction(best, error, int(off.sum()), _P_VALUE, "final poses")
+
+
+def all_pushes(system: System, pushes: Sequence[Replay]) -> tuple[list[Replay], FloatArray]:
+    """Return all pushes, also those whose final pose cannot be predicted, and the noise (n,) of their final poses in m, with what
+    the friction of the table may be wrong by."""
+    others, larger = system.unpredictable
+    noise = np.linalg.norm(np.concatenate((system.final_pose_noise, larger)), axis=1)
+    return [*pushes, *others], np.hypot(noise, _WRONG * system.rig.slider.radius)
+
+
+def lost_pushes(system: System, pushes: Sequence[Replay]) -> dict[int, float]:
+    """Return trials that end far from where the nominal simulation has them, whatever the noise, and how far (m)."""
+    pushes, noise = all_pushes(system, pushes)
+    if not pushes:
+        return {}
+    away = np.linalg.norm(system.simulated_errors(pushes, system.nominal, {}), axis=1)
+    return {push.trial: float(size) for push, size, far in zip(pushes, away, away > _OFF * noise, strict=True) if far}
 
 
 def without_contradiction(system: System, found: Attribution, pushes: Sequence[Replay]) -> Attribution:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -48,6 +49,8 @@ IN_CLEARANCES: Mapping[str, int] = {"contact-geometry": 1, "frame-offset": 2, "l
 #: What causes must pass where the nominal surface is a model that was fitted to pokes: its errors are alike in pushes that are
 #: alike, and an executed plan has few of them.
 _DEMANDS_OF_A_MODEL = Demands(25.0, 8.0, 2.5, 0.002, np.inf)
+#: Times the known mass that what resists acceleration may be, and share of the friction that a gradient takes at most.
+_HEAVIER, _LEFT = 2.0, 0.95
 #: Steps of differences by the terms of a family, over half of their plausible range.
 _SMALL_TERM = 0.05
 
@@ -122,6 +125,7 @@ class System(Equations):
         self.trial = np.concatenate(parts).astype(int)
         #: Noise (m) of the final poses that are carried out again, where there are any.
         self.final_pose_noise = np.zeros((0, 3))
+        self.unpredictable: tuple[list[Replay], FloatArray] = ([], np.zeros((0, 3)))
         if rig.model is not None and self.has_wrench:
             self.demands = _DEMANDS_OF_A_MODEL
         if rig.finger_radius is None and any(len(rows) for _, rows in self.clearance_rows):
@@ -191,7 +195,8 @@ class System(Equations):
     def predictable(self, pushes: list[Replay]) -> tuple[list[Replay], FloatArray]:
         """Return the pushes whose final pose does not depend on noise of the first pose, and its noise (n, 3) in m.
 
-        For example, the final pose of a push whose finger just passes a corner cannot be predicted.
+        For example, the final pose of a push whose finger just passes a corner cannot be predicted. Such pushes, with the larger
+        noise of theirs, are in :attr:`unpredictable`: an object that is lost is farther off than that.
         """
         if not self.has_surface or not pushes:
             return [], np.zeros((0, 3))
@@ -199,11 +204,45 @@ class System(Equations):
         moved = carried(pushes, table, self.rig.slider, self.mu, self.noise)
         own = np.array((self.noise.position, self.noise.position, self.rho * self.noise.angle))
         kept = np.linalg.norm(moved, axis=1) <= _AMPLIFIED * np.linalg.norm(own)
+        left = ~kept & np.isfinite(moved).all(axis=1)
+        self.unpredictable = [push for push, out in zip(pushes, left, strict=True) if out], np.hypot(moved[left], own)
         return [push for push, good in zip(pushes, kept, strict=True) if good], np.hypot(moved[kept], own)
 
     def white(self, wrenches: FloatArray) -> FloatArray:
         """Whitened rows (3n, ...) of arrays (n, 3, ...)."""
         return np.einsum("nij,nj...->ni...", self._w, wrenches).reshape(3 * len(wrenches), *wrenches.shape[2:])
+
+    def clipped(self, id: str, value: FloatArray) -> FloatArray:
+        """Values within what this rig can have: no delay outlasts a push, no mass is below zero or far above the slider's, no
+        offset leaves the slider, no slope is steeper than friction holds, and friction is above zero everywhere."""
+        value = super().clipped(id, value)
+        count = self.size(id, whole=False)
+        own, most = value[:count], self._most.get(id, np.inf)
+        size = float(np.linalg.norm(own))
+        if size > most:
+            own = own * (most / size)
+        if id == "spatial-variation":
+            lowest = -float((self.observations.pose[:, :2] @ own).min(initial=0.0))
+            own = own * (_LEFT / max(lowest, _LEFT))
+        if id == "inertia":
+            own = np.maximum(own, 0.0)
+        if id == "contact-geometry":
+            own = np.maximum(own, -(self.observations.finger_radius or np.inf))
+        return np.concatenate((own, value[count:]))
+
+    @cached_property
+    def _most(self) -> dict[str, float]:
+        """Largest sizes of the own parameters of effects."""
+        o, rig = self.observations, self.rig
+        radius = rig.slider.radius
+        spans = [float(np.ptp(o.time[o.trial == k]) + np.median(o.span[o.trial == k])) for k in np.unique(o.trial)]
+        found = dict.fromkeys(("frame-offset", "pressure-shift", "contact-geometry"), radius)
+        found |= {"latency": max(spans, default=np.inf), "force-rotation": 0.5 * np.pi}
+        if rig.slider.mass:
+            found["inertia"] = _HEAVIER * rig.slider.mass
+        if rig.support_friction:
+            found["tilt"] = rig.support_friction
+        return found
 
     def noise_left(self) -> float:
         """Robust root mean square of what a fit with a free pressure leaves of the wrenches, in units of the noise."""

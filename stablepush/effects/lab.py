@@ -16,6 +16,7 @@ from stablepush.core import FloatArray, InputError, load_plugin, plugin_names
 from stablepush.effects.catalogue import CATALOGUE, Parameter
 
 _GROUP = "stablepush.effects"
+_ACTS = ("support", "sensing")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,12 +61,15 @@ class LabEffect(ABC):
         What it is, and what a log must hold to show it; in words.
     parameter : Parameter
         Its parameter, zero without the effect: name, unit, and ``low`` to ``high``, the range in which rigs are found.
+    acts : {"support", "sensing"}
+        On what the table does to the slider, or on what the sensors read of it.
     """
 
     id: str
     what: str
     needs: str
     parameter: Parameter
+    acts: str = "support"
 
     def wrench(self, rows: LogRows, wrench: FloatArray, value: FloatArray) -> FloatArray:
         """Return the loads (n, 3) that are read in the tracked frame, of those without the effect; linear in these, but for a
@@ -93,12 +97,22 @@ def lab_effects(given: Sequence[LabEffect] = ()) -> dict[str, LabEffect]:
     for number, effect in enumerate((*(entry() if isinstance(entry, type) else entry for entry in registered), *given)):
         place = f"effects[{number - len(registered)}]" if number >= len(registered) else f"entry point {_GROUP}"
         if not isinstance(effect, LabEffect):
-            raise InputError(place, "expected a LabEffect", type(effect).__name__)
+            got = "a class, not an object of it" if isinstance(effect, type) else type(effect).__name__
+            raise InputError(place, "expected a LabEffect", got)
         id = getattr(effect, "id", "")
         if not id or id in CATALOGUE or id in found:
             raise InputError(place, "expected an id of its own", repr(id))
+        for name in ("what", "needs"):
+            if not isinstance(getattr(effect, name, None), str):
+                raise InputError(place, f"expected {name}, in words", "none")
+        if not isinstance(getattr(effect, "parameter", None), Parameter):
+            raise InputError(place, "expected a parameter, a stablepush.effects.Parameter", "none")
+        if effect.acts not in _ACTS:
+            raise InputError(place, f"expected acts {' or '.join(_ACTS)}", repr(effect.acts))
         if not effect.plausible > 0:
             raise InputError(place, "expected a parameter with a range, low < high")
+        if not effect.parameter.least <= 0 <= effect.parameter.most:
+            raise InputError(place, "expected a parameter that may be 0, which is no effect")
         found[id] = effect
     return found
 
@@ -107,16 +121,23 @@ def applicable(effects: Mapping[str, LabEffect], rows: LogRows, asked: Sequence[
     """Return the effects that a log can be asked about; those that packages registered and that it cannot are left out.
 
     Raises :class:`InputError` for one that was asked for, if the log lacks a column that it reads, or if what it returns has
-    another shape or is not finite where the log is.
+    another shape, is not finite where the log is, or changes anything at 0.
     """
     found: dict[str, LabEffect] = {}
     known = np.isfinite(rows.wrench).all(axis=1)
+    wrench = np.nan_to_num(rows.wrench)
     for id, effect in effects.items():
         small, got = np.full(effect.parameter.size, 0.01 * effect.plausible), ""
         try:
-            read = np.asarray(effect.wrench(rows, np.nan_to_num(rows.wrench), small))
-            if read.shape != rows.wrench.shape or not np.isfinite(read[known]).all():
-                got = f"shape {read.shape}" if read.shape != rows.wrench.shape else "numbers that are not finite"
+            read, without = (np.asarray(effect.wrench(rows, wrench.copy(), value)) for value in (small, 0 * small))
+            touch = [np.asarray(effect.clearance(rows, finger, 0 * small)) for finger in (0, 1)]
+            shapes = {read.shape, without.shape, *((*one.shape, 3) for one in touch)} - {rows.wrench.shape}
+            if shapes:
+                got = f"shape {min(shapes)}"
+            elif not np.isfinite(read[known]).all():
+                got = "numbers that are not finite"
+            elif not np.allclose(without[known], wrench[known]) or any(np.nan_to_num(one).any() for one in touch):
+                got = "a change where its parameter is 0"
         except KeyError as error:
             got = f"no column {error.args[0]!r} in trials.csv"
         if not got:

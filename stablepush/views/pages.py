@@ -36,7 +36,8 @@ _FEWEST_ROWS = 12
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A part of a report: title, text, rows of a table, a PNG picture, a link to a neighbouring file."""
+    """A part of a report: title, text, rows of a table, a PNG picture, a link to a neighbouring file, and neighbouring pages side
+    by side, each with a heading."""
 
     title: str
     text: str = ""
@@ -44,6 +45,7 @@ class Section:
     picture: str = ""
     link: str = ""
     link_text: str = ""
+    pages: Sequence[tuple[str, str]] = ()
 
     @classmethod
     def with_picture(cls, title: str, png: bytes, text: str = "", rows: Sequence[tuple[str, str]] = ()) -> Section:

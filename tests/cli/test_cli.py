@@ -313,6 +313,14 @@ def test_demo_leaves_the_whole_chain(tmp_path, capsys):
     names = {p.name for p in (tmp_path / "demo").iterdir()}
     assert {"plan.json", "report.html", "map.png", "plan.png", "plan.html", "model.json", "scene.json", "pokes"} <= names
     assert main(["check", str(tmp_path / "demo" / "scene.json"), str(tmp_path / "demo" / "plan.json")]) == 0
+    # the loop: the plan is lost, the cause is found, the next plan arrives
+    assert {"run", "diagnosis.json", "diagnosis.html", "corrected.json", "corrected-plan.json", "second-run"} <= names
+    told = capsys.readouterr().out
+    ends = [float(number) for number in re.findall(r"the object ends ([\d.]+) mm from the goal", told)]
+    assert "named: contact-friction" in told and ends[0] > 50 and ends[1] <= 10.5
+    page = (tmp_path / "demo" / "report.html").read_text(encoding="utf-8")
+    assert f"ended {ends[0]:.0f} mm from the goal" in page and 'src="second-run.html"' in page
+    assert sp.load_scene(tmp_path / "demo" / "corrected.json").contacts[0].mu == pytest.approx(0.3, abs=0.02)
 
 
 def test_import_one_and_all(lab, tmp_path, capsys):

@@ -125,6 +125,15 @@ def test_fingers_that_slip_are_found_and_plans_hold_again(executed, tmp_path, ca
     assert "from the goal" in lost
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_fingers_that_slip_are_found_on_feet_that_no_fit_has(executed, seed):
+    """The table is not that of the plan, as on any robot; the next plan ends where it should."""
+    feet = sp.IdealLimitSurface(three_feet(), 5.0)
+    report = sp.diagnose(log_of(executed, "contact-friction:mu=0.28", seed=seed, truth=feet))
+    assert report.named == ["contact-friction"], report.sentence
+    assert report.effects["contact-friction"]["mu"] == pytest.approx(0.28, rel=0.1)
+
+
 @pytest.mark.parametrize("forces", [True, False])
 @pytest.mark.parametrize("mu", [0.25, 0.3])
 def test_friction_of_fingers_that_slip_is_found_from_final_poses(executed, mu, forces):
@@ -140,10 +149,16 @@ def test_friction_of_fingers_that_slip_is_found_from_final_poses(executed, mu, f
 
 
 def test_a_channel_that_is_off_is_never_none(executed):
-    """One push of six slips: too little to name a cause, and said."""
-    report = sp.diagnose(log_of(executed, "contact-friction:mu=0.4"))
+    """One push of six slips: without forces too little to name a cause, and said."""
+    log = log_of(executed, "contact-friction:mu=0.4")
+    blind = sp.PushLog(log.rig, log.trials, {k: v for k, v in log.samples.items() if k not in ("fx", "fy", "tau")})
+    report = sp.diagnose(blind)
     assert report.verdict == "unknown" and "fingers slipped in 1 of 6 pushes" in report.sentence
     assert "the pose is off by" in report.sentence
+    assert "1 of 6 pushes ended up to" in report.sentence
+    # the direction of the force and where the push ends agree on the friction
+    seen = sp.diagnose(log)
+    assert seen.named == ["contact-friction"] and seen.effects["contact-friction"]["mu"] == pytest.approx(0.4, rel=0.1)
 
 
 def test_few_trials_have_no_small_p_value():

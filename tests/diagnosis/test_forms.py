@@ -104,6 +104,8 @@ def test_a_drift_that_no_catalogue_has_is_named_and_drawn(log):
     assert report.verdict == "named" and report.named == ["drift"]
     form = report.ranking[0].form
     assert form["basis"] == list(FAMILIES["drift"].terms) and len(form["ci95"]) == 3
+    # no simulation has the form, and the straight line that is nearest to it has no slope
+    assert report.effects == {} and report.corrected[0].effects == ()
     found = friction_over_log(report.ranking[0].parameters["rate"].estimate, form["coefficients"], [0.25, 0.5, 0.75])
     np.testing.assert_allclose(found, 1 + 0.3 * np.array((0.75, 1.0, 0.75)), atol=0.04)
     assert report.to_json()["ranking"][0]["form"]["unit"] == "share of the friction"

@@ -123,3 +123,36 @@ def test_packages_register_effects(monkeypatch):
     monkeypatch.setattr(lab, "plugin_names", lambda group: ["humidity"])
     monkeypatch.setattr(lab, "load_plugin", lambda group, name: Humidity)
     assert list(lab_effects()) == ["humidity"] and list(lab_effects([Play()])) == ["humidity", "mount-play"]
+
+
+def test_what_a_lab_writes_wrongly_is_named(clean):
+    class Always(Humidity):
+        def wrench(self, rows, wrench, value):
+            return wrench + 0.1
+
+    class InPlace(Humidity):
+        def wrench(self, rows, wrench, value):
+            wrench *= (1 + value[0] * (rows.columns["humidity"] - 50.0))[:, None]
+            return wrench
+
+    class Mute(LabEffect):
+        id = "mute"
+
+    class Elsewhere(Humidity):
+        acts = "moon"
+
+    for effects, words in (
+        ([Humidity], "effects[0]: expected a LabEffect, got a class, not an object of it"),
+        ([Always()], "effect humidity: expected finite loads"),
+        ([Mute()], "effects[0]: expected what, in words, got none"),
+        ([Elsewhere()], "effects[0]: expected acts support or sensing, got 'moon'"),
+    ):
+        with pytest.raises(sp.InputError) as error:
+            sp.diagnose(clean, effects=effects)
+        assert str(error.value).startswith(words)
+    report = sp.diagnose(clean, effects=[InPlace()])
+    assert report.verdict == "none"
+    # without forces there is nothing that it changes, and that is said
+    samples = {key: column for key, column in clean.samples.items() if key not in ("fx", "fy", "tau")}
+    told = sp.diagnose(sp.PushLog(clean.rig, clean.trials, samples), effects=[Humidity()]).notes
+    assert any("humidity was not tested" in note for note in told)

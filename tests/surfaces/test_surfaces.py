@@ -271,3 +271,27 @@ def test_lengths_that_are_none_are_refused(rho):
         sp.IdealLimitSurface(support, 3.0, rho)
     with pytest.raises(sp.InputError, match="characteristic_length: expected"):
         sp.PolynomialLimitSurface(np.ones(15), 4, rho)
+
+
+def test_loads_of_many_twists_are_greatest_on_surfaces_that_are_not_convex():
+    """Such a surface has saddles with the gradient that is asked for: no load of a batch is one."""
+    rng = np.random.default_rng(5)
+    exponents = sp.monomial_exponents(4)
+    axes = (exponents == 4).any(axis=1)
+    asked = 0
+    for _ in range(40):
+        coefficients = np.where(axes, 1.0 + 0.24 * rng.normal(size=len(axes)), 1.2 * rng.normal(size=len(axes)))
+        try:
+            surface = sp.PolynomialLimitSurface(coefficients, 4, 1.0)
+            twists = rng.normal(size=(80, 3))
+            loads = surface.wrench(twists)
+        except (sp.InputError, sp.ConvergenceError):
+            continue
+        asked += 1
+        # a little aside, and back onto the surface, the power is less
+        near = loads + 1e-3 * np.linalg.norm(loads, axis=1, keepdims=True) * rng.normal(size=(50, *loads.shape))
+        near /= surface.value(near)[..., None] ** 0.25
+        power = (near * twists).sum(axis=-1)
+        best = (loads * twists).sum(axis=-1)
+        assert (power <= best + 1e-9 * np.abs(best)).all()
+    assert asked >= 4

@@ -204,7 +204,8 @@ def _start_lanes(degree, hessian, axes, lanes):  # type: ignore[no-untyped-def]
 def _step_lanes(degree, hessian, lanes):  # type: ignore[no-untyped-def]
     """Take a Newton step on the loads of a block that are not there yet; return how many those are.
 
-    Row 6 gets the residual before the step, row 7 the value.
+    Row 6 gets the residual before the step, row 7 the value, row 8 the least leading minor of the second derivatives. That is
+    above 0 at a minimum; a surface that is not convex has other places with the same gradient.
     """
     scale, left = 1.0 / (degree - 1), 0
     for k in range(LANES):
@@ -223,7 +224,9 @@ def _step_lanes(degree, hessian, lanes):  # type: ignore[no-untyped-def]
         cxx, cxy, cxz = hyy * hzz - hyz * hyz, hxz * hyz - hxy * hzz, hxy * hyz - hxz * hyy
         cyy, cyz, czz = hxx * hzz - hxz * hxz, hxy * hxz - hxx * hyz, hxx * hyy - hxy * hxy
         there = residual <= CONVERGED
-        step = 0.0 if there else 1.0 / (hxx * cxx + hxy * cxy + hxz * cxz)
+        determinant = hxx * cxx + hxy * cxy + hxz * cxz
+        lanes[8 * LANES + k] = min(hxx, czz, determinant)
+        step = 0.0 if there else 1.0 / determinant
         left += 0 if there else 1
         lanes[3 * LANES + k] = x - step * (cxx * rx + cxy * ry + cxz * rz)
         lanes[4 * LANES + k] = y - step * (cxy * rx + cyy * ry + cyz * rz)
@@ -245,7 +248,7 @@ def polynomial_inverter(degree: int) -> Callable[..., Any]:
         and how many miss :data:`TOLERANCE`."""
         powers, form = np.ones((3, degree - 1)), np.empty(degree * (degree - 1) // 2)
         # rows of one array, at constant distances: the compiler sees that they do not overlap
-        lanes = np.empty(8 * LANES)
+        lanes = np.empty(9 * LANES)
         worst, missed, count = 0.0, 0, twists.shape[0]
         for first in range(0, count, LANES):
             here = min(LANES, count - first)
@@ -264,7 +267,7 @@ def polynomial_inverter(degree: int) -> Callable[..., Any]:
                 q = first + k
                 fx, fy, fz = lanes[3 * LANES + k], lanes[4 * LANES + k], lanes[5 * LANES + k]
                 residual, value = lanes[6 * LANES + k], lanes[7 * LANES + k]
-                if in_lanes and residual <= CONVERGED and value > 0.0:
+                if in_lanes and residual <= CONVERGED and value > 0.0 and lanes[8 * LANES + k] > 0.0:
                     value **= -1.0 / degree
                     fx, fy, fz = value * fx, value * fy, value * fz
                 else:
