@@ -1,6 +1,7 @@
 """Every example runs alone, from any folder, and so does the Python of README and documentation."""
 
 import importlib
+import json
 import os
 import re
 import runpy
@@ -91,6 +92,43 @@ def test_the_readme_s_python_runs(tmp_path):
 @pytest.mark.parametrize("page", ["tutorial.md", "robot.md", "choosing.md"])
 def test_a_page_s_python_runs(page, tmp_path):
     assert blocks(Path("docs") / page, tmp_path).strip()
+
+
+def test_the_files_of_the_formats_page_are_read(tmp_path, capsys):
+    from stablepush.cli import main
+
+    text = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
+    parts = {part.split("`")[1]: part for part in text.split("\n## ")[1:]}
+    found = {name: re.findall(r"```(?:json|csv)\n(.*?)```", part, flags=re.DOTALL) for name, part in parts.items()}
+    names = {"slider/1": ["slider.json"], "contact": ["contact.json"], "model/1": ["model.json"], "scene/1": ["scene.json"]}
+    names |= {"plan/1": ["plan.json"], "pushlog/1": [f"log/{file}" for file in ("rig.json", "trials.csv", "samples.csv")]}
+    (tmp_path / "log").mkdir()
+    for format, files in names.items():
+        for file, block in zip(files, found[format], strict=True):
+            (tmp_path / file).write_text(block, encoding="utf-8")
+    sp.load_model(tmp_path / "model.json")
+    log = sp.read_pushlog(tmp_path / "log")
+    assert len(log) == 2 and log.rig.noise.force == 0.05
+    map_of = ["map", tmp_path / "model.json", "--contact", tmp_path / "contact.json", "--slider", tmp_path / "slider.json"]
+    assert main([str(a) for a in (*map_of, "-o", tmp_path / "map.png")]) == 0
+    scene, plan = tmp_path / "scene.json", tmp_path / "plan.json"
+    # the plan is a path by hand, that does not reach the goal of the scene
+    assert main(["check", str(scene), str(plan)]) == 1
+    told = capsys.readouterr()
+    assert "goal" in told.out + told.err
+    near = json.loads(scene.read_text()) | {"goal": [0.2, 0.3, 0.0]}
+    scene.write_text(json.dumps(near))
+    assert main(["check", str(scene), str(plan)]) == 0, capsys.readouterr()
+
+
+def test_the_page_of_effects_is_that_of_the_catalogue():
+    from stablepush.effects import CATALOGUE
+
+    text = (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
+    rows = {row.split("`")[1]: [cell.strip() for cell in row.split("|")] for row in text.splitlines() if row.startswith("| `")}
+    assert set(rows) == set(CATALOGUE)
+    for id, kind in CATALOGUE.items():
+        assert (rows[id][2], rows[id][4], rows[id][5]) == (kind.what, kind.needs, kind.remedy)
 
 
 def blocks(page, folder):

@@ -63,6 +63,8 @@ EXACT = {"exact": 1.0}
 _START, _BACK = np.array((0.0035, 0.0035, math.radians(5.0))), 0.02
 #: Arrived: within so many m and rad. Sticking: moved against the fingers by less than so many m.
 NEAR, STUCK = (0.01, math.radians(3.0)), 1e-3
+#: Resampled tasks behind an interval.
+_RESAMPLES = 4000
 #: Radius (m) of the fingers, rate (Hz) at which a plan is sampled.
 FINGER, RATE = 0.004, 100.0
 UNCERTAINTY = sp.Uncertainty()
@@ -286,7 +288,7 @@ BINS = (0.0, 0.4, 0.6, 0.8, 0.94, 0.99, 1.0 + 1e-9)
 
 
 def show_calibration(rows: list[dict[str, Any]]) -> None:
-    """Stated against measured, of sticking and of arrival. Plans of one task share what is true: see each way of planning."""
+    """Stated against measured, of sticking and of arrival. Executions of a task share what is true: see the interval of tasks."""
     for name in ("all", *dict.fromkeys(row["name"] for row in rows)):
         for stated, measured in (("sticking_stated", "stuck"), ("arrival_stated", "arrived")):
             solved = [row for row in rows if row["solved"] and name in ("all", row["name"])]
@@ -294,7 +296,22 @@ def show_calibration(rows: list[dict[str, Any]]) -> None:
                 chosen = [row for row in solved if low <= row[stated] < high]
                 if len(chosen) >= 20:
                     mean, count = float(np.mean([row[stated] for row in chosen])), sum(row[measured] for row in chosen)
-                    print(f"{name:>30s}: {measured:>7s} {mean:.3f} stated, {share(count, len(chosen))}")
+                    print(
+                        f"{name:>30s}: {measured:>7s} {mean:.3f} stated, {share(count, len(chosen))}{by_task(chosen, measured)}"
+                    )
+
+
+def by_task(rows: list[dict[str, Any]], measured: str) -> str:
+    """The 95 % interval of a share if tasks are drawn again, not rows: executions of one task have its surface in common."""
+    tasks: dict[int, list[bool]] = {}
+    for row in rows:
+        tasks.setdefault(row["seed"], []).append(bool(row[measured]))
+    if len(tasks) == len(rows):
+        return ""
+    counts = np.array([(sum(found), len(found)) for found in tasks.values()])
+    drawn = counts[np.random.default_rng(0).integers(len(counts), size=(_RESAMPLES, len(counts)))].sum(axis=1)
+    low, high = np.quantile(drawn[:, 0] / drawn[:, 1], (0.025, 0.975))
+    return f"; of {len(tasks)} tasks {100 * low:.1f} to {100 * high:.1f}"
 
 
 def share(count: int, total: int) -> str:

@@ -29,6 +29,7 @@ def effects(
             print(f"  {_words(parameter)}")
         if effect:
             print(f"  a log needs {kind['needs']}")
+            print(f"  once it is named: {kind['remedy']}")
     if effect is None:
         print("stablepush effects ID describes one in detail; stablepush simulate --effect ID:PARAM=VALUE adds one to a rig")
 

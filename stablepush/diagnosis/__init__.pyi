@@ -1,4 +1,4 @@
-from .evidence import Evidence as Evidence, readable as readable
+from .evidence import Evidence as Evidence
 from .gap_reduction import percent as percent
 from .gap_report import (
     VERDICTS as VERDICTS,
@@ -13,4 +13,5 @@ from .results import (
     ParameterEstimate as ParameterEstimate,
     RankedEffect as RankedEffect,
     Verdict as Verdict,
+    readable as readable,
 )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from stablepush.diagnosis.attribution import P_SLIP, Attribution, Screening
-from stablepush.diagnosis.results import RankedEffect
+from stablepush.diagnosis.results import RankedEffect, readable
 from stablepush.diagnosis.system import System
 
 #: Contact friction that differs with so small a p-value does so clearly, though it need not be named.
@@ -148,11 +148,6 @@ def _failed(screening: Screening, system: System) -> str:
 def _p(value: float) -> str:
     """A p-value that a bootstrap gave."""
     return "below 0.002" if value < 0.002 else f"{value:.{3 if value < 0.1 else 2}f}"
-
-
-def readable(value: float) -> str:
-    """A number with four digits, or with all that stand before its point: 12345, not 1.234e+04."""
-    return f"{value:.4g}" if abs(value) < 9999.5 else f"{value:.0f}"
 
 
 def _of_held_out(id: str, found: Attribution) -> str:

@@ -13,7 +13,7 @@ from stablepush.core import FloatArray, InputError, renamed_fields
 from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out, slip_friction
 from stablepush.diagnosis.corrected import corrections, in_own_forms, of_last_log
 from stablepush.diagnosis.equations import SIZES, robust_variance
-from stablepush.diagnosis.evidence import Evidence, evidence, not_identifiable, readable
+from stablepush.diagnosis.evidence import Evidence, evidence, not_identifiable
 from stablepush.diagnosis.gap_reduction import (
     clearance_reduction,
     explains_most,
@@ -29,7 +29,7 @@ from stablepush.diagnosis.motions import Motions, motions_of
 from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import Replay, replays
-from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
+from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json, readable
 from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
 from stablepush.diagnosis.slip import friction_from_poses, lost_pushes, without_contradiction
 from stablepush.diagnosis.system import System, log_rows, system_of
@@ -100,6 +100,12 @@ class GapReport:
     row_names: list[str] = field(repr=False)
     end_names: list[str] = field(repr=False)
     logs: list[str] = field(default_factory=list)
+
+    @property
+    def steps(self) -> list[str]:
+        """What to do, in order: against each named effect, and what the verdict asks for."""
+        found = [f"{id}: {CATALOGUE[id].remedy}" for id in self.named if id in CATALOGUE and self.verdict == "named"]
+        return found or [self.verdict.advice]
 
     def pose_errors(self, key: str) -> FloatArray:
         """Return the errors (n, 2) of final positions in W, measured less simulated, in m.
@@ -335,7 +341,7 @@ def _diagnose(
             lost,
         )
         if verdict == "unknown"
-        else _sentence(system, verdict, reported, reduced, touch, system.has_wrench, log.rig.noise is not None),
+        else _sentence(system, verdict, reported, ranking, reduced, touch, log.rig.noise is not None),
         notes=notes,
         rig=_completed(log.rig, system, found),
         surface=surface if comparison is None else None,
@@ -466,16 +472,37 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
 
 
 def _sentence(
-    system: System, verdict: str, effects: list[str], reductions: list[GapReduction], touch: float, forces: bool, noise: bool
+    system: System,
+    verdict: str,
+    effects: list[str],
+    ranking: list[RankedEffect],
+    reductions: list[GapReduction],
+    touch: float,
+    noise: bool,
 ) -> str:
+    forces = system.has_wrench
     # of the first channel that comes nearer: a cause need not show in all
     shares = {f"the {entry.channel}": entry.closed for entry in reductions} | {"how fingers touch": touch}
+    sizes = {f"the {entry.channel}": entry for entry in reductions}
     nearer = [(channel, share) for channel, share in shares.items() if share > _REPORTED]
     if effects and all(id in CATALOGUE and CATALOGUE[id].acts == "contact" for id in effects):
         # what the fingers do decides where the object goes
         nearer.sort(key=lambda entry: entry[0] != "the pose")
-    how = f"; {100 * nearer[0][1]:.0f} % of the gap in {nearer[0][0]} is explained on held-out trials" if nearer else ""
-    words = [system.own[id].what if id in system.own else CATALOGUE[id].what for id in effects]
+    how = ""
+    if nearer:
+        channel, share = nearer[0]
+        how = f"; {100 * share:.0f} % of the gap in {channel} is explained on held-out trials"
+        if channel in sizes:
+            entry, unit = sizes[channel], "" if sizes[channel].unit == "1" else f" {sizes[channel].unit}"
+            how += (
+                f": it falls from {readable(entry.before)} to {readable(entry.after)}{unit}, noise leaves {readable(entry.floor)}"
+            )
+    known = {entry.effect: entry for entry in ranking}
+    words = []
+    for id in effects:
+        what = system.own[id].what if id in system.own else CATALOGUE[id].what
+        numbers = "; ".join(f"{name} {value}" for name, value in known[id].parameters.items())
+        words.append(f"{id} ({what}{f': {numbers}' if numbers else ''})")
     if verdict == "none":
         if not forces:
             carried = any(entry.channel in ("stability", "pose") for entry in reductions)
@@ -489,7 +516,7 @@ def _sentence(
     if verdict == "absorbed":
         return f"The surface and friction differ from the nominal ones, and no other cause stands out{how}."
     if verdict == "named":
-        return f"{'; '.join(f'{id} ({what})' for id, what in zip(effects, words, strict=True))}{how}."
+        return f"{'; '.join(words)}{how}."
     if verdict == "ambiguous":
         return f"In this log {' and '.join(effects)} are confounded{how}."
     raise AssertionError(verdict)

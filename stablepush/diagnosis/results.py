@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -47,6 +48,12 @@ class ParameterEstimate(Record):
     estimate: float | list[float]
     ci95: list[Any]
     unit: str
+
+    def __str__(self) -> str:
+        value = self.estimate
+        values = list(zip(value, self.ci95, strict=True)) if isinstance(value, list) else [(value, self.ci95)]
+        numbers = ", ".join(f"{readable(value)} ({readable(low)} to {readable(high)})" for value, (low, high) in values)
+        return f"{numbers} {re.sub('^1(, | |$)', '', self.unit)}".strip()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,6 +109,11 @@ class NextExperiment(Record):
     separates: Sequence[str]
     pushes: Sequence[EdgePush]
     why: str
+
+
+def readable(value: float) -> str:
+    """A number with four digits, or with all that stand before its point: 12345, not 1.234e+04."""
+    return f"{value:.4g}" if abs(value) < 9999.5 else f"{value:.0f}"
 
 
 def as_json(value: Any) -> Any:

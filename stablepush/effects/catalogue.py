@@ -52,12 +52,13 @@ class Parameter:
 @dataclass(frozen=True, slots=True)
 class EffectKind:
     """An entry of the catalogue; ``acts`` is ``"support"``, ``"inertia"``, ``"contact"`` or ``"sensing"``; ``needs``: what a log
-    must hold to show it."""
+    must hold to show it; ``remedy``: what to do once it is named."""
 
     id: str
     what: str
     acts: str
     needs: str
+    remedy: str
     parameters: tuple[Parameter, ...]
 
 
@@ -70,6 +71,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support friction depends on direction over the table",
             "support",
             "headings of the slider over the table that vary, and forces, or pushes that slip",
+            "plan along one heading, or turn the grain of the table; planners refuse the corrected scene by name",
             (ratio, Parameter("direction", "rad in W", 0.0, -half, half)),
         ),
         EffectKind(
@@ -77,6 +79,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support friction depends on direction, fixed in the slider",
             "support",
             "pushes in many directions of the slider, and forces, or pushes that slip",
+            "look at the feet for a worn or ribbed one; planners refuse the corrected scene by name",
             (ratio, Parameter("direction", "rad in B", 0.0, -half, half)),
         ),
         EffectKind(
@@ -84,6 +87,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support friction depends on speed",
             "support",
             "forces at speeds that vary by a factor of three or more",
+            "push at one speed, that of the pokes",
             (Parameter("slope", "1 per e-fold of speed", 0.0, -0.15, 0.15),),
         ),
         EffectKind(
@@ -91,6 +95,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support friction differs over the table",
             "support",
             "places on the table that vary, and forces",
+            "clean the table, or keep plans where it is even",
             (Parameter("gradient", "1/m in W", 0.0, -1.0, 1.0, 2),),
         ),
         EffectKind(
@@ -98,6 +103,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support friction changes over the log",
             "support",
             "forces over many trials, in random order",
+            "wait until the surfaces have worn in, then poke again before planning",
             (Parameter("rate", "1, first to last trial", 0.0, -0.3, 0.3, least=-1.0, above=True),),
         ),
         EffectKind(
@@ -105,6 +111,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "centre of pressure away from the nominal",
             "support",
             "pushes beside the centre of mass, with forces or motions of the slider",
+            "stablepush correct, then plan again: the corrected surface has it",
             (Parameter("offset", "m in B", 0.0, -0.01, 0.01, 2),),
         ),
         EffectKind(
@@ -112,6 +119,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "pressure nearer to or farther from its centre",
             "support",
             "turns and straight pushes, with forces or motions of the slider",
+            "stablepush correct, then plan again: the corrected surface has it",
             (Parameter("scale", "1", 1.0, 0.7, 1.4, least=0.0, above=True),),
         ),
         EffectKind(
@@ -119,6 +127,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "the table is not level",
             "support",
             "headings that vary, forces, and rows at rest to separate it from a sensor bias",
+            "level the table (0.017 is one degree)",
             (Parameter("slope", "rad in W", 0.0, -0.05, 0.05, 2, least=-0.5, most=0.5),),
         ),
         EffectKind(
@@ -126,6 +135,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "the push is not quasi-static",
             "inertia",
             "forces while pushes speed up or slow down",
+            "push slower, or with less acceleration (stablepush trajectory --acceleration)",
             (Parameter("mass", "kg", 0.0, 0.0, 3.0, least=0.0),),
         ),
         EffectKind(
@@ -133,6 +143,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "friction between pusher and slider away from nominal",
             "contact",
             "pushes that slip along the face, with poses of the pusher",
+            "stablepush correct, then plan again; or use rougher fingers",
             (Parameter("mu", "1", None, 0.0, 1.2, least=0.0),),
         ),
         EffectKind(
@@ -140,6 +151,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "finger radius or contact place away from nominal",
             "contact",
             "poses of the pusher and the slider in contact, from several sides",
+            "measure the fingers; stablepush correct has the radius",
             (Parameter("radius", "m", None, 0.0, 0.02, least=0.0, most=1.0),),
         ),
         EffectKind(
@@ -147,6 +159,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "constant offset of the force sensor",
             "sensing",
             "forces at headings that vary, and rows at rest",
+            "zero the force sensor before each push; plans stay as they are",
             (Parameter("force", "N in W", 0.0, -1.0, 1.0, 2),),
         ),
         EffectKind(
@@ -154,6 +167,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "force sensor mounted at an angle",
             "sensing",
             "forces in many directions, and motions of the slider",
+            "turn the readings of the force sensor by the estimate; plans stay as they are",
             (Parameter("angle", "rad", 0.0, -0.3, 0.3),),
         ),
         EffectKind(
@@ -161,6 +175,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "origin of the tracked frame away from the centre of mass",
             "sensing",
             "forces with moments, or poses of a slider that turns",
+            "move the tracked origin by the estimate; stablepush correct moves start and goal",
             (Parameter("offset", "m in B", 0.0, -0.01, 0.01, 2),),
         ),
         EffectKind(
@@ -168,6 +183,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "the slider's poses lag the pusher's and the forces",
             "sensing",
             "poses of pusher and slider at speeds that vary",
+            "shift the time stamps of the poses by the delay; plans stay as they are",
             (Parameter("delay", "s", 0.0, 0.0, 0.3, least=0.0),),
         ),
         EffectKind(
@@ -175,6 +191,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "the nominal surface cannot take the measured shape",
             "support",
             "forces and motions of many different pushes",
+            "fit a surface to more pokes",
             (
                 Parameter("facets", "support points", None, 3.0, 8.0, least=3.0, most=1000.0, whole=True),
                 Parameter("degree", "degree of the polynomial", None, 2.0, 6.0, least=2.0, most=6.0, whole=True),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from itertools import count, groupby
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import FloatArray
-from stablepush.diagnosis import ChannelGap, Evidence, GapReduction, GapReport, ParameterEstimate, RankedEffect, percent, readable
+from stablepush.diagnosis import ChannelGap, Evidence, GapReduction, GapReport, RankedEffect, percent, readable
 from stablepush.geometry import rotate_vectors
 from stablepush.objects import EdgePush, Slider
 from stablepush.views.pages import Section, render, script
@@ -40,9 +39,9 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         "Root mean squares over all trials. Floor: the noise alone. p: the probability that noise alone leaves as much as the "
         "nominal simulation does."
     )
-    sections = [
-        Section("Verdict", report.sentence, [("verdict", report.verdict), ("effects", ", ".join(report.named) or "none")]),
-    ]
+    steps = "\n".join(report.steps)
+    told = [("verdict", str(report.verdict)), ("effects", ", ".join(report.named) or "none"), ("what to do", steps)]
+    sections = [Section("Verdict", report.sentence, told)]
     if drawn_forms(report):
         words = (
             "Friction as it was found, over the nominal one. Grey: the simplest form; blue: with the terms that this log needs."
@@ -242,7 +241,7 @@ def _effect(entry: RankedEffect, evidence: Evidence) -> str:
 
 def _numbers(entry: RankedEffect) -> str:
     """Parameters of an effect, and the terms of its family."""
-    words = [_parameter(name, p) for name, p in entry.parameters.items()]
+    words = [f"{name} {p}" for name, p in entry.parameters.items()]
     if entry.form is not None:
         terms = zip(entry.form["basis"], entry.form["coefficients"], entry.form["ci95"], strict=True)
         listed = ", ".join(
@@ -250,14 +249,6 @@ def _numbers(entry: RankedEffect) -> str:
         )
         words.append(f"terms of the {entry.form['covariate']}: {listed}")
     return "; ".join(words)
-
-
-def _parameter(name: str, found: ParameterEstimate) -> str:
-    """A parameter with intervals and unit."""
-    value = found.estimate
-    values = list(zip(value, found.ci95, strict=True)) if isinstance(value, list) else [(value, found.ci95)]
-    numbers = ", ".join(f"{readable(value)} ({readable(low)} to {readable(high)})" for value, (low, high) in values)
-    return f"{name} {numbers} {re.sub('^1(, | |$)', '', found.unit)}".strip()
 
 
 def _push(push: EdgePush) -> str:
