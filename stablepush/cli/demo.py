@@ -148,7 +148,9 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
     said = f"The object ended {away:.0f} mm from the goal"
     if not again.solved:
         print(f"{folder / 'corrected-plan.json'}: {again.status}: {again.message}")
-        return f"{said}, and the corrected scene has no plan: {again.message}.", []
+        diagnosed = Section("What the log of the run says", found.sentence, (), "", "diagnosis.html", "The diagnosis, in full")
+        before = Section("The first run", pages=[(headings[0], "run.html")])
+        return f"{said}, and the corrected scene has no plan: {again.message}.", [before, diagnosed]
     second = demo_log(corrected, again, seed + 1)
     write_pushlog(second.log, folder / "second-run")
     arrived = _from_goal(corrected, second)
@@ -168,16 +170,23 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
         ("friction of the fingers, as believed", f"{mu[0]:.2f}"),
         ("as the diagnosis found it", f"{mu[1]:.3f}"),
         ("as it is", f"{SLIPPERY:.2f}"),
-        ("the first plan", f"{result.duration:.1f} s, says {result.success_probability or 0:.2f}, ended {away:.1f} mm off"),
-        ("the second plan", f"{again.duration:.1f} s, says {again.success_probability or 0:.2f}, ended {arrived:.1f} mm off"),
+        ("the first plan", _outcome(result, away)),
+        ("the second plan", _outcome(again, arrived)),
     ]
-    lost = "The fingers of the rig are more slippery than anybody knows."
+    lost = (
+        f"The fingers have a friction of {SLIPPERY:.2f} where the scene assumes {mu[0]:.2f}: neither the plan nor the diagnosis "
+        "is told."
+    )
     pages = list(zip(headings, ("run.html", "second-run.html"), strict=True))
     told = [
         Section("Before and after", pages=pages),
         Section("What the log of the run says", f"{lost} {found.sentence}", rows, "", "diagnosis.html", "The diagnosis, in full"),
     ]
     return story, told
+
+
+def _outcome(result: PlanResult, away: float) -> str:
+    return f"{result.duration:.1f} s, predicted success {result.success_probability or 0:.2f}, ended {away:.1f} mm off"
 
 
 def _from_goal(problem: PlanningProblem, done: Execution) -> float:

@@ -43,7 +43,12 @@ def diagnose(
     other = None if simulated is None else read_pushlog(simulated)
     about_logs = about(logs[0]) if len(logs) == 1 else nullcontext()
     with about_logs, Progress("diagnose") as step:
-        report = run(data, name=[str(log) for log in logs], simulated=other, progress=step.describe)
+        try:
+            report = run(data, name=[str(log) for log in logs], simulated=other, progress=step.describe)
+        except InputError as error:
+            if simulated is None or not error.place.startswith("simulated: "):
+                raise
+            raise InputError(error.place.removeprefix("simulated: "), error.expected, error.got, file=simulated) from None
     if answer is not None:
         write_json(answer, report.to_json())
     if html is not None:
@@ -81,7 +86,7 @@ def _write_corrected(report: GapReport, folder: Path) -> None:
     from stablepush.io import model_to_json, rig_to_json, write_json
 
     if not report.corrected:
-        print(f"{folder}: not written: what differs from another simulator corrects that simulator, not rig.json")
+        print(f"{folder}: not written: the differences belong to the other simulator, not to rig.json")
         return
     if report.surface is None:
         print(f"{folder}: not written: a corrected simulation needs forces in the log, or mass and support friction in rig.json")

@@ -52,6 +52,8 @@ _OF_A_MODEL = 0.3
 FOLDS = 5
 #: Slip counts from so many of its own standard errors, and from this share of the speed.
 _SLIPS, _SLIP_SHARE, _OPPOSED = 4.0, 0.2, 0.8
+#: Standard errors to either side of a 95 % interval.
+_NORMAL = 1.96
 #: Fingers creep if they slip by this share of the way of a push. Trials give the same friction if none is off by the other share,
 #: and so many are needed.
 _CREEP, _SAME, _FEWEST_TRIALS = 0.02, 0.15, 3
@@ -70,6 +72,12 @@ class ContactFriction:
     trials: int
     p_value: float
     readings: str = "forces"
+
+    @property
+    def interval(self) -> list[float]:
+        """The 95 % interval: the scatter of trials where forces alone give it, else what else fits as well."""
+        times = float(student.ppf(0.975, self.trials - 1)) if self.readings == "forces" else _NORMAL
+        return [max(0.0, self.estimate - times * self.error), self.estimate + times * self.error]
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +145,12 @@ def folds_of(system: System, seed: int = 0) -> np.ndarray:
     fold = np.empty(len(order), dtype=int)
     fold[order] = np.arange(len(order)) % FOLDS
     return fold[system.push]
+
+
+def halves_of(system: System) -> np.ndarray:
+    """Number, 0 or 1, of the half of the pushes that each trial is in; repeats of a push stay together."""
+    order = np.random.default_rng(1).permutation(int(system.push.max(initial=-1)) + 1)
+    return (order % 2)[system.push]
 
 
 def held_out(system: System, effects: Sequence[str], free: bool, folds: np.ndarray) -> FloatArray:
@@ -274,7 +288,7 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
 
 
 def _replicates(system: System, chosen: Sequence[str], id: str) -> bool:
-    """Whether an effect does what it does in each half of the pushes, and in each log that would show it.
+    """Whether an effect lowers the sum of squares in each half of the pushes, and in each log that would show it.
 
     With the scores and the information of the trials of a part, and the estimate of all, the sum of squares there must fall.
     """
@@ -286,7 +300,7 @@ def _replicates(system: System, chosen: Sequence[str], id: str) -> bool:
     score = test.scores + np.einsum("tij,j->ti", test.shares, theta)
     gain = 2 * score @ theta - np.einsum("i,tij,j->t", theta, test.shares, theta)
     expected = np.einsum("i,tij,j->t", theta, test.shares, theta)
-    half = folds_of(system)[: len(gain)] % 2
+    half = halves_of(system)[: len(gain)]
     parts = [half == k for k in range(2)]
     if system.logs > 1 and id not in system.each:
         parts += [system.log[: len(gain)] == k for k in range(system.logs)]
@@ -429,7 +443,7 @@ def _possible(system: System, id: str, estimate: FloatArray) -> bool:
 
 
 def identifiable(system: System, id: str, test: ScoreTest) -> bool:
-    """Whether a log would tell values of an effect within its plausible range apart, whatever it reads."""
+    """Whether the pushes of a log, by their design, determine an effect to better than a share of its plausible range."""
     least = float(np.linalg.eigvalsh(test.information)[0])
     return least > (_BLIND * system.plausible(id)) ** -2
 
@@ -512,7 +526,7 @@ class Slip:
 
     @property
     def agree(self) -> bool:
-        """Whether all trials give the same friction, and none that sticks has more."""
+        """Whether all trials give the same friction, and no sticking one has a greater tangential over its normal force."""
         ratios = np.array(list(self.ratios.values()))
         middle = float(np.median(ratios)) if len(ratios) else 0.0
         return bool(middle > 0 and (np.abs(ratios - middle) < _SAME * middle).all() and self.most < (1 + _SAME) * middle)

@@ -126,7 +126,7 @@ def of_last_log(entry: RankedEffect, system: System) -> dict[str, Any]:
     """Return the estimates of an effect by parameter; of one that each log has of its own, those of the last."""
     if entry.effect not in system.each:
         return entry.estimates
-    return {name: value[-1] for name, value in entry.estimates.items()}
+    return {name: value[system.last] for name, value in entry.estimates.items()}
 
 
 def _surface(system: System, fitted: Fitted, effects: Sequence[str], free: bool, refitted: bool) -> LimitSurface | None:

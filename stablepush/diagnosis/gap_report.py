@@ -54,8 +54,6 @@ _COMMON, _P_COMMON = 8.0, 1e-3
 _EACH_LOG = ("drift", "pressure-shift", "pressure-spread", "anisotropy-object")
 #: Trials and effects that a sentence lists at most, and the least probability of an effect that one lists.
 _LISTED, _LIKELY = 3, 0.05
-#: Final poses that differ from another simulator's by so many times what repeats scatter are off.
-_CLEARLY = 1.5
 #: A sentence names a channel whose gap is reduced by more than this share.
 _REPORTED = 0.05
 
@@ -179,7 +177,9 @@ def diagnose(
     strangers = [type(one).__name__ for one in logs if not isinstance(one, PushLog)]
     if strangers or not logs:
         raise InputError("log", "expected a PushLog, as of read_pushlog, or several", (strangers or [type(log).__name__])[0])
-    names = [name] if isinstance(name, str) else list(name)
+    if simulated is not None and not isinstance(simulated, PushLog):
+        raise InputError("simulated", "expected a PushLog, as of read_pushlog", type(simulated).__name__)
+    names = [name] if isinstance(name, str) else list(name or ())
     if len(logs) > 1:
         return _diagnose_together(logs, names, simulated, effects, progress)
     return _diagnose(logs[0], names[0] if names else "", None, simulated, effects, progress)
@@ -194,13 +194,22 @@ def _diagnose_together(
 ) -> GapReport:
     if simulated is not None:
         raise InputError("simulated", "expected one log beside another simulator's", f"{len(logs)} logs")
-    if len(names) != len(logs) or len(set(names)) != len(names):
+    if not any(names):
         names = [f"log {k + 1}" for k in range(len(logs))]
+    if len(names) != len(logs):
+        raise InputError("name", f"expected a name for each of {len(logs)} logs", f"{len(names)}")
     joined, number = join(logs, names)
     report = _diagnose(joined, ", ".join(names), number, None, effects, progress)
-    together = (
-        f"{len(logs)} logs were diagnosed together: surface and drift are each log's own, the corrected rig is that of the last"
-    )
+    together = f"{len(logs)} logs, together: surface and drift are each log's own"
+    forces = [
+        name for name, log in zip(names, logs, strict=True) if np.isfinite(log.columns("fx", "fy", "tau")).all(axis=1).any()
+    ]
+    if not forces:
+        together = f"{len(logs)} logs, together: without forces they share one surface"
+    else:
+        together += f"; the corrected rig is that of {forces[-1]}"
+        without = [name for name in names if name not in forces]
+        together += f"; {', '.join(without)} has no forces, and counts by its final poses alone" if without else ""
     notes = [together, *report.notes]
     if report.verdict == "unknown":
         notes.append("diagnose each log for itself: what acts in one of them is no cause that they share")
@@ -225,10 +234,12 @@ def _diagnose(
         log = comparison.log
     observations = observe(log) if number is None else observe_each(log, number)
     if len(np.unique(observations.trial)) < 2:
-        return _too_little(log, name)
+        return _too_little(log, name) if comparison is None else _only_compared(log, name, comparison)
     forces = bool(observations.has_wrench.any())
     own = applicable(lab_effects(effects), log_rows(observations), [effect.id for effect in effects])
     system, pushes, left_out = _equations(log, observations, own, comparison, number)
+    if comparison is not None and not system.has_wrench and not pushes:
+        return _only_compared(log, name, comparison)
     found = attribute(system, progress)
     found = without_contradiction(system, found, pushes)
     if "contact-friction" not in found.named:
@@ -276,6 +287,8 @@ def _diagnose(
         verdict = "absorbed" if "pose" not in clear and refit_leaves_noise(system) else "unknown"
     lost = lost_pushes(system, pushes)
     if verdict in ("none", "absorbed") and lost:
+        verdict = "unknown"
+    if verdict == "none" and comparison is not None and comparison.is_off and not pushes:
         verdict = "unknown"
     if verdict == "absorbed" and any(
         entry.channel == "pose" and stands_clear(system, held, replace(entry, nominal=entry.refitted)) for entry in gaps
@@ -401,12 +414,10 @@ def _too_little(log: PushLog, name: str) -> GapReport:
 
 def _only_compared(log: PushLog, name: str, comparison: Comparison) -> GapReport:
     """How far a log is from another simulator's where no causes can be told."""
-    gap = comparison.gap()
-    clear = gap.nominal > _CLEARLY * gap.noise_floor and gap.p_lack_of_fit < _LIKELY
     why = dict.fromkeys(CATALOGUE, "these pushes cannot tell causes apart")
     return _without_causes(
-        log, name, Verdict.UNKNOWN if clear else Verdict.NONE, [gap], [comparison.reduction()], comparison.sentence(),
-        comparison.notes(), why,
+        log, name, Verdict.UNKNOWN if comparison.is_off else Verdict.NONE, [comparison.gap()], [comparison.reduction()],
+        comparison.sentence(), comparison.notes(), why,
     )  # fmt: skip
 
 
@@ -594,9 +605,12 @@ def _notes(
             "the corrected rig, which has one radius for both, does not include it"
         )
     for id in found.single:
-        where = "not in all logs that would show it" if system.logs > 1 else "in one half of the pushes only"
-        second = "" if system.logs > 1 else ": a second log of the rig, diagnosed together with this one, would tell"
-        notes.append(f"{id} stands out {where}, and is not named{second}")
+        if system.logs > 1:
+            notes.append(f"{id} does not act in all logs that would show it, so it is not named")
+        else:
+            notes.append(
+                f"{id} acts in only one half of the pushes, so it is not named; diagnose a second log together with this one"
+            )
     if found.confounded and system.logs == 1:
         causes = [found.confounded_with, *found.confounded]
         alone = [id for id in causes if id in _EACH_LOG]

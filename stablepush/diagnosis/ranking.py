@@ -6,7 +6,6 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution, identifiable
@@ -120,10 +119,8 @@ def _of_slip(system: System, found: Attribution) -> Entry:
     contact = found.contact
     if contact is None or system.rig.contact_friction is None:
         return 0.02, {}, False
-    far = float(student.ppf(0.975, contact.trials - 1)) * contact.error
-    interval = [contact.estimate - far, contact.estimate + far]
     probability = 1 - min(1.0, 50 * contact.p_value) if contact.p_value < 1 else 0.02
-    return probability, {"mu": ParameterEstimate(contact.estimate, interval, "1")}, True
+    return probability, {"mu": ParameterEstimate(contact.estimate, contact.interval, "1")}, True
 
 
 def _of_fit(id: str, system: System, found: Attribution, effects: list[str]) -> Entry:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stablepush.core import FloatArray
+from stablepush.core import BoolArray, FloatArray
 from stablepush.diagnosis.attribution import Attribution, ContactFriction, slipping
 from stablepush.diagnosis.replay import Replay
 from stablepush.diagnosis.system import System
@@ -60,6 +60,10 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
     def loss(mu: float, aside: float = 0.0) -> float:
         return _robust(sizes(mu, aside))
 
+    def least_aside(chosen: BoolArray) -> float:
+        """Sum of squares that fingers aside, instead of another friction, leave of some pushes."""
+        return min(float((sizes(nominal, float(a))[chosen] ** 2).sum()) for a in _ASIDE if a)
+
     before = sizes(nominal)
     off = before > _OFF
     seen = slipping(system, final)
@@ -67,7 +71,11 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
         # few fingers slip fast enough for their forces alone to tell, but the object ends where that friction takes it
         mu = float(np.median(list(seen.ratios.values())))
         after = sizes(mu)
-        if abs(mu - nominal) > _CLEARLY and (after[off] ** 2).sum() < _AGREES * (before[off] ** 2).sum():
+        told = off & np.array([push.trial in seen.ratios for push in pushes])
+        # the force of a single push might be turned by fingers that are aside
+        alone = len(seen.ratios) == 1 and (not told.any() or least_aside(told) <= float((after[told] ** 2).sum()))
+        agrees = float((after[off] ** 2).sum()) < _AGREES * float((before[off] ** 2).sum())
+        if abs(mu - nominal) > _CLEARLY and agrees and not alone:
             return ContactFriction(mu, _ROUGHLY * mu, len(seen.ratios), _P_VALUE, "forces and final poses")
     if off.sum() < _LEAST:
         return None
@@ -83,8 +91,7 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
     least = float((after[off] ** 2).sum())
     if least > _LEFT * float((before[off] ** 2).sum()) or (after > np.maximum(_WORSE * before, _OFF)).any():
         return None
-    aside = min((float((sizes(nominal, float(a))[off] ** 2).sum()) for a in _ASIDE if a), default=np.inf)
-    if aside < _OTHERWISE * least:
+    if least_aside(off) < _OTHERWISE * least:
         return None
     # above the friction at which all fingers stick any fits as well
     near = [mu for mu, found_loss in tried if found_loss <= losses.min() + 1.0]

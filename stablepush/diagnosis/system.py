@@ -67,12 +67,12 @@ class System(Equations):
         Nominal friction loads (N) of the points.
     has_wrench, has_surface : bool
         Whether the log has forces, and whether it carries information on the limit surface.
-    logs, log, each
-        Number of logs that are fitted together (:mod:`.together`), which of them each trial (trials,) is of, and effects whose
-        parameters are each log's own.
+    logs, last, log, each
+        Number of logs that are fitted together (:mod:`.together`), the last of them with forces, the log of each trial (trials,),
+        and effects whose parameters are each log's own.
     """
 
-    logs = 1
+    logs, last = 1, 0
     each: tuple[str, ...] = ()
 
     def __init__(
@@ -227,7 +227,8 @@ class System(Equations):
         if id == "inertia":
             own = np.maximum(own, 0.0)
         if id == "contact-geometry":
-            own = np.maximum(own, -(self.observations.finger_radius or np.inf))
+            radius = self.observations.finger_radius
+            own = np.maximum(own, -np.inf if radius is None else -radius)
         return np.concatenate((own, value[count:]))
 
     @cached_property

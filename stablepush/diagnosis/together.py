@@ -22,7 +22,7 @@ from stablepush.diagnosis.observations import Observations, observe
 from stablepush.diagnosis.replay import Replay, friction_of, pose_errors
 from stablepush.diagnosis.system import System, log_rows, rows_of
 from stablepush.effects import LabEffect
-from stablepush.io import PushLog, Rig, rig_to_json
+from stablepush.io import Noise, PushLog, Rig, rig_to_json
 from stablepush.surfaces import IdealLimitSurface
 
 #: Time (s) between logs, of which only the order counts.
@@ -34,8 +34,8 @@ _OF_RIG, _ROUNDING = ("slider", "friction", "gravity", "contact_kind", "finger_r
 def join(logs: Sequence[PushLog], names: Sequence[str]) -> tuple[PushLog, np.ndarray]:
     """Return several logs of one rig as one, and the number (trials,) of the log of each trial.
 
-    Trials and groups have the name of their log before their own. The noise is that of the noisiest log. Raises
-    :class:`InputError` if the rigs differ.
+    Trials and groups have the name of their log before their own. The noise is the largest of all. Raises
+    :class:`InputError` if the rigs differ, or a log is given twice.
     """
     first = rig_to_json(logs[0].rig)
     for log, name in zip(logs[1:], names[1:], strict=True):
@@ -43,8 +43,12 @@ def join(logs: Sequence[PushLog], names: Sequence[str]) -> tuple[PushLog, np.nda
         for key in _OF_RIG:
             if not _alike(first.get(key), other.get(key)):
                 raise InputError(f"{name}: rig.json: {key}", "expected the rig of the first log", "another one")
-    noise = max((log.rig.noise for log in logs if log.rig.noise), key=lambda n: n.force, default=None)
-    rig = replace(logs[0].rig, noise=noise if all(log.rig.noise for log in logs) else None)
+    for k, (log, name) in enumerate(zip(logs, names, strict=True)):
+        if any(_same_samples(log, other) for other in logs[:k]):
+            raise InputError(name, "expected another log", "the same pushes twice")
+    noises = [log.rig.noise for log in logs if log.rig.noise]
+    worst = Noise(*(max(getattr(noise, key) for noise in noises) for key in ("force", "position", "angle"))) if noises else None
+    rig = replace(logs[0].rig, noise=worst if len(noises) == len(logs) else None)
     tables: list[dict[str, list[object]]] = []
     for attribute in ("trials", "samples"):
         columns = dict.fromkeys(key for log in logs for key in getattr(log, attribute))
@@ -57,7 +61,8 @@ def join(logs: Sequence[PushLog], names: Sequence[str]) -> tuple[PushLog, np.nda
                 values = mine.get(key)
                 if values is None:
                     like = next(other for log in logs for other in (log.trials, log.samples) if key in other)[key]
-                    blank = "" if like.dtype == object else np.nan
+                    # a log without phases counts every row as a push
+                    blank = "push" if key == "phase" else "" if like.dtype == object else np.nan
                     column.extend([blank] * count)
                 elif key in ("trial", "group"):
                     column.extend(f"{name}/{value}" if value else "" for value in values)
@@ -68,6 +73,11 @@ def join(logs: Sequence[PushLog], names: Sequence[str]) -> tuple[PushLog, np.nda
                     column.extend(values.tolist())
         number += [k] * len(log)
     return PushLog(rig, *tables), np.array(number)
+
+
+def _same_samples(log: PushLog, other: PushLog) -> bool:
+    poses = [one.columns("t", "x", "y", "theta") for one in (log, other)]
+    return poses[0].shape == poses[1].shape and np.array_equal(poses[0], poses[1], equal_nan=True)
 
 
 def _alike(a: Any, b: Any) -> bool:
@@ -149,6 +159,8 @@ class Together(System):
     ) -> None:
         super().__init__(observations, rig, noisier, own)
         self.log, self.logs = number, int(number.max()) + 1
+        #: The last log with forces.
+        self.last = int(number[self.observations.trial].max(initial=0))
         one = self.model
         self.model = _Models(self, self.observations, one.beyond_points, one.place)  # type: ignore[assignment]
         self.nominal = np.tile(self.nominal, self.logs)
@@ -159,7 +171,7 @@ class Together(System):
         return loads[k * points : (k + 1) * points] if len(loads) > points else loads
 
     def of_last(self, loads: FloatArray) -> FloatArray:
-        return self.of_log(loads, self.logs - 1)
+        return self.of_log(loads, self.last)
 
     def values_of(self, values: Values, k: int) -> Values:
         """Parameters of effects as one log has them."""

@@ -131,9 +131,10 @@ def applicable(effects: Mapping[str, LabEffect], rows: LogRows, asked: Sequence[
         try:
             read, without = (np.asarray(effect.wrench(rows, wrench.copy(), value)) for value in (small, 0 * small))
             touch = [np.asarray(effect.clearance(rows, finger, 0 * small)) for finger in (0, 1)]
-            shapes = {read.shape, without.shape, *((*one.shape, 3) for one in touch)} - {rows.wrench.shape}
+            shapes = [one.shape for one in (read, without) if one.shape != rows.wrench.shape]
+            shapes += [one.shape for one in touch if one.shape != rows.wrench.shape[:1]]
             if shapes:
-                got = f"shape {min(shapes)}"
+                got = f"shape {shapes[0]}"
             elif not np.isfinite(read[known]).all():
                 got = "numbers that are not finite"
             elif not np.allclose(without[known], wrench[known]) or any(np.nan_to_num(one).any() for one in touch):

@@ -102,7 +102,9 @@ def load_corrections(path: str | Path) -> tuple[Correction, ...]:
     root = read_json(path, "diagnosis/1")
     corrections = corrections_from_node(root["corrected"])
     if not corrections:
-        root["corrected"].fail("expected at least one entry, this log could not be diagnosed")
+        root["corrected"].fail(
+            "expected at least one entry: a log that could not be diagnosed, or was compared with another simulator's, has none"
+        )
     return corrections
 
 

@@ -9,7 +9,7 @@ from conftest import LOAD, MASS, pairs, small_scene, three_feet, triangle
 
 import stablepush as sp
 from stablepush.cli.program import main
-from stablepush.diagnosis.attribution import family_wise_p_values
+from stablepush.diagnosis.attribution import ContactFriction, Slip, family_wise_p_values
 from stablepush.diagnosis.equations import ScoreTest
 from stablepush.diagnosis.nominal import nominal_of
 from stablepush.diagnosis.observations import observe
@@ -159,6 +159,14 @@ def test_a_channel_that_is_off_is_never_none(executed):
     # the direction of the force and where the push ends agree on the friction
     seen = sp.diagnose(log)
     assert seen.named == ["contact-friction"] and seen.effects["contact-friction"]["mu"] == pytest.approx(0.4, rel=0.1)
+
+
+def test_friction_of_few_trials_has_an_interval():
+    for trials, readings in ((1, "forces and final poses"), (2, "final poses"), (5, "forces")):
+        low, high = ContactFriction(0.3, 0.015, trials, 1e-6, readings).interval
+        assert 0 <= low < 0.3 < high < 0.45
+    assert Slip({}, {1: 0.3, 2: 0.31}, 0.29).agree and not Slip({}, {1: 0.3, 2: 0.31}, 0.5).agree
+    assert not Slip({1: 0.3}, {2: 0.5}, 0.0).agree and not Slip({}, {1: -0.3}, 0.0).agree
 
 
 def test_few_trials_have_no_small_p_value():

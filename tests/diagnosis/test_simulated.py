@@ -96,16 +96,16 @@ def tumbled(poses):
     return poses + np.outer(np.arange(len(poses)) == len(poses) - 1, (0, 0, 3.0))
 
 
-def without_last(poses):
-    return np.where(np.arange(len(poses))[:, None] == len(poses) - 1, np.nan, poses)
+def without_end(poses):
+    return np.where(np.arange(len(poses))[:, None] >= len(poses) - 5, np.nan, poses)
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     (
-        (lambda poses: np.tile(poses[0], (len(poses), 1)), "is not touched in 40 of 40 pushes"),
-        (tumbled, "tumbles, flies off or is lost in 40 of 40"),
-        (without_last, "it is not seen at the end"),
+        (lambda poses: np.tile(poses[0], (len(poses), 1)), "In 40 of 40 trials the simulator's slider is not touched"),
+        (tumbled, "In 40 of 40 trials the simulator's slider tumbles"),
+        (without_end, "it is not seen at the end"),
     ),
 )
 def test_a_simulator_that_loses_its_slider_names_nothing(simulated, change, words):
@@ -138,7 +138,57 @@ def test_one_push_repeated_names_nothing(simulated):
     assert gap.nominal > 3 * gap.noise_floor > 0
 
 
+def shifted(log, seconds):
+    return sp.PushLog(log.rig, log.trials, {**log.samples, "t": log.samples["t"] + seconds})
+
+
+def some(log, count):
+    """The first trials of a log."""
+    names = set(map(str, log.trials["trial"][:count]))
+    chosen = [np.array([str(name) in names for name in table["trial"]]) for table in (log.trials, log.samples)]
+    tables = [
+        {k: np.asarray(v)[rows] for k, v in table.items()} for table, rows in zip((log.trials, log.samples), chosen, strict=True)
+    ]
+    return sp.PushLog(log.rig, *tables)
+
+
+def test_clocks_that_do_not_overlap_name_nothing(simulated):
+    report = sp.diagnose(other_simulator("tilt:slope=0.04/-0.02"), simulated=shifted(simulated, 1000.0))
+    assert report.verdict == "unknown" and report.named == []
+    assert "the clocks of the two logs do not overlap" in report.sentence
+
+
+def test_few_trials_with_a_partner_name_nothing(simulated):
+    report = sp.diagnose(other_simulator("tilt:slope=0.04/-0.02"), simulated=some(simulated, 2))
+    assert report.named == [] and "In 38 of 40 trials the simulator's log has no partner" in report.sentence
+
+
+def test_a_single_push_is_compared(simulated):
+    real = some(other_simulator("tilt:slope=0.04/-0.02"), 1)
+    still = spoiled(some(simulated, 1), lambda poses: np.tile(poses[0], (len(poses), 1)))
+    report = sp.diagnose(real, simulated=still)
+    assert report.verdict == "unknown" and "is not touched" in report.sentence and "noise of the poses leaves" in report.sentence
+    assert "Too few pushes can be compared" in sp.diagnose(real, simulated=some(simulated, 1)).sentence
+
+
+def test_what_a_simulator_s_log_lacks_is_said(simulated):
+    real = other_simulator("tilt:slope=0.04/-0.02")
+    without = edited(simulated, drop=("fx", "fy", "tau"))
+    assert any("the simulator log has no forces" in note for note in sp.diagnose(real, simulated=without).notes)
+    # neither forces nor poses of the pusher: the final poses still differ
+    blind = edited(simulated, drop=("fx", "fy", "tau", "px", "py", "ptheta"))
+    report = sp.diagnose(edited(real, drop=("fx", "fy", "tau")), simulated=blind)
+    assert report.verdict == "unknown" and report.gap[0].nominal > 3 * report.gap[0].noise_floor
+
+
+def test_a_blank_in_the_last_row_is_a_missing_value(simulated):
+    real = spoiled(other_simulator(), lambda poses: np.where(np.arange(len(poses))[:, None] == len(poses) - 1, np.nan, poses))
+    assert sp.diagnose(real, simulated=simulated).verdict == "none"
+
+
 def test_another_slider_is_refused(simulated):
+    with pytest.raises(sp.InputError, match="expected a PushLog"):
+        sp.diagnose(other_simulator(), simulated="log")
     other = replace(simulated, rig=replace(simulated.rig, slider=sp.Slider.rectangle(0.1, 0.1, MASS)))
     with pytest.raises(sp.InputError, match="expected the outline of the log's slider"):
         sp.diagnose(other_simulator(), simulated=other)
@@ -151,7 +201,7 @@ def test_the_command_takes_the_log_of_another_simulator(simulated, tmp_path, cap
     outputs = ["--json", tmp_path / "d.json", "--html", tmp_path / "r.html", "--mended", tmp_path / "mended"]
     assert main([str(a) for a in (*command, *outputs)]) == 0
     told = capsys.readouterr().out
-    assert "named: tilt" in told and "corrects that simulator, not rig.json" in told and "stablepush correct" not in told
+    assert "named: tilt" in told and "belong to the other simulator" in told and "stablepush correct" not in told
     value = json.loads((tmp_path / "d.json").read_text())
     assert value["effects"] == ["tilt"] and value["corrected"] == []
     assert "another simulator" in (tmp_path / "r.html").read_text()
@@ -169,6 +219,7 @@ def test_the_real_pushes_of_another_lab_beside_seven_simulators():
     real = logs.pop("real")
     reports = {source: sp.diagnose(real, simulated=log) for source, log in logs.items()}
     assert all(report.named == [] and report.verdict == "unknown" for report in reports.values())
-    missed = {source for source, report in reports.items() if "not touched" in report.sentence}
+    missed = {source for source, report in reports.items() if "is not touched" in report.sentence}
     assert missed == {"PyBullet", "VRepNewton", "VRepVortex"}
+    assert {s for s, report in reports.items() if "tumbles" in report.sentence} == {"Mujoco", "VRepBullet283"}
     assert all(0.002 < report.gap[0].noise_floor < 0.004 for report in reports.values())

@@ -8,11 +8,12 @@ from conftest import LOAD, MASS, QUIET, check_schema, edited, make_log, one_line
 
 import stablepush as sp
 from stablepush.cli.program import main
-from stablepush.diagnosis.attribution import folds_of
+from stablepush.diagnosis.attribution import halves_of
 from stablepush.diagnosis.observations import observe
 from stablepush.diagnosis.system import System
 from stablepush.diagnosis.together import join
 from stablepush.effects import parse_effect
+from stablepush.views import gap_html
 
 
 def on_other_feet(*effects, feet, seed, count=16):
@@ -70,6 +71,7 @@ def test_drift_is_each_logs_own():
     (effect,) = report.corrected[0].effects
     assert effect.effect.id == "drift"
     check_schema(report)
+    assert "<html" in gap_html(report)
 
 
 def test_a_cause_of_one_log_is_none_of_the_rig():
@@ -80,7 +82,7 @@ def test_a_cause_of_one_log_is_none_of_the_rig():
 
 def test_a_cause_of_one_half_of_the_pushes_is_not_named():
     with_it, without = make_log("force-bias:force=0.15/0.1", seed=3), make_log(seed=3)
-    half = folds_of(System(observe(without), without.rig)) % 2 == 1
+    half = halves_of(System(observe(without), without.rig)) == 1
     chosen = dict(zip(map(str, without.trials["trial"]), half, strict=True))
     # the whole of the log reads the bias but in one half of its pushes the other way
     opposite = make_log("force-bias:force=-0.05/-0.04", seed=3)
@@ -106,6 +108,28 @@ def test_logs_of_other_rigs_are_refused(tmp_path, capsys):
         sp.write_pushlog(log, tmp_path / name)
     one_line(capsys, ["diagnose", tmp_path / "a", tmp_path / "b"], tmp_path / "b", "rig.json: friction")
     one_line(capsys, ["diagnose", tmp_path / "a", tmp_path / "a", "--simulated", tmp_path / "a"], "one log")
+
+
+def test_a_log_is_not_given_twice(tmp_path, capsys):
+    log = make_log(count=16, seed=1)
+    with pytest.raises(sp.InputError, match="log 2: expected another log, got the same pushes twice"):
+        sp.diagnose([log, log])
+    sp.write_pushlog(log, tmp_path / "a")
+    one_line(capsys, ["diagnose", tmp_path / "a", tmp_path / "a"], "expected another log")
+    with pytest.raises(sp.InputError, match="expected a name for each of 2 logs"):
+        sp.diagnose([log, make_log(count=16, seed=2)], name="one")
+
+
+def test_what_each_log_has_is_said():
+    log, other = make_log(count=16, seed=1), edited(make_log(count=16, seed=2), drop=("fx", "fy", "tau"))
+    report = sp.diagnose([log, other], name=["monday", "tuesday"])
+    assert "the corrected rig is that of monday; tuesday has no forces" in report.notes[0]
+    blind = sp.diagnose([edited(log, drop=("fx", "fy", "tau")), other])
+    assert "without forces they share one surface" in blind.notes[0]
+    # a log without phases counts every row as a push
+    phases, without = make_log(count=16, seed=3), edited(make_log(count=16, seed=4), drop=("phase",))
+    joined, _ = join([phases, without], ["a", "b"])
+    assert set(joined.samples["phase"][joined.rows(f"b/{without.trials['trial'][0]}")]) == {"push"}
 
 
 def test_the_command_takes_several_logs(tmp_path, capsys):

@@ -185,9 +185,10 @@ def _over_speed(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
 
 def _over_log(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     rate = entry.parameters["rate"].estimate
-    assert isinstance(rate, float)
-    orders = np.linspace(0.0, 1.0, 200)
-    _curve(axes, entry, orders, lambda terms: friction_over_log(rate, terms, orders), "place in the log, first to last push")
+    orders, label = np.linspace(0.0, 1.0, 200), "place in the log, first to last push"
+    # one for each of several logs
+    for each in rate if isinstance(rate, list) else [rate]:
+        _curve(axes, entry, orders, lambda terms, each=each: friction_over_log(each, terms, orders), label)  # type: ignore[misc]
 
 
 def _over_place(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
