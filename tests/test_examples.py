@@ -99,7 +99,7 @@ def test_the_files_of_the_formats_page_are_read(tmp_path, capsys):
 
     text = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
     parts = {part.split("`")[1]: part for part in text.split("\n## ")[1:]}
-    found = {name: re.findall(r"```(?:json|csv)\n(.*?)```", part, flags=re.DOTALL) for name, part in parts.items()}
+    found = {name: re.findall(r"```(?:json|text)\n(.*?)```", part, flags=re.DOTALL) for name, part in parts.items()}
     names = {"slider/1": ["slider.json"], "contact": ["contact.json"], "model/1": ["model.json"], "scene/1": ["scene.json"]}
     names |= {"plan/1": ["plan.json"], "pushlog/1": [f"log/{file}" for file in ("rig.json", "trials.csv", "samples.csv")]}
     (tmp_path / "log").mkdir()

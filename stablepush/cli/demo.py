@@ -29,6 +29,14 @@ from stablepush.stability import all_pressure_region, lynch_mason_region, probab
 from stablepush.views import Section, execution_html, gap_html, plan_html, report_html
 from stablepush.views.plot import figure_png, plot_plan, plot_regions
 
+#: What the page proposes.
+_NEXT = (
+    ("a limit surface from pokes", "stablepush fit LOG -o model.json"),
+    ("a path of stable pushes", "stablepush plan SCENE.json -o plan.json --view plan.html"),
+    ("what is different on the robot", "stablepush diagnose LOG --html report.html --json diagnosis.json"),
+    ("the scene as it really is", "stablepush correct SCENE.json diagnosis.json -o corrected.json"),
+)
+
 
 def run_demo(folder: Path, seed: int) -> int:
     """Run the chain and leave its files in ``folder``; every step reads what the one before it wrote."""
@@ -82,9 +90,9 @@ def run_demo(folder: Path, seed: int) -> int:
             "of convexity that needs no trust in the solver.",
             [
                 ("pokes", str(len(loads))),
-                ("angle error on held-out pokes", f"{held_out:.1f}°"),
+                ("angle between predicted and measured slip, pokes left out", f"{held_out:.1f}°"),
                 (
-                    "smallest eigenvalue of the certificate",
+                    "smallest eigenvalue of the certificate (above 0 proves convexity)",
                     f"{certificate.min_eigenvalue:.3g}" if certificate else "none",
                 ),
                 ("prior", "likely pressures under the outline" if fit.prior_weight else "none: the pokes contradict it"),
@@ -97,30 +105,35 @@ def run_demo(folder: Path, seed: int) -> int:
             "Coloured: stable by the identified surface, the darker the likelier. Dotted: stable whatever the pressure under the "
             "outline is, exactly. Hatched: the part of that which Lynch and Mason's test finds.",
             [
-                (f"{r.name}: solid angle, translations", f"{r.solid_angle():.3f} sr, {_degrees(r.translation_intervals)}")
+                (
+                    f"{r.name}: motions, directions of translation",
+                    f"{r.solid_angle():.3f} of 12.57 sr, {_degrees(r.translation_intervals)}",
+                )
                 for r in regions
             ],
         ),
         Section.with_picture(
-            "A path of stable pushes",
+            "The first plan: a path of stable pushes",
             plan_png,
             rows=[
                 ("status", result.status),
                 ("pushes", str(len(result.pushes))),
                 ("duration", f"{result.duration:.1f} s; no plan can take less than {result.lower_bound or 0:.1f} s"),
                 ("length", f"{result.length:.2f} m"),
-                ("least margin", f"{np.degrees(result.min_margin):.2f}°"),
-                ("probability of success", result.outlook),
+                ("least angle between the load and the friction cone's facets", f"{np.degrees(result.min_margin):.2f}°"),
+                ("predicted", result.outlook),
                 ("planning time", f"{result.planning_time:.2f} s"),
                 ("independent check", "valid" if report.valid else "; ".join(report.objections)),
             ],
         ),
-        Section("See it move", link="plan.html", link_text="Animation of the plan"),
+        Section("The first plan as it should move", link="plan.html", link_text="Animation of the plan"),
         *after[1:],
+        Section("What to do next", "The same with files of your own:", [(command, what) for what, command in _NEXT]),
     ]
     lead = (
-        f"{story} Everything on this page was computed just now on a simulated rig: a triangle on three feet that the "
-        "identification does not know, poked by one finger and pushed by two."
+        f"{story} stablepush finds how a flat object slides, plans pushes during which it sticks to the fingers, and says what "
+        "is different where a robot does something else. All of this page was computed when the demo ran, on a simulated rig: a "
+        "triangle on three feet that the identification does not know, poked by one finger and pushed by two."
     )
     write_atomically(folder / "report.html", report_html("stablepush demo", lead, sections))
     print(f"{folder / 'report.html'}: open it in a browser ({time.perf_counter() - started:.1f} s in all)")
@@ -159,12 +172,13 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
     headings.append(f"After: {arrived:.1f} mm from the goal")
 
     mu = [problem.contacts[0].mu for problem in (scene, corrected)]
-    cause = f"found the cause ({', '.join(found.named)})" if found.named else f"named no cause ({found.verdict})"
+    cause = f"named the cause ({', '.join(found.named)})" if found.named else f"named no cause ({found.verdict})"
     near = 1000 * scene.tolerance[0]
     story = (
-        f"A plan made from 40 pokes was carried out on a rig that is not as believed, and the object ended {away:.0f} mm from "
-        f"the goal. The log of that run {cause}; the plan that was made with it ended {arrived:.1f} mm from the goal, "
-        f"{'within' if arrived <= near else 'outside of'} the tolerance of {near:.0f} mm."
+        f"A plan made from 40 pokes was carried out on a rig whose fingers have a friction of {SLIPPERY:.2f} where the plan "
+        f"assumes {mu[0]:.2f}, and the object ended {away:.0f} mm from the goal. The log of that run {cause}; the plan that was "
+        f"made with it ended {arrived:.1f} mm from the goal, {'within' if arrived <= near else 'outside of'} the tolerance of "
+        f"{near:.0f} mm."
     )
     rows = [
         ("friction of the fingers, as believed", f"{mu[0]:.2f}"),
@@ -173,9 +187,10 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
         ("the first plan", _outcome(result, away)),
         ("the second plan", _outcome(again, arrived)),
     ]
+    share = 100 * scene.uncertainty.relative_friction
     lost = (
-        f"The fingers have a friction of {SLIPPERY:.2f} where the scene assumes {mu[0]:.2f}: neither the plan nor the diagnosis "
-        "is told."
+        f"The first plan allows for {share:.0f} % of the friction to either side; the truth is outside of that, and neither the "
+        "plan nor the diagnosis is told."
     )
     pages = list(zip(headings, ("run.html", "second-run.html"), strict=True))
     told = [

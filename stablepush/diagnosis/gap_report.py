@@ -502,12 +502,13 @@ def _sentence(
     how = ""
     if nearer:
         channel, share = nearer[0]
-        how = f"; {100 * share:.0f} % of the gap in {channel} is explained on held-out trials"
+        how = f"; {100 * share:.0f} % of the mean square gap in {channel} is explained on held-out trials"
         if channel in sizes:
-            entry, unit = sizes[channel], "" if sizes[channel].unit == "1" else f" {sizes[channel].unit}"
-            how += (
-                f": it falls from {readable(entry.before)} to {readable(entry.after)}{unit}, noise leaves {readable(entry.floor)}"
-            )
+            entry = sizes[channel]
+            # final poses in mm, the rest as it is
+            factor, unit = (1000, " mm") if entry.unit == "m" else (1, "" if entry.unit == "1" else f" {entry.unit}")
+            before, after, floor = (f"{factor * size:.3g}" for size in (entry.before, entry.after, entry.floor))
+            how += f": its root falls from {before} to {after}{unit}, noise leaves {floor}"
     known = {entry.effect: entry for entry in ranking}
     words = []
     for id in effects:

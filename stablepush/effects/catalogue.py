@@ -71,7 +71,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support friction depends on direction over the table",
             "support",
             "headings of the slider over the table that vary, and forces, or pushes that slip",
-            "plan along one heading, or turn the grain of the table; planners refuse the corrected scene by name",
+            "plan along one heading, or turn the grain of the table; plan refuses the corrected scene, and says so",
             (ratio, Parameter("direction", "rad in W", 0.0, -half, half)),
         ),
         EffectKind(
@@ -79,7 +79,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support friction depends on direction, fixed in the slider",
             "support",
             "pushes in many directions of the slider, and forces, or pushes that slip",
-            "look at the feet for a worn or ribbed one; planners refuse the corrected scene by name",
+            "look at the feet for a worn or ribbed one; plan refuses the corrected scene, and says so",
             (ratio, Parameter("direction", "rad in B", 0.0, -half, half)),
         ),
         EffectKind(
@@ -87,7 +87,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support friction depends on speed",
             "support",
             "forces at speeds that vary by a factor of three or more",
-            "push at one speed, that of the pokes",
+            "push at one speed, that of the pokes; plan refuses the corrected scene, and says so",
             (Parameter("slope", "1 per e-fold of speed", 0.0, -0.15, 0.15),),
         ),
         EffectKind(
@@ -95,7 +95,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support friction differs over the table",
             "support",
             "places on the table that vary, and forces",
-            "clean the table, or keep plans where it is even",
+            "clean the table, or keep plans where it is even; plan refuses the corrected scene, and says so",
             (Parameter("gradient", "1/m in W", 0.0, -1.0, 1.0, 2),),
         ),
         EffectKind(
@@ -127,7 +127,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "the table is not level",
             "support",
             "headings that vary, forces, and rows at rest to separate it from a sensor bias",
-            "level the table (0.017 is one degree)",
+            "level the table: the slope points downhill, 0.017 is one degree; plan refuses the corrected scene, and says so",
             (Parameter("slope", "rad in W", 0.0, -0.05, 0.05, 2, least=-0.5, most=0.5),),
         ),
         EffectKind(
@@ -167,7 +167,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "force sensor mounted at an angle",
             "sensing",
             "forces in many directions, and motions of the slider",
-            "turn the readings of the force sensor by the estimate; plans stay as they are",
+            "turn the readings of the force sensor back by the angle; plans stay as they are",
             (Parameter("angle", "rad", 0.0, -0.3, 0.3),),
         ),
         EffectKind(
@@ -175,7 +175,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "origin of the tracked frame away from the centre of mass",
             "sensing",
             "forces with moments, or poses of a slider that turns",
-            "move the tracked origin by the estimate; stablepush correct moves start and goal",
+            "move the tracked origin back by the offset, or plan with stablepush correct, which moves start and goal; not both",
             (Parameter("offset", "m in B", 0.0, -0.01, 0.01, 2),),
         ),
         EffectKind(
