@@ -1,96 +1,198 @@
-"""What the parts of the diagnosis are good for: wrong names and false alarms without the joint refit of the surface, without
-trials as the unit of scatter, and without the bootstrap of the greatest statistic.
+"""What the parts of the diagnosis are good for, and what a log must have: the logs of a blind check, diagnosed with parts of the
+method switched off, and with parts of the logs left out.
 
-    python examples/diagnosis/ablation.py [--clean 60] [--per-effect 4] [--pushes 60] [--jobs 2]
+The check must be finished: its labels are open. Of effects that stand out by ten times the noise it counts how many are named
+and nothing else is; of all logs but those out of the catalogue, how many get a wrong name; of clean logs, how many get any.
+
+    stablepush blind -o check --sets 100 --generator both
+    python examples/diagnosis/ablation.py check [--logs 100] [--jobs 2] [-o rows.json]
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
-import campaign
 import numpy as np
 from scipy.stats import chi2
 from tqdm import tqdm
 
 import stablepush as sp
+from stablepush.blind.score import Row, outcome, share
+from stablepush.blind.seal import Ledger, open_label
 from stablepush.core.parallel import run_parallel
-from stablepush.diagnosis import attribution, gap_reduction, gap_report, system
-from stablepush.diagnosis.equations import SIZES, Demands, ScoreTest
+from stablepush.diagnosis import attribution, gap_reduction, gap_report
+from stablepush.diagnosis.equations import Demands, Equations, ScoreTest
 from stablepush.diagnosis.observations import Observations, observe
+from stablepush.diagnosis.system import System
+from stablepush.effects import FAMILIES
 
-VARIANTS = ("as it is", "nominal surface, not refitted", "rows, not trials", "each effect at 5 %")
+FORCES = ("fx", "fy", "tau")
+Part = Any
 
 
-def by_rows(log: sp.PushLog) -> Observations:
+def _unchanged(log: sp.PushLog) -> sp.PushLog:
+    return log
+
+
+def _without_forces(log: sp.PushLog) -> sp.PushLog:
+    return sp.PushLog(log.rig, log.trials, {k: v for k, v in log.samples.items() if k not in FORCES})
+
+
+def _without(**fields: None) -> Callable[[sp.PushLog], sp.PushLog]:
+    return lambda log: sp.PushLog(replace(log.rig, **fields), log.trials, log.samples)
+
+
+_FRICTION = {"support_friction": None, "contact_friction": None}
+#: What is left out of a log.
+LOGS: Mapping[str, Callable[[sp.PushLog], sp.PushLog]] = {
+    "no forces": _without_forces,
+    "no friction in the rig": _without(**_FRICTION),
+    "no finger radius": _without(finger_radius=None),
+    "no noise": _without(noise=None),
+    "none of these three": _without(**_FRICTION, finger_radius=None, noise=None),
+}
+
+
+def _observed(**parts: Callable[[Observations], Any]) -> Part:
+    """Rows of a log with some of them changed."""
+
+    def changed(log: sp.PushLog) -> Observations:
+        o = observe(log)
+        return replace(o, **{name: function(o) for name, function in parts.items()})
+
+    return patch.object(gap_report, "observe", changed)
+
+
+def _rows_as_trials(log: sp.PushLog) -> Observations:
     """Rows as if each were a push of its own."""
     o = observe(log)
+    rows = len(o.trial)
     return replace(
-        o, trial=np.arange(len(o.trial)), names=[str(k) for k in range(len(o.trial))], group=[""] * len(o.trial),
-        rest=(o.rest[0][:0], o.rest[1][:0]),
+        o, trial=np.arange(rows), names=[str(k) for k in range(rows)], group=[""] * rows,
+        columns={name: values[o.trial] for name, values in o.columns.items()}, rest=(o.rest[0][:0], o.rest[1][:0]),
     )  # fmt: skip
 
 
-def one_by_one(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[str, float]:
+def _one_by_one(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[str, float]:
     """An effect's own p-value, made such that 5 % of it meet the demand."""
-    least = system.System.demands.family_wise_p
-    return {id: float(chi2.sf(test.statistic, SIZES[id])) * least / 0.05 for id, test in tests.items()}
+    sizes = {id: len(test.estimate) for id, test in tests.items()}
+    return {id: float(chi2.sf(test.statistic, sizes[id])) * System.demands.family_wise_p / 0.05 for id, test in tests.items()}
+
+
+def _whole(self: System, *arguments: Any, whole: bool = False) -> dict[str, ScoreTest]:
+    return _TESTS(self, *arguments, whole=True)
+
+
+_TESTS, _BASE = Equations.tests, System.base
+_LAX = Demands(3.84, 0.0, 0.0, System.demands.family_wise_p, np.inf)
+_OWN_FORMS = [
+    patch.object(attribution, "_in_other_forms", lambda *_: ([], {})),
+    patch.object(attribution, "_with_forms", lambda system, chosen, current: current),
+]
+#: What is switched off.
+PARTS: Mapping[str, list[Part]] = {
+    "families off": _OWN_FORMS,
+    "heredity off: families as a whole": [
+        *_OWN_FORMS, patch.object(Equations, "tests", _whole), patch.object(Equations, "opened", frozenset(FAMILIES)),
+        patch.object(attribution, "_FURTHER", 0.0),
+    ],
+    "further causes at any share": [patch.object(attribution, "_FURTHER", 0.0)],
+    "channel final poses off": [patch.object(gap_report, "replays", lambda *_: [])],
+    "channel clearances off": [_observed(clearance=lambda o: np.full_like(o.clearance, np.nan))],
+    "channel rest off": [_observed(rest=lambda o: (o.rest[0][:0], o.rest[1][:0]))],
+    "channel slip off": [
+        patch.object(attribution, "slip_friction", lambda *_: None),
+        patch.object(gap_report, "friction_from_poses", lambda *_: None),
+    ],
+    "plausibility off": [
+        patch.object(attribution, "_possible", lambda *_: True), patch.object(attribution, "identifiable", lambda *_: True),
+        patch.object(System, "clipped", lambda self, id, value: value),
+    ],
+    "replication off": [patch.object(attribution, "_replicates", lambda *_: True)],
+    "surface not refitted": [patch.object(System, "base", lambda self, values, free: _BASE(self, values, False))],
+    "rows, not trials": [
+        patch.object(gap_report, "observe", _rows_as_trials),
+        # rows that are called trials have neither final poses nor labels
+        patch.object(gap_report, "replays", lambda *_: []), patch.object(gap_reduction, "_labels", lambda *_: {}),
+    ],
+    "each effect at 5 %": [
+        patch.object(attribution, "family_wise_p_values", _one_by_one), patch.object(System, "demands", _LAX)
+    ],
+}  # fmt: skip
+VARIANTS = ("as it is", *LOGS, *PARTS)
 
 
 @contextmanager
 def without(variant: str) -> Iterator[None]:
-    """The diagnosis without one of its parts; final poses, which name nothing where there are forces, are left out."""
-    base = system.System.base
-    # rows that are called trials have no labels
-    with patch.object(gap_report, "replays", lambda *_: []), patch.object(gap_reduction, "_labels", lambda *_: {}):
-        if variant == VARIANTS[1]:
-            with patch.object(system.System, "base", lambda self, values, free: base(self, values, False)):
-                yield
-        elif variant == VARIANTS[2]:
-            with patch.object(gap_report, "observe", by_rows):
-                yield
-        elif variant == VARIANTS[3]:
-            # the other demands are there for the same reason
-            lax = Demands(3.84, 0.0, 0.0, system.System.demands.family_wise_p, np.inf)
-            with patch.object(attribution, "family_wise_p_values", one_by_one), patch.object(system.System, "demands", lax):
-                yield
-        else:
-            yield
+    """The diagnosis without one of its parts."""
+    with ExitStack() as parts:
+        for part in PARTS.get(variant, []):
+            parts.enter_context(part)
+        yield
 
 
-def one(variant: str, id: str, seed: int, pushes: int) -> dict[str, object]:
-    with without(variant):
-        return {"variant": variant, **campaign.one(id, seed, pushes)}
+def answer(variant: str, folder: Path, label: dict[str, Any]) -> Row:
+    """What a variant says of a log."""
+    log = LOGS.get(variant, _unchanged)(sp.read_pushlog(folder))
+    try:
+        with without(variant):
+            report = sp.diagnose(log)
+        said = {"verdict": str(report.verdict), "effects": report.named}
+    except (ValueError, np.linalg.LinAlgError) as error:
+        # a part that is missing may break what stands on it
+        said = {"verdict": "failed", "effects": [], "why": str(error)}
+    return {"variant": variant, "set": folder.parent.name, "label": label, "answer": said}
+
+
+def opened(check: Path, count: int) -> list[tuple[Path, dict[str, Any]]]:
+    """The logs and labels of a finished check."""
+    if not (check / "score.csv").is_file():
+        raise SystemExit(f"{check}: expected a finished blind check, it has no score.csv")
+    ledger, key = Ledger(check / "ledger.jsonl"), (check / "key").read_bytes()
+    found = []
+    for folder in sorted((check / "sets").iterdir())[:count]:
+        found.append((folder / "log", open_label(ledger, int(folder.name), (folder / "label.sealed").read_bytes(), key)))
+    return found
+
+
+def show(rows: list[Row]) -> None:
+    """Print a line for each variant."""
+    print(f"{'':<36s}{'named, nothing else':>32s}{'wrong names':>32s}{'clean with a name':>32s}")
+    for variant in dict.fromkeys(row["variant"] for row in rows):
+        mine = [(row, outcome(row)) for row in rows if row["variant"] == variant]
+        single = [said for row, said in mine if row["label"]["kind"] == "effect" and row["label"]["applied"][0]["detectable"]]
+        judged = [said for row, said in mine if row["label"]["kind"] != "outside"]
+        clean = [row for row, _ in mine if row["label"]["kind"] == "clean"]
+        cells = (
+            share(single.count("right"), len(single)),
+            share(sum(said in ("wrong name", "right and more") for said in judged), len(judged)),
+            share(sum(bool(row["answer"]["effects"]) for row in clean), len(clean)),
+        )
+        failed = sum(said == "failed" for _, said in mine)
+        print(f"{variant:<36s}" + "".join(f"{cell:>32s}" for cell in cells) + (f"  {failed} failed" if failed else ""))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--clean", type=int, default=60)
-    parser.add_argument("--per-effect", type=int, default=4)
-    parser.add_argument("--first-seed", type=int, default=0)
-    parser.add_argument("--pushes", type=int, default=60)
+    parser.add_argument("check", type=Path, help="folder of a finished blind check")
+    parser.add_argument("--logs", type=int, default=100, help="how many of its logs, from the first")
+    parser.add_argument("--variants", nargs="*", default=VARIANTS, choices=VARIANTS, metavar="VARIANT")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--scheduler", help="Dask cluster that does the work instead; it has to find this folder's modules")
+    parser.add_argument("-o", "--output", type=Path)
     options = parser.parse_args()
-    kinds = [("none", k) for k in range(options.clean)]
-    kinds += [(id, k) for k in range(options.per_effect) for id in campaign.LARGEST if id != "model-capacity"]
-    jobs = [(v, id, options.first_seed + seed, options.pushes) for v in VARIANTS for id, seed in kinds]
-    found = run_parallel(one, jobs, options.jobs, scheduler=options.scheduler)
-    rows = list(tqdm(found, total=len(jobs), disable=None, leave=False))
-    print(f"{'':<32s}{'clean logs with a name':>32s}{'effects named':>32s}{'with a wrong name':>32s}")
-    for variant in VARIANTS:
-        mine = [row for row in rows if row["variant"] == variant]
-        clean = [row for row in mine if row["effect"] == "none"]
-        acting = [row for row in mine if row["effect"] != "none"]
-        alarms = sum(bool(row["named"]) or row["verdict"] == "unknown" for row in clean)
-        right = sum(row["effect"] in str(row["named"]).split() for row in acting)
-        wrong = sum(bool(set(str(row["named"]).split()) - {row["effect"]}) for row in acting)
-        cells = [(alarms, len(clean)), (right, len(acting)), (wrong, len(acting))]
-        print(f"{variant:<32s}" + "".join(f"{f'{n} of {m} ({campaign.interval(n, m)})':>32s}" for n, m in cells))
+    logs = opened(options.check, options.logs)
+    jobs = [(variant, *log) for log in logs for variant in options.variants]
+    rows = list(tqdm(run_parallel(answer, jobs, options.jobs), total=len(jobs), disable=None, leave=False))
+    if options.output:
+        options.output.write_text(json.dumps(rows))
+    show(rows)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 """Logs of executed plans on rigs without any effect: how often does the diagnosis give a cause?
 
-Random sliders on random feet, and a surface from eight pokes with 3 % noise (`examples/planning/arrive.py`). A default plan is
-executed on the simulated rig, and its log diagnosed. ``itself``: the table has the friction that the plan was made with, so that
-the nominal simulation is the truth. ``feet``: the table has that of the feet, which the surface of eight pokes does not quite
-meet. Each with forces and without.
+Random sliders on random feet, and a surface from eight pokes with 3 % noise (`examples/planning/arrive.py`). One to six default
+plans are executed on the simulated rig, and their log diagnosed. ``itself``: the table has the friction that the plans were made
+with, so that the nominal simulation is the truth. ``feet``: the table has that of the feet, which the surface of eight pokes does
+not quite meet. Each with forces and without.
 
     python examples/diagnosis/executed_plans.py [--tasks 100] [--first-seed 0] [--jobs 2] [-o rows.json]
     python examples/diagnosis/executed_plans.py --effect contact-friction:mu=0.3
@@ -21,17 +21,38 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from scipy.stats import binomtest
 
 import stablepush as sp
 from stablepush.effects import parse_effect
+from stablepush.rig import Command, plan_commands
 
 sys.path.append(str(Path(__file__).parents[1] / "planning"))
-from arrive import FINGER, random_task
+from arrive import FINGER, Task, random_task
 
+#: Most plans of a log.
+PLANS = 6
 #: Noise of a row: N, m, rad.
 NOISE = sp.Noise(0.02, 1e-4, 1e-3)
 FORCES = ("fx", "fy", "tau")
+
+
+def commands_of(task: Task, seed: int) -> list[Command]:
+    """Commands of one to six default plans, each from a start of its own to a goal of its own."""
+    rng = np.random.default_rng([seed, 4])
+    heading = float(task.problem.contacts[0].frame[2])
+    found: list[Command] = []
+    for _ in range(int(rng.integers(1, PLANS + 1))):
+        start = np.array((*rng.uniform(-0.1, 0.1, 2), rng.uniform(-np.pi, np.pi)))
+        ahead, aside = rng.uniform(0.25, 0.5), rng.uniform(-0.2, 0.2)
+        c, s = np.cos(start[2] + heading), np.sin(start[2] + heading)
+        goal = start + np.array((c * ahead - s * aside, s * ahead + c * aside, rng.uniform(-0.8, 0.8)))
+        problem = task.problem.with_changes(start=start, goal=goal)
+        result = sp.plan(problem, refinement_budget=2000)
+        if result.solved:
+            found += plan_commands(problem, result, FINGER)
+    return found
 
 
 def rows_of(job: tuple[int, tuple[str, ...]]) -> list[dict[str, Any]]:
@@ -40,8 +61,8 @@ def rows_of(job: tuple[int, tuple[str, ...]]) -> list[dict[str, Any]]:
     task = random_task(seed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        result = sp.plan(task.problem, refinement_budget=2000)
-    if not result.solved:
+        commands = commands_of(task, seed)
+    if not commands:
         return []
     problem, contact = task.problem, task.problem.contacts[0]
     effects = [parse_effect(text) for text in texts]
@@ -50,16 +71,16 @@ def rows_of(job: tuple[int, tuple[str, ...]]) -> list[dict[str, Any]]:
     feet = sp.IdealLimitSurface(sp.SupportDistribution(task.feet - task.center, task.shares), load)
     believed = sp.VirtualRig(problem.slider, problem.surface, contact.mu, pusher, effects, NOISE)
     real = sp.VirtualRig(problem.slider, feet, contact.mu, pusher, effects, NOISE)
-    known = sp.execute_plan(believed, problem, result, seed=seed).log
+    known = believed.execute(commands, seed=seed).log
     found = []
     for name, rig in (("itself", believed), ("feet", real)):
-        log = sp.execute_plan(rig, problem, result, seed=seed).log
+        log = rig.execute(commands, seed=seed).log
         rig_of_log = replace(log.rig, slider=known.rig.slider, support_friction=known.rig.support_friction, model=known.rig.model)
         log = sp.PushLog(rig_of_log, log.trials, log.samples)
         blind = sp.PushLog(rig_of_log, log.trials, {k: v for k, v in log.samples.items() if k not in FORCES})
         for words, asked in ((f"{name}, forces", log), (f"{name}, no forces", blind)):
             report = sp.diagnose(asked)
-            row = {"seed": seed, "name": words, "pushes": len(result.pushes), "verdict": str(report.verdict)}
+            row = {"seed": seed, "name": words, "pushes": len(commands), "verdict": str(report.verdict)}
             found.append(row | {"effects": report.named, "sentence": report.sentence})
     return found
 
@@ -79,6 +100,8 @@ def main() -> None:
             rows += found
             if options.output:
                 options.output.write_text(json.dumps(rows))
+    sizes = [row["pushes"] for row in rows]
+    print(f"{len(rows)} logs of {min(sizes)} to {max(sizes)} pushes, median {np.median(sizes):.0f}")
     for name in dict.fromkeys(row["name"] for row in rows):
         mine = [row for row in rows if row["name"] == name]
         named = sum(row["verdict"] in ("named", "ambiguous") for row in mine)

@@ -9,6 +9,7 @@ nothing with planning, stability or simulation of the library. Tasks are those t
     python examples/planning/arrive.py guarantees [--tasks 300]
     python examples/planning/arrive.py levels    [--tasks 300] [--only quickest] [--between 0.4 0.8]    stated against measured
     python examples/planning/arrive.py beyond    [--tasks 200]      friction 20 % off, fingers 4 mm off, start 5 mm and 5 deg off
+    python examples/planning/arrive.py effects   [--tasks 60]       a table that slopes or is grained, known and not known
     python examples/planning/arrive.py --show rows.json [more.json]
 """
 
@@ -47,6 +48,14 @@ MODES: dict[str, dict[str, dict[str, Any]]] = {
     "levels": {"quickest": QUICKEST} | {f"success={level}": {"success": level} for level in (0.5, 0.7, 0.9, 0.98)},
     "beyond": {"default": {}},
 }
+#: Effects of the table of the study ``effects``: slope (rad), or friction along the grain over that across it; their directions
+#: are random.
+EFFECTS: dict[str, tuple[float, float]] = {
+    "tilt of 2 deg": (math.radians(2.0), 1.0),
+    "tilt of 4 deg": (math.radians(4.0), 1.0),
+    "anisotropy of 1.3": (0.0, 1.3),
+    "anisotropy of 1.5": (0.0, 1.5),
+}
 #: What differs from the problem by more than it says: a factor of the friction at the fingers, m along the edge, and how much of
 #: :data:`_START` the slider is displaced.
 BEYOND: dict[str, dict[str, float]] = {
@@ -75,7 +84,7 @@ class Task:
     """What the planner sees, and what is true.
 
     Feet (k, 2) in B, their shares of the load, the centre of mass (2,) in B, friction of table and fingers, how far (m) the
-    fingers are aside, and how much of :data:`_START` the slider is displaced.
+    fingers are aside, how much of :data:`_START` the slider is displaced, slope and grain of the table.
     """
 
     problem: sp.PlanningProblem
@@ -86,6 +95,8 @@ class Task:
     contact_mu: float
     aside: float
     displaced: float = 0.0
+    slope: tuple[float, float] = (0.0, 0.0)
+    grain: tuple[float, float] = (1.0, 0.0)
 
 
 def random_task(seed: int) -> Task:
@@ -157,6 +168,7 @@ def carried_out(task: Task, pushes: Sequence[sp.Push], engine: str) -> Execution
     docked = np.array((x - FINGER * math.cos(theta), y - FINGER * math.sin(theta), theta))
     centers = np.array([(0.0, float((p - (x, y)) @ across) + task.aside) for p in contact.points])
     body = SliderOnFeet(problem.slider.vertices, float(problem.slider.mass or 1.0), task.feet, task.shares, task.table_mu)
+    body = replace(body, slope=np.array(task.slope), grain=task.grain)
     times, poses, now = [np.zeros(1)], [placed(np.array(problem.start)[None], docked)], 0.0
     for push in pushes:
         t = np.linspace(0.0, push.duration, 1 + math.ceil(push.duration * RATE))[1:]
@@ -199,6 +211,8 @@ def rows_of(job: tuple[str, str, int, float, list[str] | None, Between, Between,
         quickest = sp.plan(task.problem, time_limit=30, refinement_budget=budget, **QUICKEST)
         if not quickest.solved:
             return []
+        if study == "effects":
+            return [row | {"seed": seed} for row in rows_under_effects(task, quickest, engine, budget)]
         for name, asked in MODES[study].items():
             if only and name not in only:
                 continue
@@ -215,6 +229,31 @@ def rows_of(job: tuple[str, str, int, float, list[str] | None, Between, Between,
                 row |= {"sticking_stated": stated.probability, "arrival_stated": stated.arrival}
                 for again in range(repeats):
                     rows.append(row | judged(retried(task, again), result, engine, off))
+    return rows
+
+
+def rows_under_effects(task: Task, quickest: sp.PlanResult, engine: str, budget: float) -> list[dict[str, Any]]:
+    """Default plans that know an effect of the table, and those that do not, executed on that table."""
+    rows = []
+    blind = sp.plan(task.problem, time_limit=30, refinement_budget=budget)
+    for name, (tilt, ratio) in EFFECTS.items():
+        direction = float(np.random.default_rng([7, round(1e9 * task.contact_mu)]).uniform(-math.pi, math.pi))
+        slope = (tilt * math.cos(direction), tilt * math.sin(direction))
+        effect = sp.parse_effect(
+            f"tilt:slope={slope[0]}/{slope[1]}" if tilt else f"anisotropy-world:ratio={ratio},direction={direction / 2}"
+        )
+        true = replace(task, slope=slope, grain=(ratio, direction / 2))
+        knowing = task.problem.with_changes(effects=[effect])
+        for words, problem, result in (
+            (f"{name}, not known", task.problem, blind),
+            (f"{name}, known", knowing, sp.plan(knowing, time_limit=30, refinement_budget=budget)),
+        ):
+            row = {"seed": 0, "name": words, "solved": result.solved, "quickest": quickest.duration}
+            if result.solved:
+                stated = about_end(replace(task, problem=problem), result)
+                row |= {"sticking_stated": stated.probability, "arrival_stated": stated.arrival}
+                row |= judged(true, result, engine, {})
+            rows.append(row)
     return rows
 
 
@@ -321,7 +360,7 @@ def share(count: int, total: int) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("study", nargs="?", choices=list(MODES), default="modes")
+    parser.add_argument("study", nargs="?", choices=[*MODES, "effects"], default="modes")
     parser.add_argument("--tasks", type=int, default=20)
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--engine", choices=("mujoco", "drake"), default="mujoco")
@@ -339,6 +378,9 @@ def main() -> None:
         show(known)
         show_calibration(known)
         return
+    chosen = options.only or options.repeats > 1 or (*options.between, *options.arriving) != (0, 1, 0, 1)
+    if options.study == "effects" and chosen:
+        parser.error("effects takes none of --only, --between, --arriving, --repeats")
     rows: list[dict[str, Any]] = []
     seed, solved = options.first_seed, 0
     with ProcessPoolExecutor(options.jobs) as pool:

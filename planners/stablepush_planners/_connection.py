@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stablepush.core import FloatArray, compiled, inner
+from stablepush.core import BoolArray, FloatArray, compiled, inner
 from stablepush.geometry.kernels import exp_of
 from stablepush.planning.kernels import push_is_free
 from stablepush_planners.dubins import CURVATURES, dubins_lengths
@@ -19,18 +19,36 @@ _NO_COST, _NO_TURN, _ALIKE = 1e-9, 1e-9, 1e-9
 
 class Connections(NamedTuple):
     """Dubins paths by contact: frame of the reference point in B (3,), radii (m, zero for none), times and costs (s/m) of left,
-    straight and right."""
+    straight and right, and in which equal parts of all headings each of them is stable (contacts, radii, 3, parts); one part
+    where headings do not matter."""
 
     frames: FloatArray
     radii: FloatArray
     paces: FloatArray
     prices: FloatArray
+    stable: BoolArray
 
 
 @inner
 def turn_twist(frame, curvature):  # type: ignore[no-untyped-def]
     """Body twist of unit speed of the reference point, turning with a curvature (1/m)."""
     return math.cos(frame[2]) + curvature * frame[1], math.sin(frame[2]) - curvature * frame[0], curvature
+
+
+@compiled
+def stable_along(parts, heading, turn):  # type: ignore[no-untyped-def]
+    """Whether all parts (n,) of the headings that an arc passes, from ``heading`` by ``turn``, are marked."""
+    count = parts.shape[0]
+    if count == 1:
+        return parts[0]
+    low, high = min(heading, heading + turn), max(heading, heading + turn)
+    size = 2 * math.pi / count
+    # an arc that ends where a part does needs no more of it
+    first, last = math.floor(low / size + 1e-9), math.ceil(high / size - 1e-9) - 1
+    held = True
+    for k in range(first, max(first, last) + 1):
+        held = held and parts[k % count]
+    return held
 
 
 @compiled
@@ -100,6 +118,10 @@ def connect(connections, world, body, contact, x, y, theta, gx, gy, gt, most, le
             duration = lengths[word, p] * radius * pace
             pieces[p, 0], pieces[p, 1], pieces[p, 2], pieces[p, 3] = vx / pace, vy / pace, omega / pace, duration
             if duration > 0.0:
+                parts = connections.stable[contact, which, int(1 - CURVATURES[word, p])]
+                if not stable_along(parts, pt, omega / pace * duration):
+                    good = False
+                    break
                 c, s = math.cos(pt), math.sin(pt)
                 if not push_is_free(world, body, px, py, c, s, vx / pace, vy / pace, omega / pace, duration):
                     good = False

@@ -118,9 +118,10 @@ def _pose_error(arcs: FloatArray, target: FloatArray) -> FloatArray:
 def _usable(problem: PlanningProblem, stable: StableSet, swept: SweptBody, pose: FloatArray, parts: list[TimedTwist]) -> bool:
     """Whether all parts of a blend are stable and free of collision."""
     twists = np.array([twist for twist, _ in parts])
-    if not stable.accepts(twists).all():
-        return False
     starts = [pose]
     for twist, time in parts[:-1]:
         starts.append(compose(starts[-1], exp(twist * time)))
+    turns = [twist[2] * time for twist, time in parts]
+    if not stable.accepts(twists, np.column_stack((np.array(starts)[:, 2], turns))).all():
+        return False
     return bool(swept.pushes_are_free(np.array(starts), twists, np.array([time for _, time in parts])).all())

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from stablepush.core import ConvergenceError, Deadline, FloatArray, InputError, OutOfTimeError, UnsupportedContactError
+from stablepush.core import BoolArray, ConvergenceError, Deadline, FloatArray, InputError, OutOfTimeError, UnsupportedContactError
 from stablepush.geometry import compose, exp
 from stablepush.planning import (
     PlanningProblem,
@@ -48,6 +49,9 @@ ContactSegment = tuple[int, list[TimedTwist]]
 
 #: Turning radii that connections try, in units of the tightest: slower to turn, but the outline swings out less.
 RADII = (1.0, 2.0, 4.0, 8.0)
+#: Parts of all headings in which the turns of connections are tested, and how near (rad) to the goal's heading a contact's turns
+#: are to be stable, the widest first, where loads depend on the heading.
+HEADING_PARTS, NEAR_GOAL = 72, (math.radians(30.0), math.radians(10.0))
 #: Lattice each way about the goal for which the time without obstacles is known.
 TABLE_REACH = 20
 #: Poses spread along a path between which the path is shortened, in the rounds of shortening.
@@ -96,9 +100,11 @@ class PlanningContext:
             raise refused
         self.steerings: dict[int, Steering] = {}
         for i, stable in self.stable.items():
-            found = steering(problem, stable)
-            if found is not None:
-                self.steerings[i] = found
+            for headings in self._steered(stable):
+                found = steering(problem, stable, headings)
+                if found is not None:
+                    self.steerings[i] = found
+                    break
         #: contacts that are to align the slider when the pusher docks there, and a push that does, if any
         self.aligning: dict[int, Push | None] = {}
         if any(problem.uncertainty.start) and len(problem.contacts) > 1:
@@ -124,6 +130,12 @@ class PlanningContext:
         goal = self.goal._replace(table=table, at=there)
         return Graph(lattice, self._docked, goal, self.connections, (transfers or self.transfers)._replace(cost=change))
 
+    def _steered(self, stable: StableSet) -> list[tuple[float, float]]:
+        """Headings, from and by how much, at which a contact's turns are to be stable: all, or ever fewer about the goal's."""
+        if stable.loads is None:
+            return [(0.0, 2 * math.pi)]
+        return [(float(self.problem.goal[2]) - near, 2 * near) for near in NEAR_GOAL]
+
     def _goal(self) -> Goal:
         problem = self.problem
         return Goal(
@@ -142,14 +154,18 @@ class PlanningContext:
         problem, contacts = self.problem, len(self.problem.contacts)
         frames, radii = np.zeros((contacts, 3)), np.zeros((contacts, len(RADII)))
         paces, prices = np.zeros((contacts, len(RADII), 3)), np.zeros((contacts, len(RADII), 3))
+        parts = 1 if all(s.loads is None for s in self.stable.values()) else HEADING_PARTS
+        allowed = np.ones((contacts, len(RADII), 3, parts), dtype=bool)
         for i, steer in self.steerings.items():
             frames[i] = steer.frame
             turns = np.array([[steer.twist(k / (m * steer.radius)) for k in (1.0, 0.0, -1.0)] for m in RADII])
-            good = self.stable[i].accepts(turns.reshape(-1, 3)).reshape(-1, 3).all(axis=1)
+            known = stable_parts(self.stable[i], turns.reshape(-1, 3), parts).reshape(len(RADII), 3, parts)
+            good = np.asarray(known.any(axis=2)).all(axis=1)
+            allowed[i, : good.sum()] = known[good]
             radii[i, : good.sum()] = steer.radius * np.array(RADII)[good]
             paces[i, : good.sum()] = problem.push_speed(turns[good]) / problem.speed
             prices[i, : good.sum()] = self.stable[i].costs(turns[good].reshape(-1, 3)).reshape(-1, 3)
-        return Connections(frames, radii, paces, prices)
+        return Connections(frames, radii, paces, prices, allowed)
 
     def _transfers(self) -> Transfers:
         problem, contacts, routes = self.problem, len(self.problem.contacts), self.routes
@@ -227,9 +243,9 @@ class PlanningContext:
                     raise ConvergenceError("change of contact: the pusher's path that the search found is not free by rounding")
                 segments.append(Transfer(contact, at, path, self.problem.switch_cost))
                 contact = at
-            margins = self.stable[contact].oracle.margin(np.array([twist for twist, _ in pushes]))
-            for (twist, duration), margin in zip(pushes, margins, strict=True):
-                push = Push.from_start(contact, twist, duration, pose, float(margin))
+            for twist, duration in pushes:
+                push = Push.from_start(contact, twist, duration, pose, 0.0)
+                push = replace(push, margin=self.stable[contact].margin(push))
                 segments.append(push)
                 pose = push.end
         return segments
@@ -272,9 +288,18 @@ class PlanningContext:
         for length in (1e-3 * problem.slider.radius, slack / 2, slack / 16):
             duration = length / problem.speed
             end = compose(problem.start, exp(twist * duration))
-            if length > 0 and at_goal(self.goal, *end) and self.bodies[0].push_is_free(problem.start, twist, duration):
+            usable = self.stable[0].accepts(twist[None], (float(problem.start[2]), 0.0))[0]
+            if length > 0 and usable and at_goal(self.goal, *end) and self.bodies[0].push_is_free(problem.start, twist, duration):
                 return [(0, [(twist, duration)])]
         return None
+
+
+def stable_parts(stable: StableSet, twists: FloatArray, parts: int) -> BoolArray:
+    """In which equal parts of all headings body twists (n, 3) are stable (n, parts)."""
+    begins = 2 * math.pi / parts * np.arange(parts)
+    headings = np.column_stack((begins, np.full(parts, 2 * math.pi / parts)))
+    many = stable.accepts(np.repeat(twists, parts, axis=0), np.tile(headings, (len(twists), 1)))
+    return many.reshape(len(twists), parts)
 
 
 def _bodies(bodies: Sequence[Body]) -> Bodies:

@@ -1,10 +1,10 @@
 """A lattice of poses that closes: every edge is one stable push that leads from a lattice pose exactly to another.
 
 Lattice poses have positions on a square grid and headings that are multiples of a full turn over their number, a multiple of
-four: a quarter turn maps the lattice onto itself, so the edges of a quarter of the headings give the rest. Between two
-lattice poses there is one push of constant body twist, ``log(a⁻¹ b)``; it is an edge if it is stable. So tightest turns,
-gentler ones about any centre within the region, and translations in all stable directions come from one rule; of these, edges
-that others make up at nearly the same cost are left out.
+four: a quarter turn maps the lattice onto itself, so the edges of a quarter of the headings give the rest, unless effects make
+loads depend on the heading. Between two lattice poses there is one push of constant body twist, ``log(a⁻¹ b)``; it is an edge if
+it is stable. So tightest turns, gentler ones about any centre within the region, and translations in all stable directions come
+from one rule; of these, edges that others make up at nearly the same cost are left out.
 
 Where the start is uncertain every docking ends with a straight push that aligns the slider: a change of contact then leads to
 the end of it, a lattice pose as well.
@@ -169,7 +169,8 @@ def _edges(problem: PlanningProblem, stable: StableSet, headings: int, cell: flo
     i, j, m = (a.ravel() for a in np.meshgrid(*(np.arange(-_REACH, _REACH + 1),) * 2, np.arange(-most, most + 1), indexing="ij"))
     steps = np.stack((i, j, m), axis=-1)
     steps = steps[(i != 0) | (j != 0)]
-    classes = headings // 4
+    # a quarter turn maps the edges onto themselves, unless loads depend on the heading
+    classes = headings // 4 if stable.loads is None else headings
     turn = 2 * math.pi / headings
     twists = []
     for k in range(classes):
@@ -178,12 +179,13 @@ def _edges(problem: PlanningProblem, stable: StableSet, headings: int, cell: flo
     flat = np.concatenate(twists)
     # the time at the speed limit: what the fastest point of the outline does in a unit of time, over the limit
     durations = problem.push_speed(flat) / problem.speed
-    candidates = np.flatnonzero(stable.accepts(flat))
+    begins = float(problem.start[2]) + turn * np.repeat(np.arange(classes), len(steps))
+    candidates = np.flatnonzero(stable.accepts(flat, np.column_stack((begins, flat[:, 2]))))
     costs = np.full(len(flat), np.inf)
     costs[candidates] = stable.costs(flat[candidates])
     order = candidates[np.argsort(costs[candidates], kind="stable")]
     from_heading = order // len(steps)
-    kept = _spanning(steps[order % len(steps)], from_heading, costs[order], headings, _REACH, most, 1 + _SPARE)
+    kept = _spanning(steps[order % len(steps)], from_heading, costs[order], headings, classes, _REACH, most, 1 + _SPARE)
     chosen, at = order[kept], from_heading[kept]
     rows, first = [], [0]
     quarter = np.array((((1, 0), (0, 1)), ((0, -1), (1, 0)), ((-1, 0), (0, -1)), ((0, 1), (-1, 0))))
@@ -197,12 +199,12 @@ def _edges(problem: PlanningProblem, stable: StableSet, headings: int, cell: flo
 
 
 @compiled
-def _spanning(steps, headings_of, costs, headings, reach, most, spare):  # type: ignore[no-untyped-def]
+def _spanning(steps, headings_of, costs, headings, classes, reach, most, spare):  # type: ignore[no-untyped-def]
     """Tell which edges, given in the order of their cost, are not made up by two cheaper parts that lead to the same place.
 
-    Parts are edges kept before, or what these make up: ``best`` holds the least cost from a class of heading by a step.
+    Parts are edges kept before, or what these make up: ``best`` holds the least cost from a class of heading by a step. Classes
+    are a quarter of the headings, or all of them.
     """
-    classes = headings // 4
     size = 2 * reach + 1
     best = np.full((classes, size, size, 2 * most + 1), np.inf)
     kept = np.zeros(len(costs), dtype=np.bool_)

@@ -48,7 +48,8 @@ def shorten(
     moving = np.abs(direct).max(axis=1) > 1e-9
     good = np.zeros(len(direct), dtype=bool)
     if deadline.left() >= 0:
-        good[moving] = stable.accepts(direct[moving])
+        headings = np.column_stack((poses[i, 2], direct[:, 2]))
+        good[moving] = stable.accepts(direct[moving], headings[moving])
     table, joins = np.full((count, count), np.inf), np.zeros((count, count, 4))
     table[i[good], j[good]] = prices[good]
     joins[i[good], j[good]] = np.column_stack((direct[good] / times[good, None], times[good]))

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from stablepush.core import BoolArray, Deadline, FloatArray, InputError, OutOfTimeError
-from stablepush.planning import PlanningProblem, PlanOptions, promised_region
-from stablepush.stability import StabilityOracle
+from stablepush.planning import PlanningProblem, PlanOptions, Push, PushLoads, loads_of, promised_region
+from stablepush.stability import StabilityOracle, StableRegion
 
 #: Pushes stay this far (rad) inside the stable set, so that the check, which allows 1e-6, never disagrees.
 _INSIDE = 1e-7
+#: Headings: from where (rad), and how far round.
+_ALL_ROUND = (0.0, 2 * np.pi)
 #: Twists asked at a time, between looks at the clock.
 _BLOCK = 4096
 #: Slack of a share of surfaces: k of n must pass for p = k/n.
@@ -28,7 +31,9 @@ class StableSet:
     ) -> None:
         asked = PlanOptions() if options is None else options
         self.contact = contact
+        self.loads = loads_of(problem)
         self.oracle = StabilityOracle(problem.surface, problem.contacts[contact])
+        self._facets = problem.contacts[contact].cone(problem.surface.characteristic_length).normals[None]
         self._problem, self._least, self._deadline = problem, max(0.0, problem.min_margin) + _INSIDE, deadline or Deadline()
         self._within = [asked.regions[contact]] if asked.regions else []
         promised = promised_region(problem, contact, asked.region)
@@ -47,8 +52,14 @@ class StableSet:
             straight = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1)
             self._best = max(1e-6, float(self.oracle.margin(straight).max()))
 
-    def accepts(self, twists: FloatArray) -> BoolArray:
-        """Return whether body twists (n, 3) may be used."""
+    def accepts(self, twists: FloatArray, headings: ArrayLike = _ALL_ROUND) -> BoolArray:
+        """Return whether body twists (n, 3) may be used.
+
+        ``headings`` (n, 2) or (2,): where a push begins (rad in W), and by how much it turns; all headings if not given. They
+        count where effects make loads depend on them.
+        """
+        if self.loads is not None:
+            return self._along(twists, np.broadcast_to(np.asarray(headings, dtype=np.float64), (len(twists), 2)), self.loads)
         good = np.zeros(len(twists), dtype=bool)
         for start in range(0, len(twists), _BLOCK):
             if self._deadline.left() < 0:
@@ -56,6 +67,7 @@ class StableSet:
             block = slice(start, start + _BLOCK)
             good[block] = self.oracle.margin(twists[block]) >= self._least
         for region in self._within:
+            assert isinstance(region, StableRegion), "regions of a level table are those of its scenarios"
             if good.any():
                 good[good] = region.contains_twists(twists[good])
         if self._members and good.any():
@@ -66,6 +78,29 @@ class StableSet:
                 votes += member.is_stable(twists[good])
             good[good] = votes >= (self._votes - _SLACK) * len(self._members)
         return np.asarray(good)
+
+    def _along(self, twists: FloatArray, headings: FloatArray, loads: PushLoads) -> BoolArray:
+        """Whether body twists at the speed limit are stable all along the headings that they pass."""
+        good = np.zeros(len(twists), dtype=bool)
+        moving = np.flatnonzero(np.abs(twists).max(axis=1, initial=0.0) > 0)
+        for start in range(0, len(moving), _BLOCK):
+            if self._deadline.left() < 0:
+                raise OutOfTimeError("primitives: the deadline has passed")
+            rows = moving[start : start + _BLOCK]
+            held = twists[rows] * (self._problem.speed / self._problem.push_speed(twists[rows]))[:, None]
+            passed = loads.hold(held, headings[rows], np.zeros((len(rows), 1, 3)), self._facets, np.array((self._least,)))
+            for region in self._within:
+                assert not isinstance(region, StableRegion), "under effects regions depend on the heading"
+                if passed.any():
+                    passed[passed] = region.contains_pushes(held[passed], headings[rows][passed])
+            good[rows] = passed
+        return good
+
+    def margin(self, push: Push) -> float:
+        """Return the margin (rad) of a push: the least along it."""
+        if self.loads is None:
+            return float(self.oracle.margin(push.twist))
+        return self.loads.least_margin(self._problem.contacts[self.contact], push)
 
     def costs(self, twists: FloatArray) -> FloatArray:
         """Return what body twists (n, 3), each held for a unit of its own time, cost in s at the speed limit."""

@@ -49,17 +49,21 @@ class Steering:
         return transport_twist((1.0, 0.0, curvature), self.frame)
 
 
-def steering(problem: PlanningProblem, stable: StableSet) -> Steering | None:
+def steering(problem: PlanningProblem, stable: StableSet, headings: tuple[float, float] = (0.0, 2 * np.pi)) -> Steering | None:
     """Return the tightest steering of a contact, or None if it has no stable translation with turns to both sides.
 
-    Raises :class:`OutOfTimeError` as ``stable`` does.
+    ``headings``: from where (rad in W) and by how much round they are to be stable, where loads depend on the heading. Raises
+    :class:`OutOfTimeError` as ``stable`` does.
     """
     rho = problem.surface.characteristic_length
     heading = float(problem.contacts[stable.contact].frame[2])
 
+    def accepts(twists: FloatArray) -> BoolArray:
+        return stable.accepts(twists, headings)
+
     # directions of stable translation, by sampling half a turn about the mean normal
     angles = heading + np.linspace(-np.pi / 2, np.pi / 2, 361)
-    straight = stable.accepts(np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1))
+    straight = accepts(np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=-1))
     if not straight.any():
         return None
     good = angles[straight]
@@ -67,7 +71,7 @@ def steering(problem: PlanningProblem, stable: StableSet) -> Steering | None:
     directions = np.unique(good[np.linspace(0, len(good) - 1, _DIRECTIONS).round().astype(int)])
     offsets = _OFFSETS * rho
     for _ in range(2):
-        found = _tightest(stable.accepts, directions, offsets, rho)
+        found = _tightest(accepts, directions, offsets, rho)
         if found is None:
             break
         direction, offset, left, right = found

@@ -156,7 +156,7 @@ def draw(seed: int, number: int, pushes: int = 60) -> World:
         applied = [_outside(word, rng)]
     elif kind == "trap":
         trap = TRAPS[(block + seed) % len(TRAPS)]
-    outline, feet, weights = _slider(rng)
+    outline, feet, weights = slider_on_feet(rng)
     mass, mu, contact_mu = float(rng.uniform(0.6, 1.4)), float(rng.uniform(0.2, 0.45)), float(rng.uniform(0.3, 0.7))
     radius = float(rng.uniform(0.004, 0.007))
     lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
@@ -176,7 +176,7 @@ def draw(seed: int, number: int, pushes: int = 60) -> World:
     )  # fmt: skip
 
 
-def _slider(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def slider_on_feet(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Outline (counter-clockwise) about the centre of mass, feet and their shares of the weight."""
     word = rng.choice(("rectangle", "triangle", "hexagon", "free"))
     size = rng.uniform(0.04, 0.065)

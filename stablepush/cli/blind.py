@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -45,6 +45,14 @@ def blind(
         list[str] | None,
         typer.Option(metavar="HASH", help="Hash of the ledger noted earlier; refused if it is missing; repeatable."),
     ] = None,
+    loop: Annotated[
+        bool,
+        typer.Option(
+            "--loop",
+            help="Whole loops: plans carried out with something wrong, diagnosis of their log, correction, new plans; how many "
+            "arrive is counted.",
+        ),
+    ] = False,
     earlier: Annotated[
         int | None,
         typer.Option(
@@ -73,6 +81,9 @@ def blind(
         with about(output, options=options_of("seed")):
             check_seed(seed)
     require_folder(output)
+    if loop:
+        _loop(output, generator or "mujoco", sets or 10, seed, jobs)
+        return
     # one that was begun has its generator
     _require(generator or ("lab" if (output / "ledger.jsonl").is_file() else "mujoco"))
     from stablepush.blind import BlindCheck, alone
@@ -88,13 +99,35 @@ def blind(
         progress.say(f"ledger when all was sealed: {check.seal(on_progress)}", error=False)
         progress.say(f"ledger when all was diagnosed: {check.diagnose(on_progress)}", error=False)
         score = check.score(on_progress)
-    write_atomically(output / "score.csv", _table(score))
+    write_atomically(output / "score.csv", _csv(score.rows, ["set"]))
     write_atomically(output / "score.html", _page(score, earlier, check.generator) if data is None else _lab_page(score))
     for name, words in score.lines:
         print(f"{name}: {words}")
     print(output / "score.html")
     if score.refused:
         raise typer.Exit(1)
+
+
+def _loop(output: Path, generator: str, loops: int, seed: int | None, jobs: int) -> None:
+    """A campaign of loops: its rows as ``rows.json`` of each, a summary, and ``score.csv``."""
+    if generator not in ("mujoco", "drake"):
+        raise InputError("--generator", "expected mujoco or drake for loops", repr(generator))
+    _require(generator)
+    import secrets
+
+    from stablepush.blind import LoopCheck, alone, summary
+    from stablepush.io import write_atomically
+
+    with alone(output), Progress("blind") as progress:
+        check = LoopCheck(output, generator, loops, secrets.randbelow(2**31) if seed is None else seed, jobs)
+        rows = check.run(lambda what, done, total: progress.describe(f"{what} {done} of {total}"))
+    write_atomically(output / "score.csv", _csv(rows, ["loop"]))
+    for name, words in [
+        ("loops", f"{loops}, seed {check.seed}"),
+        *summary(rows),
+        ("last entry of the ledger", check.ledger.head),
+    ]:
+        print(f"{name}: {words}")
 
 
 _ENGINES = {"mujoco": "MuJoCo", "drake": "Drake", "both": "MuJoCo, one in ten from Drake"}
@@ -109,14 +142,14 @@ def _require(generator: str) -> None:
         raise InputError(f"the blind check needs {' and '.join(missing)}", f'pip install "stablepush[{extras}]"')
 
 
-def _table(score: Score) -> str:
+def _csv(rows: list[dict[str, Any]], otherwise: list[str]) -> str:
     import csv
     import io
 
     out = io.StringIO()
-    writer = csv.DictWriter(out, list(score.rows[0]) if score.rows else ["set"], lineterminator="\n")
+    writer = csv.DictWriter(out, list(rows[0]) if rows else otherwise, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(score.rows)
+    writer.writerows(rows)
     return out.getvalue()
 
 

@@ -104,7 +104,7 @@ def correct(
     output: Annotated[Path, typer.Option("-o", "--output", help="scene/1 file to write.")],
 ) -> None:
     """Write the scene of the rig as a diagnosis found it: surface, fingers, effects and what is left uncertain of them."""
-    from stablepush.planning import correct as corrected, load_corrections, load_scene, save_scene
+    from stablepush.planning import correct as corrected, load_corrections, load_scene, require_loads, save_scene
 
     require_files(output, read=(scene, diagnosis))
     problem, corrections = load_scene(scene), load_corrections(diagnosis)
@@ -121,6 +121,8 @@ def correct(
     changes += [f"effects {', '.join(entry.effect.id for entry in found.effects)}"] if found.effects else []
     changes += [f"{len(found.alternatives)} alternatives"] if found.alternatives else []
     print(f"{output}: {'; '.join(changes) or 'nothing to correct'}")
-    unplanned = found.unplanned_effects()
-    if unplanned:
-        print(f"{output}: plans do not take {', '.join(unplanned)} into account: plan will refuse this scene")
+    try:
+        found.require_plannable()
+        require_loads(found)
+    except InputError as error:
+        print(f"{output}: plan will refuse this scene: {error}")

@@ -46,8 +46,10 @@ _SHOWS = 6.0
 _CHARGE, _LOG_P = 4.0, math.log(1e-3)
 #: The centre of pressure has moved if it is off by so many standard deviations, and that does this share of what a refit does.
 _MOVED, _MOST_OF = 8.0, 0.6
-#: A nominal surface that was fitted to pokes may be off by this share of half of the plausible range of what reshapes it.
-_OF_A_MODEL = 0.3
+#: A nominal surface that was fitted to pokes may be off by this share of half of the plausible range of what reshapes it, and by
+#: so many standard deviations of its ensemble: few pokes make it too sure of itself. An effect beside it must be so many of its
+#: standard errors away from none: pushes of a plan are alike, and share what the surface cannot take.
+_OF_A_MODEL, _OF_ITS_ENSEMBLE, _ERRORS = 0.3, 6.0, 4.0
 #: Parts into which trials fall for held-out judgements.
 FOLDS = 5
 #: Slip counts from so many of its own standard errors, and from this share of the speed.
@@ -191,12 +193,12 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
             body = {id: held_out(system, [id], False, folds) for id in OF_BODY}
             scores |= body
             # one that is too small to matter stands for something else
-            least = _OF_A_MODEL if system.rig.model is not None else 0.0
-            sizes = {id: system.fit([id], False).values[id] for id in body}
+            fits = {id: system.fit([id], False) for id in body}
             body = {
                 id: density
                 for id, density in body.items()
-                if _possible(system, id, sizes[id]) and float(np.linalg.norm(sizes[id])) > least * system.plausible(id)
+                if _possible(system, id, fits[id].values[id])
+                and _is_no_error_of_a_model(system, id, fits[id].values[id], fits[id])
             }
             named = _as_good_as_free(system, scores, body) if body else []
             if named:
@@ -251,7 +253,8 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
             screened[id] = screening
             least = max(demands.gain, _FURTHER * explained)
             enough = min(screening.gain, screening.statistic) > least and times < np.inf
-            if enough and screening.possible and identifiable(system, id, test):
+            possible = screening.possible and _is_no_error_of_a_model(system, id, test.estimate, current)
+            if enough and possible and identifiable(system, id, test):
                 entering.append((test.gain, id, times))
         fits = []
         # of effects that explain as much, which are one on this log, the first of the catalogue
@@ -261,14 +264,15 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
             screened[id] = replace(
                 screened[id], significantly_better=system.significantly_better(fit.density, current.density, times=times)
             )
-            fits += [(fit, [id])] if screened[id].significantly_better else []
-        entered = fits or _masked(system, chosen, current)
-        if not entered:
-            entered, of_forms = _in_other_forms(system, chosen, current, explained)
+            entered = screened[id].significantly_better and (system.rig.model is None or fit.errors_of(id) > _ERRORS)
+            fits += [(fit, [id])] if entered else []
+        candidates = fits or _masked(system, chosen, current)
+        if not candidates:
+            candidates, of_forms = _in_other_forms(system, chosen, current, explained)
             screened |= of_forms
-        if not entered:
+        if not candidates:
             break
-        current, added = entered[first_least([-fit.score for fit, _ in entered], _ALIKE)]
+        current, added = candidates[first_least([-fit.score for fit, _ in candidates], _ALIKE)]
         explained += sum(screened[id].gain for id in added)
         chosen += added
         system.settle(current)
@@ -340,7 +344,8 @@ def _in_other_forms(
 ) -> tuple[list[tuple[Fitted, list[str]]], dict[str, Screening]]:
     """The fit with an effect whose own form does not show, but whose family does, if there is any: the one that gains most; and
     how families fared whose effects were fitted."""
-    if not system.has_wrench:
+    # what a nominal surface that was fitted to pokes cannot take, many terms of some family can
+    if not system.has_wrench or system.rig.model is not None:
         return [], {}
     asked = [id for id in FAMILIES if id not in chosen and id not in system.nuisance and id in BEYOND_PRESSURE]
     tests = system.tests(current, True, asked, whole=True)
@@ -440,6 +445,25 @@ def _possible(system: System, id: str, estimate: FloatArray) -> bool:
     if len(terms):
         size = max(size, float(np.linalg.norm(terms)) / FAMILIES[id].plausible)
     return size > _LEAST_OF.get(id, _LEAST) and not (id in ("inertia", "latency") and estimate[0] < 0)
+
+
+def _is_no_error_of_a_model(system: System, id: str, estimate: FloatArray, fitted: Fitted) -> bool:
+    """Whether an effect is beyond what pokes leave open of the nominal surface that was fitted to them.
+
+    Each mode of the model's ensemble is what it would be as the effect: the least squares projection on its columns. Pushes
+    whose headings hardly vary do not tell an effect of the table, or of the sensors, from the surface either.
+    """
+    if system.rig.model is None:
+        return True
+    if id in OF_BODY and float(np.linalg.norm(estimate)) <= _OF_A_MODEL * system.plausible(id):
+        return False
+    changes = system.of_modes(fitted.values)
+    columns = system.columns(id, fitted.loads, fitted.values, len(estimate))[: len(changes)]
+    if not (changes.any() and columns.any()):
+        return True
+    modes = np.linalg.lstsq(columns, changes, rcond=None)[0]
+    spread = modes @ modes.T
+    return float(estimate @ np.linalg.pinv(spread, hermitian=True) @ estimate) > _OF_ITS_ENSEMBLE**2
 
 
 def identifiable(system: System, id: str, test: ScoreTest) -> bool:

@@ -72,6 +72,16 @@ class Fitted:
     def score(self) -> float:
         return float(self.density.sum())
 
+    def errors_of(self, id: str) -> float:
+        """How many of their standard errors the parameters of an effect are away from none."""
+        first = 0
+        for name, value in self.values.items():
+            if name == id:
+                block = self.covariance[first : first + len(value), first : first + len(value)]
+                return float(np.sqrt(value @ np.linalg.pinv(block, rcond=_RANK, hermitian=True) @ value))
+            first += len(value)
+        return 0.0
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreTest:

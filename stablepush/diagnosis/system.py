@@ -349,6 +349,11 @@ class System(Equations):
         columns = self.white(matrix @ directions)
         return directions, np.concatenate((columns, np.zeros((clearances, directions.shape[1])))), precision
 
+    def of_modes(self, values: Values) -> FloatArray:
+        """Whitened wrenches (3n, q) of what the pokes behind a nominal surface leave open, one standard deviation each."""
+        matrix, _ = self.model.matrix(self.of_wrench(values))
+        return self.white(matrix @ self.open_modes)
+
     def directions(self, free: bool) -> tuple[FloatArray, FloatArray]:
         """Return directions (k, q) in which loads may change, and their prior precision (q, q)."""
         return self.directions_of(self.nominal, free)

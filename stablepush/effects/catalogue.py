@@ -71,7 +71,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support friction depends on direction over the table",
             "support",
             "headings of the slider over the table that vary, and forces, or pushes that slip",
-            "plan along one heading, or turn the grain of the table; plan refuses the corrected scene, and says so",
+            "stablepush correct, then plan again: plans reckon with it at every heading; or plan along the grain of the table",
             (ratio, Parameter("direction", "rad in W", 0.0, -half, half)),
         ),
         EffectKind(
@@ -79,7 +79,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support friction depends on direction, fixed in the slider",
             "support",
             "pushes in many directions of the slider, and forces, or pushes that slip",
-            "look at the feet for a worn or ribbed one; plan refuses the corrected scene, and says so",
+            "stablepush correct, then plan again; look at the feet for a worn or ribbed one",
             (ratio, Parameter("direction", "rad in B", 0.0, -half, half)),
         ),
         EffectKind(
@@ -87,7 +87,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support friction depends on speed",
             "support",
             "forces at speeds that vary by a factor of three or more",
-            "push at one speed, that of the pokes; plan refuses the corrected scene, and says so",
+            "push at the speed of the pokes; or stablepush correct, then plan again",
             (Parameter("slope", "1 per e-fold of speed", 0.0, -0.15, 0.15),),
         ),
         EffectKind(
@@ -95,7 +95,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support friction differs over the table",
             "support",
             "places on the table that vary, and forces",
-            "clean the table, or keep plans where it is even; plan refuses the corrected scene, and says so",
+            "clean the table; or stablepush correct, then plan again within the bounds",
             (Parameter("gradient", "1/m in W", 0.0, -1.0, 1.0, 2),),
         ),
         EffectKind(
@@ -127,7 +127,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "the table is not level",
             "support",
             "headings that vary, forces, and rows at rest to separate it from a sensor bias",
-            "level the table: the slope points downhill, 0.017 is one degree; plan refuses the corrected scene, and says so",
+            "level the table: the slope points downhill, 0.017 is one degree; or correct the scene, then plan again as it is",
             (Parameter("slope", "rad in W", 0.0, -0.05, 0.05, 2, least=-0.5, most=0.5),),
         ),
         EffectKind(

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import FloatArray, Node, read_only
+from stablepush.core import FloatArray, InputError, Node, check_array, read_only
 from stablepush.effects.catalogue import CATALOGUE, Effect
 
 #: Effects that leave the stable set as it is: friction that is as much more everywhere, and what sensors do.
 _PLAN_NEUTRAL = ("drift",)
+#: Rounding of a covariance, over its largest entry.
+_ROUNDED = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,10 +23,50 @@ class KnownEffect:
     effect: Effect
     covariance: FloatArray | None = None
 
+    def __post_init__(self) -> None:
+        if self.covariance is None:
+            return
+        size = sum(len(numbers) for numbers in self.effect.values.values())
+        matrix = check_array(self.covariance, f"effect {self.effect.id}: covariance", (size, size))
+        scale = float(np.abs(matrix).max())
+        if np.abs(matrix - matrix.T).max() > _ROUNDED * scale or np.linalg.eigvalsh(matrix)[0] < -_ROUNDED * scale:
+            raise InputError(f"effect {self.effect.id}: covariance", "expected it symmetric, without negative eigenvalues")
+
     @property
     def changes_no_plan(self) -> bool:
-        """Whether the stable pushes are the same with it."""
-        return CATALOGUE[self.effect.id].acts == "sensing" or self.effect.id in _PLAN_NEUTRAL
+        """Whether the stable pushes are the same with it.
+
+        So it is with effects of the sensors, friction that changes alike everywhere, and nominal values.
+        """
+        if CATALOGUE[self.effect.id].acts == "sensing" or self.effect.id in _PLAN_NEUTRAL:
+            return True
+        return self._is_nominal and (self.covariance is None or not self.covariance.any())
+
+    @property
+    def _is_nominal(self) -> bool:
+        known = {p.name: p.nominal for p in CATALOGUE[self.effect.id].parameters}
+        # a direction says nothing where the ratio is 1
+        names = [name for name in self.effect.values if name != "direction"]
+        return all(value == known[name] for name in names for value in self.effect.values[name])
+
+    def drawn(self, rng: np.random.Generator, share: float = 1.0) -> KnownEffect:
+        """Return the effect with values drawn from its covariance, within what makes sense; itself if that is not known.
+
+        ``share``: of the way from the estimate to the draw.
+        """
+        if self.covariance is None:
+            return self
+        known = [p for p in CATALOGUE[self.effect.id].parameters if p.name in self.effect.values]
+        middle = np.concatenate([self.effect.values[p.name] for p in known])
+        sizes, axes = np.linalg.eigh(self.covariance)
+        numbers = middle + share * axes @ (np.sqrt(np.maximum(sizes, 0.0)) * rng.normal(size=len(middle)))
+        values, first = {}, 0
+        for p in known:
+            # a bound that a value must not reach is kept away from
+            least = p.least + 1e-3 if p.above else p.least
+            values[p.name] = np.clip(numbers[first : first + p.size], least, p.most).tolist()
+            first += p.size
+        return KnownEffect(Effect(self.effect.id, values), self.covariance)
 
     def to_json(self) -> dict[str, Any]:
         """Return an entry of ``effects`` of a ``scene/1``."""
@@ -56,5 +98,6 @@ def effects_from_node(node: Node | None) -> tuple[KnownEffect, ...]:
         effect = entry.built(lambda id=id, values=values: Effect(id, values), f"effect {id}")  # type: ignore[misc]
         count = sum(np.size(value) for value in values.values())
         given = entry.get("covariance")
-        found[id] = KnownEffect(effect, None if given is None else read_only(given.array(count, count)))
+        covariance = None if given is None else read_only(given.array(count, count))
+        found[id] = entry.built(lambda effect=effect, covariance=covariance: KnownEffect(effect, covariance), "covariance")  # type: ignore[misc]
     return tuple(found.values())

@@ -25,10 +25,15 @@ class DrakeExecutor(Executor):
     tick = _STEP
 
     def __init__(self, slider: SliderOnFeet, fingers: Fingers) -> None:
+        super().__init__(fingers)
+        # its mass is put at the origin of its frame, wherever the fingers are
+        self._middle = np.zeros(2)
+        if slider.grain[0] != 1.0:
+            raise ValueError("slider.grain: Drake's friction has one coefficient, use mujoco")
         builder = DiagramBuilder()
         plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=_STEP)
         plant.set_discrete_contact_approximation(DiscreteContactApproximation.kSap)
-        plant.mutable_gravity_field().set_gravity_vector((0.0, 0.0, -GRAVITY))
+        plant.mutable_gravity_field().set_gravity_vector((*(GRAVITY * np.asarray(slider.slope)), -GRAVITY))
         table, skin = _material(slider.friction), _material(fingers.friction)
         plant.RegisterCollisionGeometry(
             plant.world_body(), RigidTransform((0.0, 0.0, -_FLOOR / 2)), Box(6.0, 6.0, _FLOOR), "floor", table
@@ -68,13 +73,14 @@ class DrakeExecutor(Executor):
         self._simulator.Initialize()
         return self._poses()
 
-    def _advance(self, rate: np.ndarray) -> np.ndarray:
+    def _advance(self, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         self._pusher.set_translational_velocity(self._own, rate[:2])
         self._pusher.set_angular_velocity(self._own, rate[2])
         # the sum of many ticks would drift away from Drake's own
         self._ticks += 1
         self._simulator.AdvanceTo(self._ticks * _STEP)
-        return self._poses()
+        velocity = self._pusher.get_translational_velocity(self._own)
+        return self._poses(), np.array((*velocity, self._pusher.get_angular_velocity(self._own)))
 
     def _poses(self) -> np.ndarray:
         return np.array(

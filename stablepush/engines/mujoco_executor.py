@@ -23,24 +23,38 @@ class MujocoExecutor(Executor):
     tick = _STEP * _EVERY
 
     def __init__(self, slider: SliderOnFeet, fingers: Fingers) -> None:
+        super().__init__(fingers)
+        # the first tangent of a foot's contact lies along y: the world is turned until the grain does
+        self._turn = 0.5 * np.pi - slider.grain[1] if slider.grain[0] != 1.0 else 0.0
         self._model = mujoco.MjModel.from_xml_string(_xml(slider, fingers))
         self._data = mujoco.MjData(self._model)
 
     def _place(self, slider: np.ndarray, pusher: np.ndarray) -> np.ndarray:
         mujoco.mj_resetData(self._model, self._data)
-        self._data.qpos[:3], self._data.qpos[-3:] = slider, pusher
+        self._data.qpos[:3], self._data.qpos[-3:] = _turned(np.stack((slider, pusher)), self._turn)
         return self._poses()
 
-    def _advance(self, rate: np.ndarray) -> np.ndarray:
-        self._data.qvel[-3:] = rate
+    def _advance(self, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        velocity = _turned(np.array((*rate[:2], 0.0))[None], self._turn)[0, :2]
+        self._data.qvel[-3:] = (*velocity, rate[2])
         mujoco.mj_step(self._model, self._data, nstep=_EVERY)
-        return self._poses()
+        x, y, omega = self._data.qvel[-3:]
+        left = _turned(np.array((x, y, 0.0))[None], -self._turn)[0, :2]
+        return self._poses(), np.array((*left, omega))
 
     def _poses(self) -> np.ndarray:
-        return np.stack((self._data.qpos[:3], self._data.qpos[-3:]))
+        return _turned(np.stack((self._data.qpos[:3], self._data.qpos[-3:])), -self._turn)
 
 
 EXECUTOR = MujocoExecutor
+
+
+def _turned(poses: np.ndarray, angle: float) -> np.ndarray:
+    """Poses (n, 3) seen in a frame that is turned back by an angle."""
+    if angle == 0.0:
+        return poses
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack((c * poses[:, 0] - s * poses[:, 1], s * poses[:, 0] + c * poses[:, 1], poses[:, 2] + angle), axis=-1)
 
 
 def _xml(slider: SliderOnFeet, fingers: Fingers) -> str:
@@ -48,10 +62,20 @@ def _xml(slider: SliderOnFeet, fingers: Fingers) -> str:
     # feet meet the table, not each other; fingers meet the slider
     ground, table, box = 'contype="1" conaffinity="0"', 'contype="0" conaffinity="1"', 'contype="2" conaffinity="2"'
     feet = "".join(
-        f'<body pos="{x} {y} 0"><joint type="slide" axis="0 0 1"/><geom type="sphere" size="{FOOT}" pos="0 0 {FOOT}" '
-        f'mass="{share * IN_FEET * slider.mass}" friction="{slider.friction}" priority="1" {table} {_FEET}/></body>'
-        for (x, y), share in zip(slider.feet, slider.shares, strict=True)
+        f'<body pos="{x} {y} 0"><joint type="slide" axis="0 0 1"/><geom name="foot{k}" type="sphere" size="{FOOT}" '
+        f'pos="0 0 {FOOT}" mass="{share * IN_FEET * slider.mass}" friction="{slider.friction}" priority="1" {table} {_FEET}/>'
+        "</body>"
+        for k, ((x, y), share) in enumerate(zip(slider.feet, slider.shares, strict=True))
     )
+    (ratio, direction), pairs = slider.grain, ""
+    if ratio != 1.0:
+        along, across = slider.friction * ratio**0.5, slider.friction / ratio**0.5
+        pairs = "".join(
+            f'<pair geom1="table" geom2="foot{k}" condim="3" friction="{along} {across} 0.005 0.0001 0.0001" {_FEET}/>'
+            for k in range(len(slider.feet))
+        )
+    turn = 0.5 * np.pi - direction if ratio != 1.0 else 0.0
+    sx, sy, _ = GRAVITY * _turned(np.array((*slider.slope, 0.0))[None], turn)[0]
     tips = "".join(
         f'<geom type="sphere" size="{fingers.radius}" pos="{x} {y} 0" mass="{HEAVY}" friction="{fingers.friction}" '
         f'priority="1" {box} {_FINGERS}/>'
@@ -63,9 +87,10 @@ def _xml(slider: SliderOnFeet, fingers: Fingers) -> str:
     # what is not in the feet sits at the origin of B, not at the middle of the mesh, and does not press on them
     return f"""
     <mujoco><option timestep="{_STEP}" cone="elliptic" impratio="1000" solver="Newton" tolerance="1e-12" iterations="50"
-      gravity="0 0 -{GRAVITY}"/>
+      gravity="{sx} {sy} -{GRAVITY}"/>
     <asset>{meshes}</asset><default><geom condim="3"/></default>
-    <worldbody><geom type="plane" size="3 3 0.1" {ground}/>
+    <contact>{pairs}</contact>
+    <worldbody><geom name="table" type="plane" size="3 3 0.1" {ground}/>
     <body>{planar}<inertial pos="0 0 {HEIGHT}" mass="{(1 - IN_FEET) * slider.mass}" diaginertia="1e-5 1e-5 1e-5"/>
       {solids}{feet}</body>
     <body pos="0 0 {HEIGHT}" gravcomp="1">{planar}{tips}</body></worldbody></mujoco>"""

@@ -254,6 +254,19 @@ class TableFriction:
             rho=float(surface.characteristic_length),
         )
 
+    def wrench(self, twists: ArrayLike, poses: ArrayLike) -> FloatArray:
+        """Return the loads (n, 3) in N and N·m, in B, that held body twists (n, 3) take, each at a pose (n, 3) of B in W.
+
+        Friction less the external force, and what keeps the mass on its arc: ``m ω (-v_y, v_x)``.
+        """
+        from stablepush.mechanics.kernels.friction import loads_at
+
+        moving = check_array(twists, "twists", (None, 3))
+        places = check_array(poses, "poses", (len(moving), 3))
+        loads = np.empty((len(moving), 3))
+        loads_at(self.compiled(), np.ascontiguousarray(places), np.ascontiguousarray(moving), loads)
+        return loads
+
 
 def _entries(matrix: FloatArray) -> tuple[float, float, float]:
     return float(matrix[0, 0]), float(matrix[0, 1]), float(matrix[1, 1])

@@ -15,6 +15,7 @@ import shapely
 
 from stablepush.core import FloatArray
 from stablepush.geometry import compose, exp, transform_points, wrap_angle
+from stablepush.planning.loads import loads_of, require_loads
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult, Push, Transfer
 from stablepush.planning.success import estimate_success
@@ -23,6 +24,8 @@ from stablepush.stability import StabilityOracle
 #: Poses and sums must agree to this (m, rad, s), and bodies may overlap by it (m): touching is no collision.
 TOLERANCE = 1e-6
 _STILL = 1e-9
+#: Parts of an arc, as shares of it, that are halved no more: by then what a part may hide is far below the tolerance.
+_FINEST = 1e-5
 #: Seed of the check's own scenarios, the level of the interval that a stated probability must lie in, and what is granted to a
 #: number that was itself measured on as many scenarios.
 _SEED, _CERTAINTY, _STATED = 987_654_321, 0.999, 0.02
@@ -39,9 +42,10 @@ class CheckReport:
 def check_plan(problem: PlanningProblem, result: PlanResult) -> CheckReport:
     """Verify status, sums, poses, speed, stability, bounds, collisions, transfers and goal of a plan.
 
-    Raises :class:`InputError` for a problem with effects that change which pushes are stable: they are not checked.
+    Raises :class:`InputError` for a problem with effects that plans do not know.
     """
-    problem.require_plain()
+    problem.require_plannable()
+    require_loads(problem)
     objections: list[str] = []
     if result.status != "solved":
         objections.append(f"status: expected solved, got {result.status}")
@@ -53,7 +57,7 @@ def check_plan(problem: PlanningProblem, result: PlanResult) -> CheckReport:
         for index, segment in enumerate(result.segments):
             if isinstance(segment, Push):
                 objections += _check_push(problem, segment, f"segment {index}")
-        objections += _check_goal(problem, result)
+        objections += _check_goal(problem, result) + _check_rest(problem)
     if not objections:
         objections += _check_probabilities(problem, result)
     return CheckReport(not objections, tuple(objections))
@@ -134,7 +138,7 @@ def _check_push(problem: PlanningProblem, push: Push, place: str) -> list[str]:
     speed = float(problem.push_speed(push.twist))
     if speed > problem.speed * (1 + TOLERANCE):
         found.append(f"{place}: a point of the outline moves at {speed:.6g} m/s, the limit is {problem.speed:g}")
-    margin = float(StabilityOracle(problem.surface, problem.contacts[push.contact]).margin(push.twist))
+    margin = _margin(problem, push)
     if abs(margin - push.margin) > TOLERANCE:
         found.append(f"{place}: states a margin of {push.margin:.9g} rad, the oracle gives {margin:.9g}")
     least = max(0.0, problem.min_margin)
@@ -143,6 +147,44 @@ def _check_push(problem: PlanningProblem, push: Push, place: str) -> list[str]:
     for name, outline in _bodies(problem, push.contact):
         found += _check_sweep(problem, outline, push, f"{place}: {name}")
     return found
+
+
+def _margin(problem: PlanningProblem, push: Push) -> float:
+    """The margin of a push, the least along its arc where effects make the load depend on the pose.
+
+    Over a part ``w`` of the arc a load is off the straight line between its ends by at most ``b w²/8``, ``b`` its greatest second
+    derivative, and margins above zero are not less on a straight line than at its ends. Parts that cannot hold less than what was
+    seen are left out, others are halved.
+    """
+    loads, contact = loads_of(problem), problem.contacts[push.contact]
+    if loads is None:
+        return float(StabilityOracle(problem.surface, contact).margin(push.twist))
+    cone, rho = contact.cone(loads.rho), loads.rho
+    turn, way = abs(push.twist[2]) * push.duration, push.length
+    bend = loads.bend * turn**2 + 2 * loads.per_both * turn * way + loads.per_way * way * turn
+    lows, width, least = np.zeros(1), 1.0, np.inf
+    while len(lows):
+        shares = np.unique(np.concatenate((lows, lows + width)))
+        poses = compose(push.start, exp(push.twist * (push.duration * shares)[:, None]))
+        wrenches = loads.at(np.tile(push.twist, (len(shares), 1)), poses) / (1.0, 1.0, rho)
+        margins, sizes = cone.margin(wrenches), np.linalg.norm(wrenches, axis=1)
+        least = min(least, float(margins.min()))
+        first, last = np.searchsorted(shares, lows), np.searchsorted(shares, lows + width)
+        off = bend * width**2 / 8 / np.maximum(np.minimum(sizes[first], sizes[last]), 1e-300)
+        # a load that may vanish between has any direction
+        turned = np.where(off < 0.5, np.arcsin(np.minimum(1.0, 2 * off)), np.pi)
+        lowest = np.minimum(margins[first], margins[last])
+        halves = lows[lowest - turned < least - TOLERANCE / 4] if least > 0 and width > _FINEST else lows[:0]
+        width /= 2
+        lows = np.concatenate((halves, halves + width))
+    return least
+
+
+def _check_rest(problem: PlanningProblem) -> list[str]:
+    loads = loads_of(problem)
+    if loads is None or loads.resting_share < 1.0:
+        return []
+    return ["effects: a slider that is not pushed does not rest on the slope"]
 
 
 def _bodies(problem: PlanningProblem, contact: int) -> list[tuple[str, FloatArray]]:

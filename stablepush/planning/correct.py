@@ -11,13 +11,15 @@ from typing import Protocol
 import numpy as np
 
 from stablepush.core import FloatArray
-from stablepush.effects import CATALOGUE
+from stablepush.effects import CATALOGUE, KnownEffect
 from stablepush.geometry import compose
 from stablepush.objects import PushContact
 from stablepush.planning.correction import Correction, likeliest, load_corrections
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.uncertainty import Uncertainty
 
+#: What is not drawn of each alternative: the rest is in the uncertainty.
+_NOT_DRAWN = {"finger_radius": None, "contact_offset": None, "tracker_offset": None}
 #: Standard errors on each side of a friction that was estimated, and the least relative half-width that is left uncertain.
 _ERRORS, _LEAST_WIDTH = 2.0, 0.05
 
@@ -37,8 +39,8 @@ def correct(problem: PlanningProblem, report: Diagnosed | Sequence[Correction] |
       ``uncertainty.contact_friction``.
     - ``finger_radius``, and fingers that are aside: contacts move along the y axis of their frames.
     - A tracker whose origin is off the centre of mass by ``d`` (in B) saw start and goal there: poses ``p`` become ``p * (-d)``.
-    - ``effects``: what depends on heading, place, speed or time is added to the problem's, in place of that of the same id.
-      Effects of sensors are kept and change no plan.
+    - ``effects``: what depends on heading, place, speed or time is added to the problem's, in place of that of the same id, and
+      planned with. Effects of sensors are kept and change no plan.
     - Where causes cannot be separated, the problem takes the most probable one, and all of them as ``alternatives``: plans then
       succeed over all of them by their probability. By how much causes place slider or fingers otherwise goes into
       ``uncertainty``.
@@ -66,14 +68,13 @@ def correct(problem: PlanningProblem, report: Diagnosed | Sequence[Correction] |
     if best.tracker_offset is not None:
         back = np.array((*-best.tracker_offset, 0.0))
         start, goal = compose(start, back), compose(goal, back)
-    known = {entry.effect.id: entry for entry in problem.effects} | {entry.effect.id: entry for entry in best.effects}
+    effects = _with(problem.effects, best.effects)
     total = sum(entry.probability for entry in corrections)
     alternatives = []
     if len(corrections) > 1:
         uncertainty = _widened(uncertainty, best, problem.finger_radius, corrections)
-        # what is drawn of each: the rest is in the uncertainty
         alternatives = [
-            replace(entry, probability=entry.probability / total, finger_radius=None, contact_offset=None, tracker_offset=None)
+            replace(entry, probability=entry.probability / total, effects=_with(problem.effects, entry.effects), **_NOT_DRAWN)
             for entry in corrections
         ]
     return problem.with_changes(
@@ -83,7 +84,7 @@ def correct(problem: PlanningProblem, report: Diagnosed | Sequence[Correction] |
         goal=goal,
         uncertainty=uncertainty,
         finger_radius=problem.finger_radius if best.finger_radius is None else best.finger_radius,
-        effects=tuple(known[id] for id in CATALOGUE if id in known),
+        effects=effects,
         alternatives=tuple(alternatives),
     )
 
@@ -92,6 +93,12 @@ def _corrections_of(report: Diagnosed | Sequence[Correction] | str | Path) -> Se
     if isinstance(report, str | Path):
         return load_corrections(report)
     return report.corrected if hasattr(report, "corrected") else report
+
+
+def _with(known: Sequence[KnownEffect], found: Sequence[KnownEffect]) -> tuple[KnownEffect, ...]:
+    """Effects in the order of the catalogue; what was found takes the place of what was known."""
+    by_id = {entry.effect.id: entry for entry in (*known, *found)}
+    return tuple(by_id[id] for id in CATALOGUE if id in by_id)
 
 
 def _moved(contact: PushContact, aside: float | None) -> PushContact:

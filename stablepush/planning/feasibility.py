@@ -17,6 +17,7 @@ from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError,
 from stablepush.geometry import compose, exp, transform_points, twist_from_cor, wrap_angle
 from stablepush.objects import PushContact
 from stablepush.planning.collision import OVERLAP
+from stablepush.planning.loads import loads_of
 from stablepush.planning.problem import PlanningProblem
 from stablepush.stability import StabilityOracle, StableRegion, stable_region
 
@@ -43,13 +44,11 @@ def infeasibility(problem: PlanningProblem) -> str:
     shapely.prepare(walls)
     alone = _Body(problem, None, walls)
     bodies = [_Body(problem, contact, walls) for contact in problem.contacts]
-    return (
-        _start(problem, alone, bodies[0])
-        or _goal(problem, alone, bodies)
-        or _margin(problem)
-        or _turn(problem)
-        or _first_push(problem, bodies)
-    )
+    reason = _start(problem, alone, bodies[0]) or _goal(problem, alone, bodies) or _margin(problem)
+    if problem.acting_effects:
+        # which pushes are stable depends on the pose
+        return reason or _rest(problem)
+    return reason or _turn(problem) or _first_push(problem, bodies)
 
 
 class _Body:
@@ -168,6 +167,16 @@ def _margin(problem: PlanningProblem) -> str:
             f"({math.degrees(widest):.3g} deg)"
         )
     return ""
+
+
+def _rest(problem: PlanningProblem) -> str:
+    loads = loads_of(problem)
+    if loads is None or loads.resting_share < 1.0:
+        return ""
+    return (
+        "effects: a slider that is not pushed does not rest, the slope pulls with "
+        f"{loads.resting_share:.3g} of what friction holds where that is least"
+    )
 
 
 def _turn(problem: PlanningProblem) -> str:

@@ -9,9 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stablepush.core import Deadline
+from stablepush.planning.choice import CHOICE, choice_of
+from stablepush.planning.options import PushSet
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult
-from stablepush.planning.scenarios import CHOICE, choice_of, draw_scenarios
+from stablepush.planning.scenarios import draw_scenarios
 from stablepush.planning.success import first_losses
 from stablepush.stability import StableRegion
 
@@ -28,7 +30,7 @@ _HURRIED = 5.0
 #: Searches for better plans at the level, each in tighter regions.
 _REFINED = 3
 
-Attempt = Callable[[Sequence[StableRegion], Deadline, float], PlanResult]
+Attempt = Callable[[Sequence[StableRegion | PushSet], Deadline, float], PlanResult]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,7 +120,7 @@ class _Search:
         """What makes a plan better: that it meets the level, and then its time; else how often it holds."""
         return min(candidate.held, self._level), -candidate.result.duration
 
-    def _tested(self, regions: Sequence[StableRegion], deadline: Deadline, effort: float) -> _Candidate:
+    def _tested(self, regions: Sequence[StableRegion | PushSet], deadline: Deadline, effort: float) -> _Candidate:
         result = self._attempt(regions, deadline, effort)
         # each test has scenarios of its own
         self._tests += 1

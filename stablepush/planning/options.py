@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Protocol
 
-from stablepush.core import InputError, check_number, renamed_fields
+from stablepush.core import BoolArray, FloatArray, InputError, check_number, renamed_fields
 from stablepush.planning.problem import PlanningProblem
 from stablepush.stability import StableRegion, all_pressure_region, lynch_mason_region
 
@@ -13,6 +14,13 @@ from stablepush.stability import StableRegion, all_pressure_region, lynch_mason_
 _PROMISED = {"all-pressure": all_pressure_region, "conservative": lynch_mason_region}
 #: Sets of rotation centres that a plan may draw on.
 REGIONS = ("model", *_PROMISED)
+
+
+class PushSet(Protocol):
+    """Pushes of a contact that depend on the heading."""
+
+    def contains_pushes(self, twists: FloatArray, headings: FloatArray) -> BoolArray:
+        """Return whether body twists (n, 3) in m/s and rad/s, from ``headings[:, 0]`` by ``headings[:, 1]`` (rad), are in it."""
 
 
 def promised_region(problem: PlanningProblem, number: int, region: str) -> StableRegion | None:
@@ -50,9 +58,9 @@ class PlanOptions:
     refinement_budget : float
         Search steps (poses expanded, motions tested) that anytime planners spend on refining the first plan. It is a count, not
         a time, so that plans are reproducible. Infinite: until the time limit.
-    regions : tuple of StableRegion
+    regions : tuple of StableRegion or PushSet
         Further regions, one for each contact, in which all pushes must lie; empty: no further condition. :func:`stablepush.plan`
-        sets the common stable regions of the scenarios that it has chosen.
+        sets the common stable regions of the scenarios that it has chosen; under effects they depend on the heading.
     """
 
     region: str = "model"
@@ -60,7 +68,7 @@ class PlanOptions:
     margin_weight: float = 0.0
     max_twist_rate: float = math.inf
     refinement_budget: float = 20_000
-    regions: tuple[StableRegion, ...] = field(default=(), repr=False)
+    regions: tuple[StableRegion | PushSet, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         if self.region not in REGIONS:

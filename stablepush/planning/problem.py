@@ -79,7 +79,8 @@ class PlanningProblem:
     finger_radius : float
         Radius (m) of the fingers: discs behind the contact points. A pusher outline, if given, takes their place.
     effects : sequence of Effect or KnownEffect
-        What the rig is known to do. Effects of sensors and drift change no plan; planners and the check refuse others.
+        What the rig is known to do. Planners and the check take into account what acts on support and weight (:data:`PLANNED`);
+        effects of sensors and drift change no plan.
     alternatives : sequence of Correction
         Rigs that this may be, with their probabilities: scenarios are drawn from all of them.
     support_friction : float, optional
@@ -191,16 +192,22 @@ class PlanningProblem:
         """Return the same problem with other values of some attributes."""
         return PlanningProblem(**{field.name: getattr(self, field.name) for field in fields(self)} | changes)
 
-    def unplanned_effects(self) -> list[str]:
-        """Return the ids of the effects that change which pushes are stable, which no planner takes into account."""
+    @property
+    def acting_effects(self) -> list[str]:
+        """Ids of the effects, of the problem and its alternatives, that change which pushes are stable."""
         every = [*self.effects, *(effect for entry in self.alternatives for effect in entry.effects)]
         return list(dict.fromkeys(entry.effect.id for entry in every if not entry.changes_no_plan))
 
-    def require_plain(self) -> None:
-        """Refuse effects that change which pushes are stable: neither planners nor the check take them into account."""
-        unplanned = self.unplanned_effects()
-        if unplanned:
-            raise InputError("effects", "expected effects that change no plan, others are not planned for", ", ".join(unplanned))
+    def require_plannable(self) -> None:
+        """Refuse what neither planners nor the check take into account."""
+        for id in self.acting_effects:
+            if id not in PLANNED:
+                raise InputError("effects", f"expected effects that plans know: {_INSTEAD[id]}", id)
+        if self.acting_effects and any(self.uncertainty.start):
+            words = "expected 0, 0: an uncertain start is not planned for beside effects of the table"
+            raise InputError("uncertainty.start", words, ", ".join(self.acting_effects))
+        if self.acting_effects and not self.surface.is_dual:
+            raise InputError("effects", f"expected none, a {type(self.surface).__name__} is not planned with them")
         for number, entry in enumerate(self.alternatives):
             for name in ("finger_radius", "contact_offset", "tracker_offset"):
                 if getattr(entry, name) is not None:
@@ -238,6 +245,18 @@ def disc_outlines(contact: PushContact, radius: float) -> list[FloatArray]:
         for center, angle in zip(centers, toward, strict=True)
     ]
 
+
+#: Effects that change which pushes are stable, and that plans take into account.
+PLANNED = (
+    *("anisotropy-world", "anisotropy-object", "speed-dependence", "spatial-variation"),
+    *("pressure-shift", "pressure-spread", "tilt", "inertia"),
+)
+#: Where a scene has what others would change.
+_INSTEAD = {
+    "contact-friction": "friction of the fingers is mu of the contacts",
+    "contact-geometry": "the fingers are finger_radius and the points of the contacts",
+    "model-capacity": "another surface is the scene's model",
+}
 
 _OF_SCENE = (
     *("format", "slider", "model", "contacts", "pusher", "obstacles", "bounds", "start", "goal"),

@@ -29,7 +29,8 @@ from stablepush.planning.check import check_plan
 from stablepush.planning.collision import SweptBody
 from stablepush.planning.feasibility import infeasibility
 from stablepush.planning.likely import likely_plan
-from stablepush.planning.options import PlanOptions, promised_region
+from stablepush.planning.loads import require_loads
+from stablepush.planning.options import PlanOptions, PushSet, promised_region
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult, Push, Transfer
 from stablepush.planning.scenarios import alignment_push
@@ -133,7 +134,12 @@ def plan(
     except LookupError:
         raise InputError("planner", f"expected one of {', '.join(planner_names()) or 'none installed'}", repr(planner)) from None
 
-    problem.require_plain()
+    problem.require_plannable()
+    require_loads(problem)
+    for name, value, plain in (("region", region, "model"), ("probability", probability, 0.0)):
+        if problem.acting_effects and value != plain:
+            acting = ", ".join(problem.acting_effects)
+            raise InputError(name, f"expected {plain}: no guarantee is known under the effect {acting}", repr(value))
     if problem.alternatives and region != "model":
         raise InputError("region", "expected model: a guarantee knows no alternatives of the rig", repr(region))
     number = 0 if seed is None else check_seed(seed)
@@ -148,7 +154,7 @@ def plan(
         doubts = [doubt] if doubt else []
         alone = problem if aligning is None else problem.starting_at(aligning.end)
 
-        def attempt(regions: Sequence[StableRegion], until: Deadline, effort: float) -> PlanResult:
+        def attempt(regions: Sequence[StableRegion | PushSet], until: Deadline, effort: float) -> PlanResult:
             asked = replace(options, regions=tuple(regions), refinement_budget=effort)
             found = run(alone, deadline=until, seed=number, options=asked, progress=progress)
             return found if aligning is None or not found.solved else _preceded(found, aligning)

@@ -1,20 +1,15 @@
-"""Draws of what a problem does not know, and which pushes hold in all of a chosen share of them.
+"""Draws of what a problem does not know.
 
 A scenario is a limit surface, friction at the contacts, places of the fingers, a centre of mass and a start pose. In the frame
 whose origin is the true centre of mass ``d`` (in B) the surface is as drawn, contact points are ``p - d``, and the body twist of
 that frame is ``(vx - omega d_y, vy + omega d_x, omega)``. A push sticks in a scenario if the load of that twist lies in the cone
 there.
-
-A plan that lies in the common stable set of a chosen set of scenarios sticks in each of them, whatever its number of pushes:
-scenario optimisation with discarded constraints (Campi and Garatti, 2011). A chosen set is optimistic about itself; what it is
-worth is measured on scenarios that no choice was made on (:mod:`stablepush.planning.success`).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -25,26 +20,20 @@ from stablepush.geometry import normalize_wrench, unit
 from stablepush.identify import PressureSampler
 from stablepush.objects import PushContact, Slider, SupportDistribution
 from stablepush.planning.alignment import after_docking, aligns, clearance, straight_pushes
+from stablepush.planning.loads import PushLoads, likely_loads
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import Push
-from stablepush.stability import BOUNDARY_SLACK, Case, StabilityOracle, StableRegion, common_region
+from stablepush.stability import BOUNDARY_SLACK
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
 #: Pressures that are drawn for a surface without an ensemble.
 _PRESSURES = 64
 #: Lengths of an alignment push that are tried, in what the start may be off, on how many scenarios, and what is enough.
 _LENGTHS, _TRIED, _NEARLY_ALL = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0), 150, 0.993
+#: Draws of effects whose covariance is known, for a choice and for a measurement.
+_EFFECTS_CHOSEN, _EFFECTS_MEASURED = 8, 64
 #: Largest distance of a centre of mass from the origin, as a share of the distance to the outline.
 _INSIDE = 0.9
-#: Scenarios that a choice is made among, and the most that are drawn for one.
-CHOICE, MOST = 300, 900
-#: Unit twists at which scenarios are compared, before those that the nominal surface calls unstable are left out, and after.
-_TWISTS, _COMPARED = 4000, 160
-#: Rounds of adding the scenarios that the polygons of the others violate by more than this angle (rad), how many each, and which
-#: corner of the polygons is asked: one of so many, corners are dense.
-_ROUNDS, _VIOLATION, _ADDED, _THINNED = 6, 1e-4, 6, 7
-#: Polygons begin with the scenarios that are the worst for one in so many of the compared twists: those nearest to the bound.
-_NEAREST = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +57,8 @@ class Scenarios:
         Where the slider is: its pose in the planned one (m, rad). It moves the fingers in B.
     flush : array of bool, shape (n,)
         Whether it stands square to the fingers, with both of them touching.
+    loads : sequence of PushLoads
+        What effects make of the load of each surface; empty where none acts.
     """
 
     problem: PlanningProblem
@@ -78,6 +69,7 @@ class Scenarios:
     center_of_mass: FloatArray
     start: FloatArray
     flush: BoolArray
+    loads: Sequence[PushLoads] = ()
 
     def __len__(self) -> int:
         return len(self.surface)
@@ -112,22 +104,38 @@ class Scenarios:
             )
         return replace(self, start=start, flush=flush)
 
-    def margins(self, number: int, twists: FloatArray) -> FloatArray:
-        """Return the margins (n, k) in rad of body twists (k, 3) at a contact in all scenarios."""
-        facets = self._facets[number]
+    def margins(self, number: int, twists: FloatArray, poses: FloatArray | None = None) -> FloatArray:
+        """Return the margins (n, k) in rad of body twists (k, 3) at a contact in all scenarios.
+
+        ``poses`` (k, 3) of B in W, which count where effects act: what they add is that of the nominal surface.
+        """
+        facets = self.facets[number]
         rho = self.surfaces[0].characteristic_length
         result = np.empty((len(self), len(twists)))
+        added: dict[int, FloatArray] = {}
         for member in np.unique(self.surface):
             rows = np.flatnonzero(self.surface == member)
-            moved = np.tile(twists, (len(rows), 1, 1))
-            moved[..., :2] += twists[None, :, 2:] * (self.center_of_mass[rows, None, ::-1] * (-1.0, 1.0))
-            loads = normalize_wrench(self.surfaces[member].wrench(moved), rho)
+            wrenches = self.surface_loads(int(member), rows, twists)
+            if self.loads:
+                of = self.loads[member]
+                if id(of) not in added:
+                    added[id(of)] = of.changes(twists, np.zeros_like(twists) if poses is None else poses)
+                wrenches = wrenches + added[id(of)]
+            loads = normalize_wrench(wrenches, rho)
             heights = np.einsum("rfc,rkc->frk", facets[rows], loads).min(axis=0) / np.sqrt(np.einsum("rkc,rkc->rk", loads, loads))
             result[rows] = np.arcsin(np.clip(heights, -1.0, 1.0))
         return result
 
+    def surface_loads(self, member: int, rows: np.ndarray, twists: FloatArray) -> FloatArray:
+        """Return the loads (m, k, 3) of a surface for body twists (k, 3), about the centres of mass of scenarios (m,), in N where
+        effects act."""
+        moved = np.tile(twists, (len(rows), 1, 1))
+        moved[..., :2] += twists[None, :, 2:] * (self.center_of_mass[rows, None, ::-1] * (-1.0, 1.0))
+        surface = self.surfaces[member]
+        return surface.wrench(moved) * (self.loads[member].newtons_of(surface) if self.loads else 1.0)
+
     @cached_property
-    def _facets(self) -> list[FloatArray]:
+    def facets(self) -> list[FloatArray]:
         """Unit facet normals (n, f, 3) of the cones of each contact, about the true centres of mass."""
         rho = self.surfaces[0].characteristic_length
         found = []
@@ -159,7 +167,8 @@ def draw_scenarios(problem: PlanningProblem, count: int, seed: int, stream: int 
     share, place = rng.uniform(size=(count, 1)), unknown.contact_place * rng.uniform(-1, 1, size=(count, contacts))
     deviations = np.array((unknown.start[0], unknown.start[0], unknown.start[1]))
     start = deviations * rng.normal(size=(count, 3))
-    surfaces, chances, frictions = _rigs(problem)
+    draws = _EFFECTS_CHOSEN if stream == 0 else _EFFECTS_MEASURED
+    surfaces, chances, frictions, loads = _rigs(problem, draws, np.random.default_rng([seed, stream, 1]))
     # without alternatives all are equally likely
     surface = rng.choice(len(surfaces), count, p=chances) if problem.alternatives else rng.integers(len(surfaces), size=count)
     ranges = frictions[surface]
@@ -173,25 +182,37 @@ def draw_scenarios(problem: PlanningProblem, count: int, seed: int, stream: int 
         _within(problem.slider, unknown.center_of_mass * rng.normal(size=(count, 2))),
         start,
         np.ones(count, dtype=bool),
+        loads,
     )
 
 
-def _rigs(problem: PlanningProblem) -> tuple[list[LimitSurface], FloatArray, FloatArray]:
-    """Surfaces that a rig may have, their probabilities (n,), and the ends (n, contacts, 2) of the friction of the contacts.
+def _rigs(
+    problem: PlanningProblem, draws: int, rng: np.random.Generator
+) -> tuple[list[LimitSurface], FloatArray, FloatArray, list[PushLoads]]:
+    """Surfaces that a rig may have, their probabilities (n,), the ends (n, contacts, 2) of the friction of the contacts, and what
+    effects make of the loads: each surface with each of some ``draws`` of the effects.
 
     Those of a problem's alternatives, by their probability, or its own.
     """
     unknown = problem.uncertainty
     own = np.array([unknown.friction_range(contact.mu) for contact in problem.contacts])
+    loads: list[PushLoads] = []
     if not problem.alternatives:
         surfaces = list(likely_surfaces(problem))
-        return surfaces, np.full(len(surfaces), 1 / len(surfaces)), np.tile(own, (len(surfaces), 1, 1))
+        if problem.acting_effects:
+            surfaces, loads = _crossed(surfaces, likely_loads(problem, problem.surface, problem.effects, draws, rng))
+        return surfaces, np.full(len(surfaces), 1 / len(surfaces)), np.tile(own, (len(surfaces), 1, 1)), loads
     found: list[LimitSurface] = []
     chances: list[float] = []
     frictions: list[FloatArray] = []
     total = sum(entry.probability for entry in problem.alternatives)
     for entry in problem.alternatives:
-        mine = likely_surfaces(problem if entry.surface is None else problem.with_changes(surface=entry.surface, alternatives=()))
+        own_rig = problem if entry.surface is None else problem.with_changes(surface=entry.surface, alternatives=())
+        mine = list(likely_surfaces(own_rig))
+        if problem.acting_effects:
+            drawn = likely_loads(problem, entry.surface or problem.surface, entry.effects, draws, rng)
+            mine, acting = _crossed(mine, drawn)
+            loads += acting
         found += mine
         chances += [entry.probability / total / len(mine)] * len(mine)
         ends = own
@@ -199,7 +220,12 @@ def _rigs(problem: PlanningProblem) -> tuple[list[LimitSurface], FloatArray, Flo
             width = unknown.relative_friction * entry.contact_friction
             ends = np.tile((entry.contact_friction - width, entry.contact_friction + width), (len(own), 1))
         frictions += [ends] * len(mine)
-    return found, np.array(chances), np.array(frictions)
+    return found, np.array(chances), np.array(frictions), loads
+
+
+def _crossed(surfaces: Sequence[LimitSurface], loads: Sequence[PushLoads]) -> tuple[list[LimitSurface], list[PushLoads]]:
+    """Every surface with every load."""
+    return [surface for _ in loads for surface in surfaces], [of for of in loads for _ in surfaces]
 
 
 @lru_cache(maxsize=32)
@@ -257,113 +283,6 @@ def likely_surfaces(problem: PlanningProblem) -> Sequence[LimitSurface]:
         IdealLimitSurface(SupportDistribution(points[shares > 0], shares[shares > 0]), 1.0, surface.characteristic_length)
         for points, shares in zip(drawn.points, drawn.shares, strict=True)
     ]
-
-
-class Choice:
-    """Which scenarios a plan is to hold in, and the motions that are stable in all of them.
-
-    Scenarios are left out one by one: those that alone rule out the most of the compared motions. The same are left out for all
-    contacts. What one choice worked out serves the next.
-    """
-
-    def __init__(self, problem: PlanningProblem, seed: int) -> None:
-        # simulated starts take time
-        drawn = draw_scenarios(problem, CHOICE if any(problem.uncertainty.start) else MOST, seed)
-        if any(problem.uncertainty.start):
-            drawn = drawn.after(alignment_push(problem))
-        # no push holds a slider that is not flush
-        self._all = drawn.take(drawn.flush) if drawn.flush.any() else drawn
-        self._contacts = range(len(problem.contacts))
-        self._compared = [_compared(problem, number) for number in self._contacts]
-        self._margins = [np.empty((0, len(twists))) for twists in self._compared]
-        self._cases: dict[tuple[int, int], Case] = {}
-
-    def regions(self, count: int, left_out: int = 0) -> list[StableRegion]:
-        """Return for each contact the motions that are stable in all of the first ``count`` scenarios but some."""
-        count = min(count, len(self._all))
-        new = self._all.take(np.arange(len(self._margins[0]), count))
-        if len(new):
-            self._margins = [
-                np.concatenate((known, new.margins(number, self._compared[number]))) if known.shape[1] else np.empty((count, 0))
-                for number, known in enumerate(self._margins)
-            ]
-        table = np.concatenate([margins[:count] for margins in self._margins], axis=1)
-        kept = _kept(table < -BOUNDARY_SLACK, min(left_out, count - 1))
-        return [self._region(kept, number) for number in self._contacts]
-
-    def _region(self, kept: np.ndarray, number: int) -> StableRegion:
-        """The exact common region of a contact, from the scenarios that bound it: others are added while it violates them."""
-        chosen, margins = self._all.take(kept), self._margins[number][kept]
-        # those that come nearest to ruling out what is compared, or just do
-        nearest = np.argsort(np.abs(margins.min(axis=0)), kind="stable")[: math.ceil(margins.shape[1] / _NEAREST)]
-        active = list(dict.fromkeys(np.argmin(margins[:, nearest], axis=0).tolist())) if margins.shape[1] else [0]
-        # a region that a scenario holds whole shrinks when others are added: it is not asked again
-        doubtful = np.arange(len(kept))
-        name, known = f"{len(kept)} scenarios", set(active)
-        region = common_region([self._case(int(kept[row]), number) for row in active], name)
-        for _ in range(_ROUNDS):
-            ends = [np.array((np.cos(a), np.sin(a), 0.0))[None] for interval in region.translation_intervals for a in interval]
-            rings = [ring[::_THINNED] for sense in (1, -1) for ring in region.boundary_twists(sense)]
-            border = np.concatenate([*rings, *ends, np.zeros((0, 3))])
-            if not (len(border) and len(doubtful)):
-                break
-            worst = chosen.take(doubtful).margins(number, border).min(axis=1)
-            order = [k for k in np.argsort(worst, kind="stable") if worst[k] < -_VIOLATION and doubtful[k] not in known]
-            if not order:
-                break
-            active = doubtful[order[:_ADDED]].tolist()
-            region = common_region([self._case(int(kept[row]), number) for row in active], name, region)
-            known.update(active)
-            doubtful = doubtful[order[_ADDED:]]
-        return region
-
-    def _case(self, row: int, number: int) -> Case:
-        if (row, number) not in self._cases:
-            surface = self._all.surfaces[self._all.surface[row]]
-            self._cases[row, number] = Case(surface, self._all.contact(row, number), self._all.center_of_mass[row])
-        return self._cases[row, number]
-
-
-@dataclass(frozen=True)
-class _Rig:
-    """What a choice depends on: plans to other goals or among other obstacles share it. ``problem`` is any that has it."""
-
-    parts: tuple[object, ...]
-    problem: PlanningProblem = field(compare=False)
-
-
-def choice_of(problem: PlanningProblem, seed: int) -> Choice:
-    """Return the choice of a problem, with what earlier plans for the same slider, contacts and surface worked out."""
-    parts = (problem.slider, problem.surface, problem.contacts, problem.uncertainty, problem.alternatives)
-    # the push that aligns an uncertain start depends on all of the problem
-    return _choice_of(_Rig((*parts, problem) if any(problem.uncertainty.start) else parts, problem), seed)
-
-
-@lru_cache(maxsize=4)
-def _choice_of(rig: _Rig, seed: int) -> Choice:
-    return Choice(rig.problem, seed)
-
-
-def _compared(problem: PlanningProblem, number: int) -> FloatArray:
-    """Body twists (k, 3), spread evenly, that the nominal surface calls stable at a contact; some are translations."""
-    rho = problem.surface.characteristic_length
-    spread = np.random.default_rng(0).normal(size=(_TWISTS, 3))
-    spread[::8, 2] = 0.0
-    twists = unit(spread) / (1.0, 1.0, rho)
-    stable = twists[StabilityOracle(problem.surface, problem.contacts[number]).is_stable(twists)]
-    return stable[:_COMPARED]
-
-
-def _kept(violated: np.ndarray, left_out: int) -> np.ndarray:
-    """Rows (m,) of scenarios that stay, of a table (n, k) of the twists that each rules out."""
-    left = np.ones(len(violated), dtype=bool)
-    for _ in range(left_out):
-        count = violated[left].sum(axis=0)
-        # a twist that one scenario rules out is won by leaving that one out; one that many rule out is far away
-        worth = np.where(count > 0, np.maximum(count, 1.0) ** -4.0, 0.0)
-        gain = np.where(left, violated @ worth, -1.0)
-        left[int(np.argmax(gain))] = False
-    return np.flatnonzero(left)
 
 
 def across_of(contact: PushContact) -> FloatArray:

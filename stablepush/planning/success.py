@@ -10,12 +10,14 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from stablepush.core import BoolArray, FloatArray, binomial_interval
-from stablepush.geometry import compose, inverse, transform_points, transport_twist, wrap_angle
-from stablepush.mechanics import Pusher, final_poses
+from stablepush.geometry import compose, exp, inverse, transform_points, transport_twist, wrap_angle
+from stablepush.mechanics import Pusher, TableFriction, final_poses
+from stablepush.planning.loads import steps_along
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult, Push
 from stablepush.planning.scenarios import Scenarios, across_of, draw_scenarios
 from stablepush.stability import BOUNDARY_SLACK
+from stablepush.surfaces import LimitSurface
 
 #: Scenarios that a stated probability is measured on.
 SCENARIOS = 2000
@@ -130,10 +132,22 @@ def first_losses(drawn: Scenarios, result: PlanResult) -> Losses:
         stretches.append(_Stretch(first, after, drawn))
         for number in {push.contact for push in pushes[first:after]}:
             at = [k for k in range(first, after) if pushes[k].contact == number]
-            margins[:, at] = drawn.margins(number, np.array([pushes[k].twist for k in at]))
+            margins[:, at] = _margins(drawn, number, [pushes[k] for k in at])
         slips[:, first] |= ~drawn.flush
     slips |= margins < -BOUNDARY_SLACK
     return Losses(np.where(slips.any(axis=1), slips.argmax(axis=1), -1), margins, tuple(stretches))
+
+
+def _margins(drawn: Scenarios, number: int, pushes: Sequence[Push]) -> FloatArray:
+    """Margins (n, k) of pushes at a contact: the least along each arc, where effects make it depend on the pose."""
+    twists = np.array([push.twist for push in pushes])
+    if not drawn.loads:
+        return drawn.margins(number, twists)
+    counts = [steps_along(push, drawn.problem.slider.radius) + 1 for push in pushes]
+    shares = [np.linspace(0.0, push.duration, count)[:, None] for push, count in zip(pushes, counts, strict=True)]
+    poses = [compose(push.start, exp(push.twist * times)) for push, times in zip(pushes, shares, strict=True)]
+    along = drawn.margins(number, np.repeat(twists, counts, axis=0), np.concatenate(poses))
+    return np.asarray(np.minimum.reduceat(along, np.cumsum([0, *counts[:-1]]), axis=1))
 
 
 def _aside(problem: PlanningProblem, result: PlanResult, scenarios: Scenarios) -> FloatArray:
@@ -189,7 +203,7 @@ def _pushed(scenarios: Scenarios, number: int, pushes: Sequence[Push], poses: Fl
     docked = pusher.docked(contact)
     away = inverse(docked)
     ends = final_poses(
-        scenarios.surfaces,
+        _tables(scenarios) if scenarios.loads else scenarios.surfaces,
         scenarios.surface,
         problem.slider,
         pusher,
@@ -203,6 +217,14 @@ def _pushed(scenarios: Scenarios, number: int, pushes: Sequence[Push], poses: Fl
     )
     # where the pusher would land on the slider it is lost where it lies
     return np.where(np.isnan(ends), poses, ends)
+
+
+def _tables(scenarios: Scenarios) -> list[LimitSurface | TableFriction]:
+    """Friction with the effects, of the surfaces that scenarios have."""
+    found: list[LimitSurface | TableFriction] = list(scenarios.surfaces)
+    for member in np.unique(scenarios.surface):
+        found[member] = scenarios.loads[member].table(scenarios.surfaces[member])
+    return found
 
 
 def _failures(losses: Losses, result: PlanResult) -> tuple[tuple[int, float, str], ...]:

@@ -10,7 +10,6 @@ import numpy as np
 import shapely
 
 from stablepush.core import (
-    LEAST_POSITIVE,
     EffectError,
     FloatArray,
     InputError,
@@ -21,21 +20,16 @@ from stablepush.core import (
     renamed_fields,
     run_parallel,
 )
-from stablepush.effects import REFERENCE_SPEED, Effect, principal
+from stablepush.effects import Effect, slope_force, table_friction
 from stablepush.geometry import compose, inverse, transform_points
-from stablepush.identify import sample_loads, support_for
+from stablepush.identify import support_for
 from stablepush.io import Noise, PushLog, Rig
 from stablepush.mechanics import Pusher, PushTrace, TableFriction, simulate_push
-from stablepush.objects import EdgePush, Slider, SupportDistribution
+from stablepush.objects import EdgePush, Slider
 from stablepush.rig.commands import AWAY, Command, edge_command
 from stablepush.rig.log_book import LogBook
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
-#: Effects that act on points under the slider.
-_ON_POINTS = (
-    *("anisotropy-world", "anisotropy-object", "speed-dependence", "spatial-variation"),
-    *("pressure-shift", "pressure-spread"),
-)
 #: Fingers deeper (m) in the slider than this start farther back; steps of that distance; points checked along a flat edge.
 _DEEP, _BACK_STEP, _EDGE_PLACES = 1e-6, 2.5e-4, 21
 #: Speed (m/s) of the approach to a push that does not move.
@@ -44,8 +38,6 @@ _APPROACH_SPEED = 0.02
 _STEPS = 400
 #: Least share of the nominal friction that must be left where a slider is pushed.
 _LEAST_FRICTION = 0.02
-#: Models of the degrees that a support may follow instead of the nominal surface.
-_MODELS = {2: "quadratic", 4: "poly4-cvx", 6: "poly6-cvx"}
 
 
 @renamed_fields(ended="stop_reason")
@@ -148,7 +140,8 @@ class VirtualRig:
                 raise InputError("slider.mass", "expected a mass > 0 in kg, since the forces of the surface are in units of mu*N")
         object.__setattr__(self, "_slope_share", self._tilt_share())
         object.__setattr__(self, "_points", support_for(self.surface, self.slider, self._load()))
-        object.__setattr__(self, "_friction", self._make_friction())
+        friction = table_friction(self.slider, self.surface, by_id, self._load(), self.gravity, self._points)
+        object.__setattr__(self, "_friction", friction)
 
     def _tilt_share(self) -> float:
         """Downhill force of a tilted table as a share of the force that the nominal friction can hold."""
@@ -157,7 +150,7 @@ class VirtualRig:
         if not self.slider.mass:
             raise EffectError("effect tilt", "expected a slider with a mass")
         angles = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
-        size = float(np.hypot(*self._slope_force())) / self._load()
+        size = float(np.hypot(*slope_force(self.slider, self._by_id, self.gravity))) / self._load()
         loads = size * np.stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))), axis=-1)
         # H grows with a power of the load
         share = float(np.max(self.surface.value(loads))) ** (1 / self.surface.degree)
@@ -191,99 +184,10 @@ class VirtualRig:
             return 1.0
         return float(self.support_friction or 0.0) * float(self.slider.mass or 0.0) * self.gravity
 
-    def _slope_force(self) -> FloatArray:
-        """Downhill force (2,) of a tilted table, in N in W."""
-        if "tilt" not in self._by_id:
-            return np.zeros(2)
-        return float(self.slider.mass or 0.0) * self.gravity * np.array(self._by_id["tilt"].vector("slope"))
-
     @property
     def friction(self) -> TableFriction:
         """Friction of the table with all effects of the support and of inertia."""
         return self._friction
-
-    def _make_friction(self) -> TableFriction:
-        by_id = self._by_id
-        surface, load = self._of_other_shape(self._load())
-        points: IdealLimitSurface | None = None
-        perturbed: IdealLimitSurface | None = None
-        if surface.point_loads is not None:
-            surface = self._moved_pressure(support_for(surface, self.slider, load))
-        elif any(id in by_id for id in _ON_POINTS):
-            points = self._points if surface is self.surface else support_for(surface, self.slider, load)
-            perturbed = self._moved_pressure(points)
-        tables = [np.eye(2), np.eye(2)]
-        for i, id in enumerate(("anisotropy-object", "anisotropy-world")):
-            if id in by_id:
-                tables[i] = principal(by_id[id].number("ratio") or 1.0, by_id[id].number("direction") or 0.0)
-        slope = by_id["speed-dependence"].number("slope") if "speed-dependence" in by_id else 0.0
-        gradient = by_id["spatial-variation"].vector("gradient") if "spatial-variation" in by_id else (0.0, 0.0)
-        mass = (by_id["inertia"].number("mass") or 0.0) if "inertia" in by_id else 0.0
-        inertia = (mass, mass * self.slider.radius_of_gyration**2)
-        return TableFriction(
-            surface,
-            load,
-            points,
-            perturbed,
-            tables[0],
-            tables[1],
-            gradient or (0.0, 0.0),
-            slope or 0.0,
-            REFERENCE_SPEED,
-            self._slope_force(),
-            inertia,
-        )
-
-    def _of_other_shape(self, load: float) -> tuple[LimitSurface, float]:
-        """The nominal surface, or the one of another kind that comes nearest to it, a few support points or a polynomial, and
-        the newtons in the unit of its forces."""
-        if "model-capacity" not in self._by_id:
-            return self.surface, load
-        effect = self._by_id["model-capacity"]
-        facets, degree = effect.number("facets"), effect.number("degree")
-        if (facets is None) == (degree is None):
-            raise EffectError("effect model-capacity", "expected either facets or degree")
-        if degree is not None:
-            if degree not in _MODELS:
-                raise EffectError(
-                    "effect model-capacity: degree", f"expected one of {', '.join(map(str, _MODELS))}", f"{degree:g}"
-                )
-            from stablepush.identify import fit_limit_surface
-
-            loads, twists = sample_loads(self.surface, load)
-            rho = self.surface.characteristic_length
-            surface = fit_limit_surface(loads, twists, model=_MODELS[int(degree)], characteristic_length=rho).surface
-            return surface, float(surface.provenance["force_scale_N"]) if surface.force_unit == "mu*N" else 1.0
-        ideal = self._points
-        # as many even feet on a circle, about the same centre, as far from it on average
-        count = int(facets or 0)
-        points, weights = ideal.support.points, ideal.support.weights
-        angles = 2 * np.pi * (np.arange(count) + 0.25) / count
-        radius = math.sqrt(float(weights @ ((points - ideal.support.center) ** 2).sum(axis=1) / weights.sum()))
-        feet = ideal.support.center + radius * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
-        feet_on = SupportDistribution(feet, np.ones(count))
-        return IdealLimitSurface(feet_on, ideal.friction_load, self.surface.characteristic_length), load
-
-    def _moved_pressure(self, surface: IdealLimitSurface) -> IdealLimitSurface:
-        """The support with its pressure moved or spread."""
-        by_id, support = self._by_id, surface.support
-        points, center = support.points, support.center
-        if "pressure-spread" in by_id:
-            points = center + (by_id["pressure-spread"].number("scale") or 1.0) * (points - center)
-        if "pressure-shift" in by_id:
-            offset = np.array(by_id["pressure-shift"].vector("offset"))
-            points = points + offset
-            hull = shapely.Polygon(self.slider.vertices).convex_hull
-            if not hull.buffer(-LEAST_POSITIVE).contains(shapely.Point(center + offset)):
-                raise EffectError("effect pressure-shift: offset", "expected a centre of pressure that stays under the slider")
-        if points is support.points:
-            return surface
-        try:
-            moved = SupportDistribution(points, support.weights)
-            return IdealLimitSurface(moved, surface.friction_load, surface.characteristic_length)
-        except InputError as error:
-            # a shift that leaves the slider is refused above
-            raise EffectError("effect pressure-spread: scale", str(error)) from None
 
     def session(self, *, rows: int = 7, seed: int = 0, trials: int | None = None) -> Session:
         """Begin a log: commands are carried out one by one. ``trials``: how many there will be, over which friction drifts."""

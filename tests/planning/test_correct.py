@@ -65,11 +65,12 @@ def test_effects_are_carried_along_or_refused(tmp_path):
     assert again.effects[2].effect.vector("force") == (0.1, 0.0)
     plain = sp.plan(problem, time_limit=60, refinement_budget=0)
     assert sp.plan(again, time_limit=60, refinement_budget=0).duration == plain.duration
-    tilted = problem.with_changes(effects=[sp.parse_effect("tilt:slope=0.02/0")])
-    with pytest.raises(sp.InputError, match=r"effects: expected effects that change no plan.* got tilt"):
-        sp.plan(tilted)
-    with pytest.raises(sp.InputError, match="tilt"):
-        sp.check_plan(tilted, plain)
+    # which plans know is in test_effects.py
+    slippery = problem.with_changes(effects=[sp.parse_effect("contact-friction:mu=0.3")])
+    with pytest.raises(sp.InputError, match=r"effects: expected effects that plans know.* got contact-friction"):
+        sp.plan(slippery)
+    with pytest.raises(sp.InputError, match="contact-friction"):
+        sp.check_plan(slippery, plain)
     data = json.loads((tmp_path / "scene.json").read_text())
     for wrong, words in (
         ([{"effect": "drift"}], r"effects\[0\]\.parameters: missing key"),

@@ -11,7 +11,8 @@ from conftest import RHO, one_line, small_scene, three_feet, triangle
 import stablepush as sp
 from stablepush.cli import main
 from stablepush.core import binomial_interval
-from stablepush.planning.scenarios import MOST, Choice, choice_of, draw_scenarios, likely_surfaces
+from stablepush.planning.choice import MOST, Choice, choice_of
+from stablepush.planning.scenarios import draw_scenarios, likely_surfaces
 from stablepush.planning.success import first_losses
 from stablepush.stability import Case, common_region
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stablepush.core import FloatArray, inner
+from stablepush.core import FloatArray, compiled, inner
 from stablepush.surfaces.kernels import load_of_points, load_on_surface
 
 #: Slower points, in shares of the speed of the fastest, have friction in proportion to their speed: no jump where one rests.
@@ -151,3 +151,18 @@ def load_of(table, at, vx, vy, w, load):  # type: ignore[no-untyped-def]
         load[0] += table.inertia[0] * (vx - at.vx) / at.dt
         load[1] += table.inertia[0] * (vy - at.vy) / at.dt
         load[2] += table.inertia[1] * (w - at.omega) / at.dt
+
+
+@inner
+def load_held(table, x, y, theta, vx, vy, w, load):  # type: ignore[no-untyped-def]
+    """Fill ``load`` (3,), in B, with the load of a body twist that is held: the mass is kept on its arc."""
+    load_of(table, Motion(x, y, math.cos(theta), math.sin(theta), 0.0, 0.0, 0.0, 0.0), vx, vy, w, load)
+    load[0] -= table.inertia[0] * w * vy
+    load[1] += table.inertia[0] * w * vx
+
+
+@compiled
+def loads_at(table, poses, twists, loads):  # type: ignore[no-untyped-def]
+    """Fill loads (n, 3) of held body twists (n, 3) at poses (n, 3)."""
+    for i in range(twists.shape[0]):
+        load_held(table, poses[i, 0], poses[i, 1], poses[i, 2], twists[i, 0], twists[i, 1], twists[i, 2], loads[i])
