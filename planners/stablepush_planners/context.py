@@ -154,12 +154,12 @@ class PlanningContext:
         problem, contacts = self.problem, len(self.problem.contacts)
         frames, radii = np.zeros((contacts, 3)), np.zeros((contacts, len(RADII)))
         paces, prices = np.zeros((contacts, len(RADII), 3)), np.zeros((contacts, len(RADII), 3))
-        parts = 1 if all(s.loads is None for s in self.stable.values()) else HEADING_PARTS
-        allowed = np.ones((contacts, len(RADII), 3, parts), dtype=bool)
+        effects = any(stable.loads is not None for stable in self.stable.values())
+        allowed = np.ones((contacts, len(RADII), 3, HEADING_PARTS if effects else 1), dtype=bool)
         for i, steer in self.steerings.items():
             frames[i] = steer.frame
             turns = np.array([[steer.twist(k / (m * steer.radius)) for k in (1.0, 0.0, -1.0)] for m in RADII])
-            known = stable_parts(self.stable[i], turns.reshape(-1, 3), parts).reshape(len(RADII), 3, parts)
+            known = stable_parts(self.stable[i], turns.reshape(-1, 3)).reshape(len(RADII), 3, -1)
             good = np.asarray(known.any(axis=2)).all(axis=1)
             allowed[i, : good.sum()] = known[good]
             radii[i, : good.sum()] = steer.radius * np.array(RADII)[good]
@@ -294,8 +294,9 @@ class PlanningContext:
         return None
 
 
-def stable_parts(stable: StableSet, twists: FloatArray, parts: int) -> BoolArray:
-    """In which equal parts of all headings body twists (n, 3) are stable (n, parts)."""
+def stable_parts(stable: StableSet, twists: FloatArray) -> BoolArray:
+    """Return in which equal parts of all headings body twists (n, 3) are stable (n, parts); one part where none matters."""
+    parts = 1 if stable.loads is None else HEADING_PARTS
     begins = 2 * math.pi / parts * np.arange(parts)
     headings = np.column_stack((begins, np.full(parts, 2 * math.pi / parts)))
     many = stable.accepts(np.repeat(twists, parts, axis=0), np.tile(headings, (len(twists), 1)))

@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import BoolArray, Deadline, FloatArray, OutOfTimeError, UnavailableError
+from stablepush.core import Deadline, FloatArray, OutOfTimeError, UnavailableError
 from stablepush.geometry import compose, inverse, twist_from_cor
 from stablepush.planning import PlanningProblem, PlanOptions, PlanResult
 from stablepush.planning.kernels import pose_is_free, push_is_free
 from stablepush_planners._connection import moved, stable_along
 from stablepush_planners._goal import at_goal
-from stablepush_planners.context import HEADING_PARTS, PlanningContext, end_of, stable_parts
+from stablepush_planners.context import PlanningContext, end_of, stable_parts
 from stablepush_planners.shorten import TimedTwist
 
 #: Names, and the classes of ``ompl.geometric`` and ``ompl.control`` behind them.
@@ -191,7 +191,7 @@ def _control(
     del refinement_budget  # these planners end with their first path
     problem, body, world = context.problem, context.bodies[0].body, context.world
     twists = _controls(context)
-    parts = _stable_parts(context, twists)
+    parts = stable_parts(context.stable[0], twists)
     space = base.SE2StateSpace()
     space.setBounds(_bounds(problem, context))
     controls = control.RealVectorControlSpace(space, 1)
@@ -267,25 +267,11 @@ def _controls(context: PlanningContext) -> FloatArray:
         places = rng.normal(size=(1000, 2))
         places *= rho * 10 ** rng.uniform(-0.5, 2, size=(1000, 1)) / np.linalg.norm(places, axis=1, keepdims=True)
         turns = twist_from_cor(places, rng.choice((1.0, -1.0), size=1000))
-        found += list(turns[_sometimes(context, turns)])
+        found += list(turns[stable_parts(context.stable[0], turns).any(axis=1)])
         if len(found) >= _CONTROLS:
             break
     twists = np.array(found[:_CONTROLS])
     return np.ascontiguousarray(twists * (context.problem.speed / context.problem.push_speed(twists))[:, None])
-
-
-def _stable_parts(context: PlanningContext, twists: FloatArray) -> BoolArray:
-    """In which parts of all headings body twists are stable; one part where headings do not matter."""
-    if context.stable[0].loads is None:
-        return np.ones((len(twists), 1), dtype=bool)
-    return stable_parts(context.stable[0], twists, HEADING_PARTS)
-
-
-def _sometimes(context: PlanningContext, twists: FloatArray) -> BoolArray:
-    """Which body twists are stable, at one heading at least."""
-    if context.stable[0].loads is None:
-        return context.stable[0].accepts(twists)
-    return np.asarray(stable_parts(context.stable[0], twists, HEADING_PARTS).any(axis=1))
 
 
 plan_bitstar = partial(plan_ompl, name="ompl-bitstar")

@@ -88,7 +88,7 @@ class StableSet:
                 raise OutOfTimeError("primitives: the deadline has passed")
             rows = moving[start : start + _BLOCK]
             held = twists[rows] * (self._problem.speed / self._problem.push_speed(twists[rows]))[:, None]
-            passed = loads.hold(held, headings[rows], np.zeros((len(rows), 1, 3)), self._facets, np.array((self._least,)))
+            passed = loads.are_stable(held, headings[rows], np.zeros((len(rows), 1, 3)), self._facets, np.array((self._least,)))
             for region in self._within:
                 assert not isinstance(region, StableRegion), "under effects regions depend on the heading"
                 if passed.any():

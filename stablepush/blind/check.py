@@ -15,12 +15,11 @@ from typing import Any
 
 from stablepush import __version__
 from stablepush.blind.score import Score, score_of
-from stablepush.blind.seal import Ledger, complaint, digest, digest_of_folder, open_label
+from stablepush.blind.seal import Files, Ledger, complaint, digest, digest_of_folder, open_label, read_files, write_files
 from stablepush.blind.supports import cases, imported, score_of_supports
 from stablepush.core import InputError, SolverError, run_parallel
 from stablepush.io import write_atomically, write_json
 
-Files = dict[str, bytes]
 Progress = Callable[[str, int, int], None]
 #: Where entries of the ledger that are of no set stand.
 _NO_SET = -1
@@ -105,7 +104,7 @@ class BlindCheck:
         else:
             sealed = self._run(imported, [(k, self.data, self.key) for k in missing])
         for done, (number, files) in enumerate(sealed, 1):
-            _write(self.of(number), files)
+            write_files(self.of(number), files)
             seal = {"label": digest(files["label.sealed"]), "log": digest_of_folder(self.of(number) / "log")}
             self.ledger.add("sealed", number, **seal)
             progress("sealed", done, len(missing))
@@ -118,7 +117,7 @@ class BlindCheck:
         for number in missing:
             if digest_of_folder(self.of(number) / "log") != self.ledger.find("sealed", number)[0][1]["log"]:
                 raise InputError("", "this is not the log that was sealed", file=self.of(number) / "log")
-        jobs = [(k, _read(self.of(k) / "log")) for k in missing]
+        jobs = [(k, read_files(self.of(k) / "log")) for k in missing]
         for done, (number, answer) in enumerate(self._run(diagnosed, jobs), 1):
             write_atomically(self.of(number) / "diagnosis.json", answer.decode())
             self.ledger.add("diagnosed", number, diagnosis=digest(answer), code=code_of())
@@ -161,7 +160,7 @@ class BlindCheck:
             else:
                 missing.append(number)
         effects = {k: [a["effect"] for a in of_row[k]["label"]["applied"]] for k in missing}
-        jobs = [(k, _read(self.of(k) / "log"), effects[k]) for k in missing]
+        jobs = [(k, read_files(self.of(k) / "log"), effects[k]) for k in missing]
         for done, (number, closed) in enumerate(self._run(known, jobs), 1):
             file = self.of(number) / "known.json"
             write_json(file, closed)
@@ -213,13 +212,13 @@ def generated(number: int, generator: str, seed: int, pushes: int, key: bytes) -
         if done.returncode:
             last = done.stderr.strip().splitlines()
             raise SolverError(f"set {number}: its generator failed: {last[-1] if last else done.returncode}")
-        return number, _read(Path(place))
+        return number, read_files(Path(place))
 
 
 def diagnosed(number: int, files: Files) -> tuple[int, bytes]:
     """Return the ``diagnosis/1`` that a process made of the files of a log, in a folder that has nothing else."""
     with tempfile.TemporaryDirectory() as place:
-        _write(Path(place) / "log", files)
+        write_files(Path(place) / "log", files)
         command = [sys.executable, "-m", "stablepush.blind.diagnoser", "log", "answer.json"]
         done = subprocess.run(command, cwd=place, text=True, capture_output=True, check=False, env=_environment())
         if done.returncode:
@@ -240,17 +239,6 @@ def known(number: int, files: Files, effects: list[str]) -> tuple[int, dict[str,
     from stablepush.io import read_pushlog
 
     with tempfile.TemporaryDirectory() as place:
-        _write(Path(place), files)
+        write_files(Path(place), files)
         log = read_pushlog(Path(place))
     return number, {entry.channel: entry.closed for entry in gap_reductions_with(log, effects)}
-
-
-def _read(folder: Path) -> Files:
-    return {f.relative_to(folder).as_posix(): f.read_bytes() for f in sorted(folder.rglob("*")) if f.is_file()}
-
-
-def _write(folder: Path, files: Files) -> None:
-    for name, data in files.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)

@@ -22,7 +22,8 @@ from stablepush.blind.instruments import write
 from stablepush.blind.loop_rig import Push, Recorder, carry_out, tracked
 from stablepush.blind.loop_worlds import CAUSES, FINGER, LOGGED, NOISE, LoopWorld, draw_loop
 from stablepush.blind.score import share
-from stablepush.blind.seal import Ledger, complaint, digest, digest_of_folder, open_label
+from stablepush.blind.seal import Files, Ledger, complaint, digest, digest_of_folder, open_label, read_files, write_files
+from stablepush.blind.worlds import GRAVITY
 from stablepush.core import InputError, binomial_interval, run_parallel
 from stablepush.diagnosis import diagnose
 from stablepush.effects import Effect, KnownEffect
@@ -41,7 +42,6 @@ NEAR = (0.01, math.radians(3.0))
 _EFFORT, _LIMIT = 2000, 60.0
 #: Names that are right for a cause, besides itself.
 _ALSO = {"contact-place": "contact-geometry", "nothing": ""}
-GRAVITY = 9.81
 
 
 def believed(world: LoopWorld) -> PlanningProblem:
@@ -87,7 +87,7 @@ def _pushes(result: PlanResult) -> list[Push]:
     return [(np.array(push.start), np.array(push.twist), float(push.duration)) for push in result.pushes]
 
 
-def made(number: int, engine: str, seed: int, key: bytes) -> tuple[int, dict[str, bytes]]:
+def made(number: int, engine: str, seed: int, key: bytes) -> tuple[int, Files]:
     """Return the files of a loop: scene, log of its first plans, and the sealed label."""
     from cryptography.fernet import Fernet
 
@@ -113,13 +113,13 @@ def made(number: int, engine: str, seed: int, key: bytes) -> tuple[int, dict[str
         tasks = [[start.tolist(), goal.tolist()] for start, goal in world.tasks[LOGGED:]]
         (folder / "tasks.json").write_text(json.dumps(tasks), encoding="utf-8")
         (folder / "label.sealed").write_bytes(Fernet(key).encrypt(json.dumps(label).encode()))
-        return number, _read(folder)
+        return number, read_files(folder)
 
 
-def solved(number: int, files: dict[str, bytes]) -> tuple[int, bytes]:
+def solved(number: int, files: Files) -> tuple[int, bytes]:
     """Return the diagnosis of a log and the plans of all arms that do not know the truth."""
     with tempfile.TemporaryDirectory() as place:
-        _write(Path(place), files)
+        write_files(Path(place), files)
         problem, log = load_scene(Path(place) / "scene.json"), read_pushlog(Path(place) / "log")
         tasks = json.loads(files["tasks.json"])
     with warnings.catch_warnings():
@@ -209,7 +209,7 @@ class LoopCheck:
         """Seal all loops, answer them, open the labels, and return the rows of all plans."""
         numbers = range(self.loops)
         for done, (number, files) in enumerate(self._missing("sealed", made, lambda k: (k, self.engine, self.seed, self.key)), 1):
-            _write(self.of(number), files)
+            write_files(self.of(number), files)
             seal = {"label": digest(files["label.sealed"]), "log": digest_of_folder(self.of(number) / "log")}
             self.ledger.add("sealed", number, **seal)
             progress("made", done, self.loops)
@@ -235,9 +235,9 @@ class LoopCheck:
         missing = [job(k) for k in range(self.loops) if not self.ledger.find(event, k)]
         return run_parallel(function, missing, self.jobs, in_order=False)
 
-    def _seen(self, number: int) -> dict[str, bytes]:
+    def _seen(self, number: int) -> Files:
         """What the diagnosis of a loop gets."""
-        return {name: data for name, data in _read(self.of(number)).items() if name != "label.sealed"}
+        return {name: data for name, data in read_files(self.of(number)).items() if name != "label.sealed"}
 
 
 def summary(rows: list[dict[str, Any]]) -> list[tuple[str, str]]:
@@ -282,14 +282,3 @@ def _paired(rows: list[dict[str, Any]]) -> str:
             f"{better} better and {worse} worse than {arm} (share better {low:.2f} to {high:.2f}), time {time:.3f} of it"
         )
     return "; ".join(words)
-
-
-def _read(folder: Path) -> dict[str, bytes]:
-    return {f.relative_to(folder).as_posix(): f.read_bytes() for f in sorted(folder.rglob("*")) if f.is_file()}
-
-
-def _write(folder: Path, files: dict[str, bytes]) -> None:
-    for name, data in files.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)

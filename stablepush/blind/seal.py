@@ -17,6 +17,7 @@ from typing import Any
 
 from stablepush.core import InputError
 
+Files = dict[str, bytes]
 _FIRST = "0" * 64
 
 
@@ -145,3 +146,16 @@ def complaint(ledger: Ledger, number: int, sealed: bytes, log: Path, diagnosis: 
     if any(place < diagnosed[0][0] for place, _ in opened):
         return "the label was opened before the diagnosis was made"
     return None
+
+
+def read_files(folder: Path) -> Files:
+    """Return the files of a folder."""
+    return {f.relative_to(folder).as_posix(): f.read_bytes() for f in sorted(folder.rglob("*")) if f.is_file()}
+
+
+def write_files(folder: Path, files: Files) -> None:
+    """Write files into a folder."""
+    for name, data in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import t as student
 
 from stablepush.core import FloatArray, first_least, order_with_ties
+from stablepush.diagnosis.contact_friction import P_SLIP, ContactFriction, slip_friction
 from stablepush.diagnosis.equations import OF_BODY, OF_PRESSURE, SIZES, Fitted, ScoreTest, Values
 from stablepush.diagnosis.system import IN_CLEARANCES, System
-from stablepush.effects import CATALOGUE, FAMILIES
+from stablepush.effects import FAMILIES
 
 #: Draws of the bootstrap of the greatest statistic.
 _DRAWS = 999
@@ -46,40 +46,14 @@ _SHOWS = 6.0
 _CHARGE, _LOG_P = 4.0, math.log(1e-3)
 #: The centre of pressure has moved if it is off by so many standard deviations, and that does this share of what a refit does.
 _MOVED, _MOST_OF = 8.0, 0.6
-#: A nominal surface that was fitted to pokes may be off by this share of half of the plausible range of what reshapes it, and by
-#: so many standard deviations of its ensemble: few pokes make it too sure of itself. An effect beside it must be so many of its
-#: standard errors away from none: pushes of a plan are alike, and share what the surface cannot take.
+#: What an effect beside a nominal surface that was fitted to pokes must exceed. One that reshapes the surface: a share of half of
+#: its plausible range. All: standard deviations of the surface's ensemble, which is too narrow after few pokes, and standard
+#: errors of their own, for the pushes of a plan are alike and share what the surface cannot take.
 _OF_A_MODEL, _OF_ITS_ENSEMBLE, _ERRORS = 0.3, 6.0, 4.0
 #: Parts into which trials fall for held-out judgements.
 FOLDS = 5
-#: Slip counts from so many of its own standard errors, and from this share of the speed.
-_SLIPS, _SLIP_SHARE, _OPPOSED = 4.0, 0.2, 0.8
-#: Standard errors to either side of a 95 % interval.
-_NORMAL = 1.96
-#: Fingers creep if they slip by this share of the way of a push. Trials give the same friction if none is off by the other share,
-#: and so many are needed.
-_CREEP, _SAME, _FEWEST_TRIALS = 0.02, 0.15, 3
-#: Contact friction is off if it differs by at least this much, with so small a p-value.
-_MU, P_SLIP = 0.03, 1e-3
 #: Effects that a refitted pressure cannot take in.
 BEYOND_PRESSURE = tuple(id for id in SIZES if id not in OF_PRESSURE)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ContactFriction:
-    """Friction between pusher and slider: estimate, standard error, trials that slip, p-value, and which readings show it."""
-
-    estimate: float
-    error: float
-    trials: int
-    p_value: float
-    readings: str = "forces"
-
-    @property
-    def interval(self) -> list[float]:
-        """The 95 % interval: the scatter of trials where forces alone give it, else what else fits as well."""
-        times = float(student.ppf(0.975, self.trials - 1)) if self.readings == "forces" else _NORMAL
-        return [max(0.0, self.estimate - times * self.error), self.estimate + times * self.error]
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,8 +171,7 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
             body = {
                 id: density
                 for id, density in body.items()
-                if _possible(system, id, fits[id].values[id])
-                and _is_no_error_of_a_model(system, id, fits[id].values[id], fits[id])
+                if _possible(system, id, fits[id].values[id]) and _exceeds_model_error(system, id, fits[id].values[id], fits[id])
             }
             named = _as_good_as_free(system, scores, body) if body else []
             if named:
@@ -253,7 +226,7 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
             screened[id] = screening
             least = max(demands.gain, _FURTHER * explained)
             enough = min(screening.gain, screening.statistic) > least and times < np.inf
-            possible = screening.possible and _is_no_error_of_a_model(system, id, test.estimate, current)
+            possible = screening.possible and _exceeds_model_error(system, id, test.estimate, current)
             if enough and possible and identifiable(system, id, test):
                 entering.append((test.gain, id, times))
         fits = []
@@ -447,7 +420,7 @@ def _possible(system: System, id: str, estimate: FloatArray) -> bool:
     return size > _LEAST_OF.get(id, _LEAST) and not (id in ("inertia", "latency") and estimate[0] < 0)
 
 
-def _is_no_error_of_a_model(system: System, id: str, estimate: FloatArray, fitted: Fitted) -> bool:
+def _exceeds_model_error(system: System, id: str, estimate: FloatArray, fitted: Fitted) -> bool:
     """Whether an effect is beyond what pokes leave open of the nominal surface that was fitted to them.
 
     Each mode of the model's ensemble is what it would be as the effect: the least squares projection on its columns. Pushes
@@ -507,92 +480,3 @@ def _nominal_density(system: System, chosen: list[str]) -> FloatArray:
     loads = system.nominal if system.known_scale else fitted.loads
     residual = system.residual(loads, fitted.values)
     return system.density(residual, np.ones(len(residual), dtype=bool))
-
-
-def slip_friction(system: System, fitted: Fitted) -> ContactFriction | None:
-    """Friction of the contact from the direction of the force while fingers slip; None if too few trials do, or forces lack.
-
-    Slip shows in single rows, or where it creeps in a whole push. Trials whose fingers creep count where too few slip fast, and
-    only if all give the same friction, which no trial exceeds.
-    """
-    slip = slipping(system, fitted)
-    if slip is None:
-        return None
-    ratios = np.array(list(slip.fast.values()))
-    # friction opposes true slip: where it often does not, the slip is noise
-    if len(ratios) < _FEWEST_TRIALS or (ratios > 0).mean() < _OPPOSED:
-        if not slip.agree or len(slip.ratios) < _FEWEST_TRIALS:
-            return None
-        ratios = np.array(list(slip.ratios.values()))
-    estimate = float(np.median(ratios))
-    deviation = max(1e-4, 1.4826 * float(np.median(np.abs(ratios - estimate))))
-    error = 1.2533 * deviation / np.sqrt(len(ratios))
-    nominal = system.rig.contact_friction
-    if nominal is None:
-        return ContactFriction(estimate, error, len(ratios), 1.0)
-    off = abs(estimate - nominal)
-    p = float(2 * student.sf(off / error, len(ratios) - 1)) if off > _MU else 1.0
-    return ContactFriction(estimate, error, len(ratios), p)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Slip:
-    """Friction by trial where fingers slip: ``fast`` in single rows, ``creeping`` in a whole push; ``most``: of the other trials,
-    the greatest median of the tangential over the normal force."""
-
-    fast: dict[int, float]
-    creeping: dict[int, float]
-    most: float
-
-    @property
-    def ratios(self) -> dict[int, float]:
-        return {**self.creeping, **self.fast}
-
-    @property
-    def agree(self) -> bool:
-        """Whether all trials give the same friction, and no sticking one has a greater tangential over its normal force."""
-        ratios = np.array(list(self.ratios.values()))
-        middle = float(np.median(ratios)) if len(ratios) else 0.0
-        return bool(middle > 0 and (np.abs(ratios - middle) < _SAME * middle).all() and self.most < (1 + _SAME) * middle)
-
-
-def slipping(system: System, fitted: Fitted) -> Slip | None:
-    """Return the trials whose fingers slip against the object; None without forces, or if no row shows the contact.
-
-    What ``fitted`` effects of the sensors do to the force is taken back: they turn it away from the normal as friction would.
-    """
-    o = system.observations
-    if not system.has_wrench:
-        return None
-    acting = system.of_wrench(fitted.values)
-    rest = {id: v for id, v in acting.items() if (system.own.get(id) or CATALOGUE[id]).acts != "sensing"}
-    sensed = system.model.predict(fitted.loads, acting) - system.model.predict(fitted.loads, rest)
-    normal = np.where(np.isfinite(o.normal[:, 0]), o.normal[:, 0], o.normal[:, 1])
-    known = np.isfinite(normal).all(axis=1) & np.isfinite(o.slip)
-    # two fingers on one face only
-    both = np.isfinite(o.normal).all(axis=(1, 2))
-    known &= ~both | (np.nansum(o.normal[:, 0] * o.normal[:, 1], axis=1) > 0.99)
-    force = (o.wrench - sensed)[:, :2]
-    along = (force * normal).sum(axis=1)
-    across = force[:, 1] * normal[:, 0] - force[:, 0] * normal[:, 1]
-    lever = np.linalg.norm(np.where(np.isfinite(o.place[:, 0]), o.place[:, 0], o.place[:, 1]), axis=1)
-    jitter = np.hypot(1.05 * system.noise.position, system.noise.angle * lever)
-    fast_rows = np.abs(o.slip) > np.maximum(_SLIPS * jitter / o.span, _SLIP_SHARE * o.speed)
-    pressed = known & (along > 3 * system.noise.force)
-    if not pressed.any():
-        return None
-    ratio = np.where(pressed, across / np.where(pressed, along, 1.0), 0.0)
-    found, most = Slip({}, {}, 0.0), 0.0
-    for trial in np.unique(o.trial[pressed]):
-        rows = np.flatnonzero((o.trial == trial) & pressed)
-        fast = rows[fast_rows[rows]]
-        if len(fast):
-            found.fast[int(trial)] = float(np.median(-np.sign(o.slip[fast]) * ratio[fast]))
-            continue
-        crept, way = float((o.slip[rows] * o.span[rows]).sum()), float((o.speed[rows] * o.span[rows]).sum())
-        # steps from row to row add up to the first and the last place
-        if len(rows) > 2 and abs(crept) > max(_SLIPS * math.sqrt(2) * float(jitter[rows].max()), _CREEP * way):
-            found.creeping[int(trial)] = float(np.median(-np.sign(crept) * ratio[rows]))
-        else:
-            most = max(most, float(abs(np.median(ratio[rows]))))
-    return replace(found, most=most) if found.ratios else None

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from stablepush.diagnosis.attribution import P_SLIP, Attribution, Screening
+from stablepush.diagnosis.attribution import Attribution, Screening
+from stablepush.diagnosis.contact_friction import P_SLIP
 from stablepush.diagnosis.results import RankedEffect, readable
 from stablepush.diagnosis.system import System
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
-from stablepush.core import FloatArray, InputError, renamed_fields
-from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out, slip_friction
+from stablepush.core import InputError
+from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out
+from stablepush.diagnosis.contact_friction import slip_friction
 from stablepush.diagnosis.corrected import corrections, in_own_forms, of_last_log
 from stablepush.diagnosis.equations import SIZES, robust_variance
-from stablepush.diagnosis.evidence import Evidence, evidence, not_identifiable
+from stablepush.diagnosis.evidence import evidence
 from stablepush.diagnosis.gap_reduction import (
     clearance_reduction,
     explains_most,
@@ -29,20 +29,17 @@ from stablepush.diagnosis.motions import Motions, motions_of
 from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import Replay, replays
-from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json, readable
+from stablepush.diagnosis.report import GapReport, without_causes
+from stablepush.diagnosis.results import GapReduction, NextExperiment, RankedEffect, Verdict
 from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
 from stablepush.diagnosis.slip import friction_from_poses, lost_pushes, without_contradiction
 from stablepush.diagnosis.system import System, log_rows, system_of
 from stablepush.diagnosis.together import join, observe_each, together_of
-from stablepush.diagnosis.where import Finding, flexible_share, localise, repeats_share, residuals
+from stablepush.diagnosis.where import flexible_share, localise, repeats_share, residuals
+from stablepush.diagnosis.wording import notes_on, sentence_of, slipping_note, unexplained
 from stablepush.effects import CATALOGUE, LabEffect, applicable, lab_effects
-from stablepush.geometry import rotate_vectors
 from stablepush.io import PushLog, Rig
-from stablepush.planning import Correction
-from stablepush.surfaces import IdealLimitSurface
 
-#: The words of a verdict.
-VERDICTS = tuple(Verdict)
 #: The verdict is "unknown" if place, heading, order or speed explain so much of the residuals, with so small a p-value, and the
 #: residuals are so many times the noise.
 _UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
@@ -50,95 +47,6 @@ _UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
 _MISFIT = 4.0
 #: Nor are means of trials so large over the noise, in mean square, if repeats of a push share them with so small a p-value.
 _COMMON, _P_COMMON = 8.0, 1e-3
-#: Effects that are another in each log.
-_EACH_LOG = ("drift", "pressure-shift", "pressure-spread", "anisotropy-object")
-#: Trials and effects that a sentence lists at most, and the least probability of an effect that one lists.
-_LISTED, _LIKELY = 3, 0.05
-#: A sentence names a channel whose gap is reduced by more than this share.
-_REPORTED = 0.05
-
-
-@renamed_fields(shrink="reductions")
-@dataclass(frozen=True, slots=True, eq=False)
-class GapReport:
-    """The answer to a log; :meth:`to_json` gives ``diagnosis/1``.
-
-    ``rig``: the log's, with the friction and the radius of the fingers as the log has them where they were not known;
-    ``surface``: the corrected limit surface (None if its size is not identifiable from the log); ``effects``: what acts, with its
-    values, as the catalogue has them; ``corrected``: the rig as plans need it (:func:`stablepush.correct`), one for each of
-    several causes that cannot be separated; ``evidence``: for and against each effect of the catalogue, in words.
-    """
-
-    log: str
-    trials: int
-    channels: list[str]
-    verdict: Verdict
-    named: list[str]
-    gap: list[ChannelGap]
-    where: list[Finding]
-    ranking: list[RankedEffect]
-    reductions: list[GapReduction]
-    worse: list[str]
-    next_experiment: NextExperiment
-    sentence: str
-    notes: list[str]
-    rig: Rig
-    surface: IdealLimitSurface | None
-    effects: dict[str, dict[str, Any]]
-    corrected: list[Correction]
-    evidence: dict[str, Evidence]
-    residuals: dict[str, FloatArray] = field(repr=False)
-    ends: dict[str, FloatArray] = field(repr=False)
-    places: FloatArray = field(repr=False)
-    poses: FloatArray = field(repr=False)
-    loads: FloatArray = field(repr=False)
-    headings: FloatArray = field(repr=False)
-    orders: FloatArray = field(repr=False)
-    speeds: FloatArray = field(repr=False)
-    row_names: list[str] = field(repr=False)
-    end_names: list[str] = field(repr=False)
-    logs: list[str] = field(default_factory=list)
-
-    @property
-    def steps(self) -> list[str]:
-        """What to do, in order: against each named effect, and what the verdict asks for."""
-        found = [f"{id}: {CATALOGUE[id].remedy}" for id in self.named if id in CATALOGUE and self.verdict == "named"]
-        return found or [self.verdict.advice]
-
-    def pose_errors(self, key: str) -> FloatArray:
-        """Return the errors (n, 2) of final positions in W, measured less simulated, in m.
-
-        ``key``: "before" or "after" the correction. :attr:`ends` has them in the frame of the simulated poses, ``(x, y, rho θ)``.
-        """
-        turned = self.places[:, 2] - self.ends[key][:, 2] / self.rig.slider.characteristic_length
-        return rotate_vectors(turned, self.ends[key][:, :2])
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the ``diagnosis/1`` of the report."""
-        return {
-            "format": "diagnosis/1",
-            "log": self.log,
-            "trials": self.trials,
-            "channels": self.channels,
-            "gap": as_json(self.gap),
-            "where": [
-                {
-                    "channel": f.channel, "component": f.component, "covariate": f.covariate,
-                    "share": round(f.share, 4), "p_value": round(f.p_value, 4), "plot": None,
-                }
-                for f in self.where
-            ],
-            "verdict": str(self.verdict),
-            "effects": self.named,
-            "ranking": as_json(self.ranking),
-            "shrink": as_json(self.reductions),
-            "worse": self.worse,
-            "logs": self.logs or [self.log],
-            "corrected": [entry.to_json() for entry in self.corrected],
-            "next_experiment": as_json(self.next_experiment),
-            "sentence": self.sentence,
-            "notes": self.notes,
-        }  # fmt: skip
 
 
 def diagnose(
@@ -319,7 +227,7 @@ def _diagnose(
         for entry in simulated_as[1]
         if entry.effect in of_rig and entry.effect in CATALOGUE and entry.effect not in dropped
     }
-    notes = _notes(log, system, found, reported, share, p_share, left_out)
+    notes = notes_on(log, system, found, reported, share, p_share, left_out)
     untested = [effect.id for effect in effects if not system.has_wrench]
     if untested:
         notes.append(f"effects of the lab's own need forces: {', '.join(untested)} was not tested")
@@ -327,12 +235,7 @@ def _diagnose(
         notes = [*comparison.notes(), *notes]
     slipping, after = slipping_unexpectedly(held, log), _next(system, found, reported, ranking)
     if slipping:
-        names = ", ".join(observations.names[k] for k in slipping[:_LISTED])
-        more = "" if len(slipping) <= _LISTED else f" and {len(slipping) - _LISTED} more"
-        notes.append(
-            f"fingers slipped in {len(slipping)} of {len(log)} pushes that the nominal simulation calls stable ({names}{more}): "
-            "friction of the fingers, or a contact that is elsewhere"
-        )
+        notes.append(slipping_note([observations.names[k] for k in slipping], len(log)))
     return GapReport(
         log=name,
         trials=len(log),
@@ -345,7 +248,7 @@ def _diagnose(
         reductions=reduced,
         worse=[entry.channel for entry in reduced if entry.after > 1.02 * entry.before],
         next_experiment=after,
-        sentence=_unexplained(
+        sentence=unexplained(
             [entry for entry in gaps if stands_clear(system, held, entry)],
             ranking,
             len(slipping),
@@ -354,7 +257,7 @@ def _diagnose(
             lost,
         )
         if verdict == "unknown"
-        else _sentence(system, verdict, reported, ranking, reduced, touch, log.rig.noise is not None),
+        else sentence_of(system, verdict, reported, ranking, reduced, touch, log.rig.noise is not None),
         notes=notes,
         rig=_completed(log.rig, system, found),
         surface=surface if comparison is None else None,
@@ -409,35 +312,15 @@ def _equations(
 def _too_little(log: PushLog, name: str) -> GapReport:
     """The answer to a log that can show nothing."""
     words = "the log has fewer than two pushes in which the slider is seen to move: it cannot be diagnosed"
-    return _without_causes(log, name, Verdict.NONE, [], [], f"{words[0].upper()}{words[1:]}.", [words], UNSEEN)
+    return without_causes(log, name, Verdict.NONE, [], [], f"{words[0].upper()}{words[1:]}.", [words], UNSEEN)
 
 
 def _only_compared(log: PushLog, name: str, comparison: Comparison) -> GapReport:
     """How far a log is from another simulator's where no causes can be told."""
     why = dict.fromkeys(CATALOGUE, "these pushes cannot tell causes apart")
-    return _without_causes(
+    return without_causes(
         log, name, Verdict.UNKNOWN if comparison.is_off else Verdict.NONE, [comparison.gap()], [comparison.reduction()],
         comparison.sentence(), comparison.notes(), why,
-    )  # fmt: skip
-
-
-def _without_causes(
-    log: PushLog,
-    name: str,
-    verdict: Verdict,
-    gaps: list[ChannelGap],
-    reduced: list[GapReduction],
-    sentence: str,
-    notes: list[str],
-    reasons: Mapping[str, str],
-) -> GapReport:
-    ranking = [RankedEffect(id, 0.02, {}, False, reasons[id]) for id in CATALOGUE]
-    nothing = np.zeros((0, 3))
-    after = NextExperiment([], [], "make more pushes, at varied headings, places, speeds and faces, in random order")
-    return GapReport(
-        name, len(log), [entry.channel for entry in gaps], verdict, [], gaps, [], ranking, reduced, [], after, sentence, notes,
-        log.rig, None, {}, [], {id: not_identifiable(reasons[id]) for id in CATALOGUE}, {}, {}, nothing, nothing, nothing,
-        np.zeros(0), np.zeros(0), np.zeros(0), [], [],
     )  # fmt: skip
 
 
@@ -480,149 +363,3 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
             "the pusher fits: use another pusher, or measure one of the effects separately"
         )
     return NextExperiment(pair, pushes, why)
-
-
-def _sentence(
-    system: System,
-    verdict: str,
-    effects: list[str],
-    ranking: list[RankedEffect],
-    reductions: list[GapReduction],
-    touch: float,
-    noise: bool,
-) -> str:
-    forces = system.has_wrench
-    # of the first channel that comes nearer: a cause need not show in all
-    shares = {f"the {entry.channel}": entry.closed for entry in reductions} | {"how fingers touch": touch}
-    sizes = {f"the {entry.channel}": entry for entry in reductions}
-    nearer = [(channel, share) for channel, share in shares.items() if share > _REPORTED]
-    if effects and all(id in CATALOGUE and CATALOGUE[id].acts == "contact" for id in effects):
-        # what the fingers do decides where the object goes
-        nearer.sort(key=lambda entry: entry[0] != "the pose")
-    how = ""
-    if nearer:
-        channel, share = nearer[0]
-        how = f"; {100 * share:.0f} % of the mean square gap in {channel} is explained on held-out trials"
-        if channel in sizes:
-            entry = sizes[channel]
-            # final poses in mm, the rest as it is
-            factor, unit = (1000, " mm") if entry.unit == "m" else (1, "" if entry.unit == "1" else f" {entry.unit}")
-            before, after, floor = (f"{factor * size:.3g}" for size in (entry.before, entry.after, entry.floor))
-            how += f": its root falls from {before} to {after}{unit}, noise leaves {floor}"
-    known = {entry.effect: entry for entry in ranking}
-    words = []
-    for id in effects:
-        what = system.own[id].what if id in system.own else CATALOGUE[id].what
-        numbers = "; ".join(f"{name} {value}" for name, value in known[id].parameters.items())
-        words.append(f"{id} ({what}{f': {numbers}' if numbers else ''})")
-    if verdict == "none":
-        if not forces:
-            carried = any(entry.channel in ("stability", "pose") for entry in reductions)
-            seen = "No cause stands out from the scatter of the poses" if carried else "Nothing stands out"
-            return f"{seen}; without forces little more is identifiable."
-        if not noise:
-            return (
-                "The nominal simulation fits as well as one with a refitted pressure, and no cause stands out from the scatter."
-            )
-        return "The nominal simulation fits within the noise."
-    if verdict == "absorbed":
-        return f"The surface and friction differ from the nominal ones, and no other cause stands out{how}."
-    if verdict == "named":
-        return f"{'; '.join(words)}{how}."
-    if verdict == "ambiguous":
-        return f"In this log {' and '.join(effects)} are confounded{how}."
-    raise AssertionError(verdict)
-
-
-def _unexplained(
-    off: list[ChannelGap], ranking: list[RankedEffect], slipping: int, pushes: int, tells: bool, lost: Mapping[int, float]
-) -> str:
-    """What stands clear of the noise, and what is most likely, where no effect explains the gap."""
-    units = {"wrench": "N", "pose": "m"}
-    sizes = [
-        f"the {entry.channel} is off by {readable(entry.nominal)} {units[entry.channel]}, noise explains "
-        f"{readable(entry.noise_floor)}"
-        for entry in off
-    ]
-    words = ["No effect of the catalogue explains the gap" + (f": {', '.join(sizes)}" if sizes else "")]
-    if slipping:
-        words.append(f"fingers slipped in {slipping} of {pushes} pushes that should stick")
-    if lost:
-        most = 1000 * max(lost.values())
-        words.append(f"{len(lost)} of {pushes} pushes ended up to {most:.3g} mm from where the nominal simulation has them")
-    likely = [f"{e.effect} ({e.probability:.2f})" for e in ranking if e.identifiable and e.probability >= _LIKELY][:_LISTED]
-    if likely:
-        words.append(f"most likely {', '.join(likely)}")
-    else:
-        words.append("friction of the fingers or a contact that is elsewhere is likely" if slipping else "no effect is likely")
-    return "; ".join(words) + (". The pushes of the next experiment would tell." if tells else ".")
-
-
-def _notes(
-    log: PushLog, system: System, found: Attribution, effects: list[str], share: float, p_share: float, left_out: int
-) -> list[str]:
-    notes = []
-    rig = log.rig
-    if (rig.extra or {}).get("effects"):
-        notes.append("rig.json has effects: they are not part of the nominal simulation")
-    if rig.noise is None:
-        notes.append("rig.json has no noise: it was estimated from the residuals of a fit with a free pressure")
-    if not system.has_wrench:
-        notes.append("no forces: only what shows in the poses is identifiable")
-    if not any(len(rows) for _, rows in system.clearance_rows):
-        notes.append("no finger poses to compare with the outline: no clearances to show latency and contact geometry")
-    elif rig.finger_radius is None:
-        radius = system.observations.finger_radius or 0.0
-        notes.append(
-            f"rig.json has no finger radius: {1000 * radius:.2g} mm was used, the median distance of the fingers from the outline"
-        )
-    if left_out:
-        notes.append(
-            f"final poses of {left_out} pushes were not used: they cannot be simulated, or noise of the start dominates them"
-        )
-    if not any(system.observations.group):
-        notes.append("no repeated pushes: the repeatability is unknown")
-    if system.has_wrench and not system.known_scale:
-        notes.append("support friction or mass unknown: the nominal friction load was scaled to fit the log")
-    if share > 0.05:
-        notes.append(
-            f"a Gaussian process of place, heading, order and speed could explain up to {100 * share:.0f} % of the residuals "
-            f"(p {p_share:.2f})"
-        )
-    own = [id for id in found.named if id in system.own]
-    if own:
-        notes.append(f"{', '.join(own)} is the lab's own: it is in no corrected rig or scene")
-    formed = [id for id in found.named if id in system.opened]
-    if formed:
-        notes.append(
-            f"terms beside the own form of {', '.join(formed)} are in the ranking, and in no corrected rig or scene: they are "
-            "not simulated"
-        )
-    off = system.observations.off
-    if "contact-geometry" in effects and not all(off):
-        side = ("left", "right")[off.index(1.0)]
-        notes.append(
-            f"the radius is that of the {side} finger alone, seen along the push: the other is as in rig.json; "
-            "the corrected rig, which has one radius for both, does not include it"
-        )
-    for id in found.single:
-        if system.logs > 1:
-            notes.append(f"{id} does not act in all logs that would show it, so it is not named")
-        else:
-            notes.append(
-                f"{id} acts in only one half of the pushes, so it is not named; diagnose a second log together with this one"
-            )
-    if found.confounded and system.logs == 1:
-        causes = [found.confounded_with, *found.confounded]
-        alone = [id for id in causes if id in _EACH_LOG]
-        if alone and len(alone) < len(causes):
-            others = ", ".join(id for id in causes if id not in alone)
-            notes.append(
-                f"a second log of the rig would settle {', '.join(alone)} against {others}: what is each log's own differs there"
-            )
-    if found.contact is not None:
-        contact = found.contact
-        notes.append(
-            f"friction at the fingers from {contact.readings} of {contact.trials} trials that slip: {contact.estimate:.4g}"
-        )
-    return notes

@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from stablepush.core import BoolArray, FloatArray
-from stablepush.diagnosis.attribution import Attribution, ContactFriction, slipping
+from stablepush.diagnosis.attribution import Attribution
+from stablepush.diagnosis.contact_friction import ContactFriction, slipping
 from stablepush.diagnosis.replay import Replay
 from stablepush.diagnosis.system import System
 

@@ -20,4 +20,4 @@ from .families import (
 )
 from .known import KnownEffect as KnownEffect, effects_from_node as effects_from_node
 from .lab import LabEffect as LabEffect, LogRows as LogRows, applicable as applicable, lab_effects as lab_effects
-from .table import slope_force as slope_force, table_friction as table_friction
+from .table import CREEP as CREEP, resting_share as resting_share, table_friction as table_friction

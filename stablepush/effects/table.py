@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import shapely
 
 from stablepush.core import LEAST_POSITIVE, EffectError, FloatArray, InputError
 from stablepush.effects.catalogue import REFERENCE_SPEED, Effect, principal
+from stablepush.geometry import rotate_vectors, unit
 from stablepush.mechanics import TableFriction
 from stablepush.objects import Slider, SupportDistribution
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
@@ -19,15 +21,42 @@ ON_POINTS = (
     *("anisotropy-world", "anisotropy-object", "speed-dependence", "spatial-variation"),
     *("pressure-shift", "pressure-spread"),
 )
+#: Slowest point (m/s) whose friction by speed is told apart.
+CREEP = 1e-5
+#: Headings and motions at which friction must hold the slider, and what lies between them.
+_HEADINGS, _MOTIONS, _MISSED = 36, 1500, 1.02
 #: Models of the degrees that a support may follow instead of the nominal surface.
 _MODELS = {2: "quadratic", 4: "poly4-cvx", 6: "poly6-cvx"}
 
 
-def slope_force(slider: Slider, effects: Mapping[str, Effect], gravity: float) -> FloatArray:
-    """Return the downhill force (2,) in N in W on a slider on a tilted table: ``m g slope``."""
+def _slope_force(slider: Slider, effects: Mapping[str, Effect], gravity: float) -> FloatArray:
+    """The downhill force (2,) in N in W on a slider on a tilted table: ``m g slope``."""
     if "tilt" not in effects:
         return np.zeros(2)
     return float(slider.mass or 0.0) * gravity * np.array(effects["tilt"].vector("slope"))
+
+
+def resting_share(friction: TableFriction, place: FloatArray, rho: float) -> float:
+    """Return what the external force pulls with over what friction holds: a slider that is not pushed rests below 1.
+
+    The greatest ``pull·v / (F(V)·V)`` of all motions ``V`` at a place (2,) in W, at all headings; ``rho`` (m) scales turns. Of
+    friction that depends on speed, the less of that at a creep and at the reference speed counts.
+    """
+    pull = np.array(friction.external_force)
+    if not pull.any():
+        return 0.0
+    alone = replace(friction, external_force=(0.0, 0.0), inertia=(0.0, 0.0))
+    headings = np.linspace(0.0, 2 * np.pi, _HEADINGS, endpoint=False)
+    straight = np.column_stack((np.cos(headings), np.sin(headings), np.zeros(len(headings))))
+    turning = unit(np.random.default_rng(0).normal(size=(_MOTIONS, 3)))
+    motions = np.concatenate((straight, turning)) / (1.0, 1.0, rho)
+    worst = 0.0
+    for speed in (friction.reference, CREEP)[: 2 if friction.slope else 1]:
+        for heading in headings:
+            poses = np.tile((*place, heading), (len(motions), 1))
+            power = (alone.wrench(speed * motions, poses) * motions).sum(axis=1)
+            worst = max(worst, float((motions[:, :2] @ rotate_vectors(-heading, pull) / power).max()))
+    return _MISSED * worst
 
 
 def table_friction(
@@ -88,7 +117,7 @@ def table_friction(
         gradient or (0.0, 0.0),
         slope or 0.0,
         REFERENCE_SPEED,
-        slope_force(slider, effects, gravity),
+        _slope_force(slider, effects, gravity),
         (mass, mass * slider.radius_of_gyration**2),
     )
 

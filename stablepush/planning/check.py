@@ -161,7 +161,8 @@ def _margin(problem: PlanningProblem, push: Push) -> float:
         return float(StabilityOracle(problem.surface, contact).margin(push.twist))
     cone, rho = contact.cone(loads.rho), loads.rho
     turn, way = abs(push.twist[2]) * push.duration, push.length
-    bend = loads.bend * turn**2 + 2 * loads.per_both * turn * way + loads.per_way * way * turn
+    most = loads.changing
+    bend = most.bend * turn**2 + 2 * most.per_both * turn * way + most.per_way * way * turn
     lows, width, least = np.zeros(1), 1.0, np.inf
     while len(lows):
         shares = np.unique(np.concatenate((lows, lows + width)))

@@ -143,7 +143,7 @@ class ArcSet:
                 break
             extra = self._extra(loads, rows, twists[chosen])
             least = np.full(len(rows), -BOUNDARY_SLACK)
-            good[chosen] = loads.hold(twists[chosen], headings[chosen], extra, drawn.facets[self.number][rows], least)
+            good[chosen] = loads.are_stable(twists[chosen], headings[chosen], extra, drawn.facets[self.number][rows], least)
         return good
 
     def _extra(self, loads: PushLoads, rows: np.ndarray, twists: FloatArray) -> FloatArray:

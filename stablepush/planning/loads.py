@@ -13,16 +13,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from stablepush.core import BoolArray, EffectError, FloatArray, InputError
-from stablepush.effects import KnownEffect, table_friction
-from stablepush.geometry import compose, exp, normalize_wrench, unit
+from stablepush.effects import CREEP, KnownEffect, resting_share, table_friction
+from stablepush.geometry import compose, exp, normalize_wrench
 from stablepush.mechanics import TableFriction
-from stablepush.mechanics.kernels import arcs_hold
+from stablepush.mechanics.kernels import arcs_are_stable
 from stablepush.objects import PushContact, Slider, SupportDistribution
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import Push
@@ -38,11 +38,21 @@ _STEP, _WAY, _SECTIONS = math.radians(1.0), 0.05, 50
 _GRID, _MISSED = 180, 1.02
 #: Least margins along an arc that may be the least of all (rad above what was seen), and how many of them are narrowed.
 _NEAR, _NARROWED = 0.03, 8
-#: Headings and motions at which a slope is held.
-_HEADINGS, _MOTIONS = 36, 1500
-#: Slowest point (m/s) whose friction by speed is told apart.
-_SLOWEST = 1e-5
 _GOLDEN = (math.sqrt(5) - 1) / 2
+
+
+class Changing(NamedTuple):
+    """Most by which loads, as ``(fx, fy, tau/rho)``, change.
+
+    ``per_turn`` in N per rad of heading, ``per_way`` in N per m of way, ``per_both`` in N per rad and m; ``bend``: their second
+    derivative by the heading, in N/rad²; ``least``: about the least force (N) of a straight push.
+    """
+
+    per_turn: float
+    per_way: float
+    per_both: float
+    bend: float
+    least: float
 
 
 class PushLoads:
@@ -56,9 +66,6 @@ class PushLoads:
         Newtons in the unit of the surface's forces.
     places : array, shape (q, 2)
         Places in W (m) that stand for all places within the bounds: where friction is least and greatest.
-    per_turn, per_way, per_both, bend : float
-        Most by which a load, as ``(fx, fy, tau/rho)``, changes: N per rad of heading, N per m of way, N per rad and m; and the
-        most of its second derivative by the heading, in N/rad².
 
     Raises :class:`InputError` if mass, friction or bounds lack that an effect needs.
     """
@@ -96,64 +103,28 @@ class PushLoads:
         return acting
 
     @cached_property
-    def _bounds(self) -> dict[str, float]:
-        """How much loads change at most; see the attributes."""
+    def changing(self) -> Changing:
+        """How fast loads change along a push, at most."""
         turning, bending, weakest, strongest = _of_anisotropy(self.friction)
         places, loads = self._feet
         away = np.linalg.norm(places, axis=1)
         reach, lever = (float(loads @ (arm * np.hypot(1.0, away / self.rho))) for arm in (np.ones(len(away)), away))
         slope, steep = self.friction.slope, float(np.linalg.norm(self.friction.gradient))
-        by_speed = 1 + abs(slope * math.log(_SLOWEST / self.friction.reference)) if slope else 1.0
+        by_speed = 1 + abs(slope * math.log(CREEP / self.friction.reference)) if slope else 1.0
         pull, most = float(np.linalg.norm(self.friction.external_force)), self._most_share
         curved = most * bending * reach + steep * (2 * turning + strongest) * lever
-        return {
-            "per_turn": pull + by_speed * (most * turning * reach + steep * strongest * lever),
-            "per_way": by_speed * steep * strongest * reach,
-            "per_both": by_speed * steep * turning * reach,
-            "bend": pull + by_speed * curved,
-            "size": self.newtons * _size(self.surface) * self._least_share * weakest,
-        }
-
-    @property
-    def per_turn(self) -> float:
-        return self._bounds["per_turn"]
-
-    @property
-    def per_way(self) -> float:
-        return self._bounds["per_way"]
-
-    @property
-    def per_both(self) -> float:
-        return self._bounds["per_both"]
-
-    @property
-    def bend(self) -> float:
-        return self._bounds["bend"]
+        return Changing(
+            per_turn=pull + by_speed * (most * turning * reach + steep * strongest * lever),
+            per_way=by_speed * steep * strongest * reach,
+            per_both=by_speed * steep * turning * reach,
+            bend=pull + by_speed * curved,
+            least=self.newtons * _size(self.surface) * self._least_share * weakest,
+        )
 
     @cached_property
     def resting_share(self) -> float:
-        """What the slope pulls with over what friction holds: a slider that is not pushed rests below 1.
-
-        The greatest ``pull·v / (F(V)·V)`` of all motions ``V``, at all headings, where friction is least.
-        """
-        pull = np.array(self.friction.external_force)
-        if not pull.any():
-            return 0.0
-        table = replace(self.friction, external_force=(0.0, 0.0), inertia=(0.0, 0.0))
-        headings = np.linspace(0.0, 2 * np.pi, _HEADINGS, endpoint=False)
-        motions = unit(np.random.default_rng(0).normal(size=(_MOTIONS, 3)))
-        straight = np.column_stack((np.cos(headings), np.sin(headings), np.zeros(len(headings))))
-        motions = np.concatenate((straight, motions)) / (1.0, 1.0, self.rho)
-        worst = 0.0
-        # at rest all points are slow; friction by speed is told apart down to a creep
-        for speed in (self.friction.reference, _SLOWEST)[: 2 if self.friction.slope else 1]:
-            for heading in headings:
-                poses = np.tile((*self.places[0], heading), (len(motions), 1))
-                power = (table.wrench(speed * motions, poses) * motions).sum(axis=1)
-                c, s = math.cos(heading), math.sin(heading)
-                down = np.array((c * pull[0] + s * pull[1], -s * pull[0] + c * pull[1]))
-                worst = max(worst, float((motions[:, :2] @ down / power).max()))
-        return _MISSED * worst
+        """What the slope pulls with over what friction holds, where that is least: a slider that is not pushed rests below 1."""
+        return resting_share(self.friction, self.places[0], self.rho)
 
     def at(self, twists: FloatArray, poses: FloatArray) -> FloatArray:
         """Return the loads (n, 3) in N and N·m, in B, of body twists (n, 3) in m/s and rad/s at poses (n, 3) of B in W."""
@@ -178,7 +149,7 @@ class PushLoads:
             return table_friction(self._slider, scaled, self._effects, 1.0, GRAVITY)
         return table_friction(self._slider, member, self._effects, newtons, GRAVITY, self._points)
 
-    def hold(
+    def are_stable(
         self, twists: FloatArray, headings: FloatArray, extra: FloatArray, facets: FloatArray, least: FloatArray
     ) -> BoolArray:
         """Return whether pushes (n,) stay in all of some cones at every place within the bounds, all along their arcs.
@@ -188,13 +159,13 @@ class PushLoads:
         """
         result = np.zeros(len(twists), dtype=bool)
         arrays = (np.ascontiguousarray(a) for a in (twists, headings, self.places, extra, facets, np.sin(least)))
-        arcs_hold(self.friction.compiled(), *arrays, self._part(), self.bend, self.rho, result)
+        arcs_are_stable(self.friction.compiled(), *arrays, self._part(), self.changing.bend, self.rho, result)
         return result
 
     def _part(self) -> float:
         """Part of an arc (rad) over which little is taken off a margin."""
-        size = self._bounds["size"]
-        return float(np.clip(math.sqrt(8 * _TAKEN * size / max(self.bend, 1e-12 * size)), *_PARTS))
+        size = self.changing.least
+        return float(np.clip(math.sqrt(8 * _TAKEN * size / max(self.changing.bend, 1e-12 * size)), *_PARTS))
 
     def least_margin(self, contact: PushContact, push: Push) -> float:
         """Return the least margin (rad) of a push along its arc."""

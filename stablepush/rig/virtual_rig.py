@@ -20,7 +20,7 @@ from stablepush.core import (
     renamed_fields,
     run_parallel,
 )
-from stablepush.effects import Effect, slope_force, table_friction
+from stablepush.effects import Effect, resting_share, table_friction
 from stablepush.geometry import compose, inverse, transform_points
 from stablepush.identify import support_for
 from stablepush.io import Noise, PushLog, Rig
@@ -138,22 +138,19 @@ class VirtualRig:
                 raise InputError("support_friction", "expected one, since the forces of the surface are in units of mu*N")
             if not self.slider.mass:
                 raise InputError("slider.mass", "expected a mass > 0 in kg, since the forces of the surface are in units of mu*N")
-        object.__setattr__(self, "_slope_share", self._tilt_share())
+        if "tilt" in by_id and not self.slider.mass:
+            raise EffectError("effect tilt", "expected a slider with a mass")
         object.__setattr__(self, "_points", support_for(self.surface, self.slider, self._load()))
         friction = table_friction(self.slider, self.surface, by_id, self._load(), self.gravity, self._points)
         object.__setattr__(self, "_friction", friction)
+        object.__setattr__(self, "_slope_share", self._tilt_share())
 
     def _tilt_share(self) -> float:
-        """Downhill force of a tilted table as a share of the force that the nominal friction can hold."""
+        """Downhill force of a tilted table over what friction holds, all effects but that of the place included."""
         if "tilt" not in self._by_id:
             return 0.0
-        if not self.slider.mass:
-            raise EffectError("effect tilt", "expected a slider with a mass")
-        angles = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
-        size = float(np.hypot(*slope_force(self.slider, self._by_id, self.gravity))) / self._load()
-        loads = size * np.stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))), axis=-1)
-        # H grows with a power of the load
-        share = float(np.max(self.surface.value(loads))) ** (1 / self.surface.degree)
+        anywhere = replace(self._friction, gradient=(0.0, 0.0))
+        share = resting_share(anywhere, np.zeros(2), self.surface.characteristic_length)
         if share >= 1.0:
             raise EffectError(
                 "effect tilt: slope",

@@ -9,7 +9,8 @@ from conftest import LOAD, MASS, pairs, small_scene, three_feet, triangle
 
 import stablepush as sp
 from stablepush.cli.program import main
-from stablepush.diagnosis.attribution import ContactFriction, Slip, family_wise_p_values
+from stablepush.diagnosis.attribution import family_wise_p_values
+from stablepush.diagnosis.contact_friction import ContactFriction, Slip
 from stablepush.diagnosis.equations import ScoreTest
 from stablepush.diagnosis.nominal import nominal_of
 from stablepush.diagnosis.observations import observe

@@ -90,8 +90,8 @@ def test_bounds_hold_where_the_pressure_is_spread():
     rng, step = np.random.default_rng(0), 1e-3
     twists, poses = rng.normal(size=(3000, 3)) * (0.02, 0.02, 0.5), rng.uniform(-3, 3, size=(3000, 3))
     before, here, after = (loads.at(twists, poses + np.array((0, 0, d))) / (1, 1, loads.rho) for d in (-step, 0, step))
-    assert np.linalg.norm(after - before, axis=1).max() / (2 * step) < loads.per_turn
-    assert np.linalg.norm(after - 2 * here + before, axis=1).max() / step**2 < loads.bend
+    assert np.linalg.norm(after - before, axis=1).max() / (2 * step) < loads.changing.per_turn
+    assert np.linalg.norm(after - 2 * here + before, axis=1).max() / step**2 < loads.changing.bend
 
 
 def test_nominal_values_are_no_effect():
@@ -140,7 +140,7 @@ def test_what_holds_along_an_arc_holds_at_every_pose_of_it(name, surface):
     twists *= (problem.speed / problem.push_speed(twists))[:, None]
     headings = np.column_stack((rng.uniform(-3, 3, n), rng.uniform(-1.5, 1.5, n)))
     cone = contact.cone(loads.rho)
-    held = loads.hold(twists, headings, np.zeros((n, 1, 3)), cone.normals[None], np.array((0.03,)))
+    held = loads.are_stable(twists, headings, np.zeros((n, 1, 3)), cone.normals[None], np.array((0.03,)))
     x0, y0, x1, y1 = problem.bounds
     least = np.empty(n)
     for i in range(n):

@@ -1,2 +1,2 @@
-from .arcs import arcs_hold as arcs_hold
+from .arcs import arcs_are_stable as arcs_are_stable
 from .friction import share_at_place as share_at_place, share_at_speed as share_at_speed

@@ -11,7 +11,7 @@ from stablepush.mechanics.kernels.friction import load_held
 
 
 @compiled
-def arcs_hold(table, twists, headings, places, extra, facets, least, step, bend, rho, result):  # type: ignore[no-untyped-def]
+def arcs_are_stable(table, twists, headings, places, extra, facets, least, step, bend, rho, result):  # type: ignore[no-untyped-def]
     """Fill ``result`` (n,): whether the load of each body twist stays within all cones while its heading goes from
     ``headings[i, 0]`` by ``headings[i, 1]`` (rad).
 

@@ -1,0 +1,125 @@
+"""The answer to a log, and the answer where no cause can be told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from stablepush.core import FloatArray, renamed_fields
+from stablepush.diagnosis.evidence import Evidence, not_identifiable
+from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
+from stablepush.diagnosis.where import Finding
+from stablepush.effects import CATALOGUE
+from stablepush.geometry import rotate_vectors
+from stablepush.io import PushLog, Rig
+from stablepush.planning import Correction
+from stablepush.surfaces import IdealLimitSurface
+
+#: The words of a verdict.
+VERDICTS = tuple(Verdict)
+
+
+@renamed_fields(shrink="reductions")
+@dataclass(frozen=True, slots=True, eq=False)
+class GapReport:
+    """The answer to a log; :meth:`to_json` gives ``diagnosis/1``.
+
+    ``rig``: the log's, with the friction and the radius of the fingers as the log has them where they were not known;
+    ``surface``: the corrected limit surface (None if its size is not identifiable from the log); ``effects``: what acts, with its
+    values, as the catalogue has them; ``corrected``: the rig as plans need it (:func:`stablepush.correct`), one for each of
+    several causes that cannot be separated; ``evidence``: for and against each effect of the catalogue, in words.
+    """
+
+    log: str
+    trials: int
+    channels: list[str]
+    verdict: Verdict
+    named: list[str]
+    gap: list[ChannelGap]
+    where: list[Finding]
+    ranking: list[RankedEffect]
+    reductions: list[GapReduction]
+    worse: list[str]
+    next_experiment: NextExperiment
+    sentence: str
+    notes: list[str]
+    rig: Rig
+    surface: IdealLimitSurface | None
+    effects: dict[str, dict[str, Any]]
+    corrected: list[Correction]
+    evidence: dict[str, Evidence]
+    residuals: dict[str, FloatArray] = field(repr=False)
+    ends: dict[str, FloatArray] = field(repr=False)
+    places: FloatArray = field(repr=False)
+    poses: FloatArray = field(repr=False)
+    loads: FloatArray = field(repr=False)
+    headings: FloatArray = field(repr=False)
+    orders: FloatArray = field(repr=False)
+    speeds: FloatArray = field(repr=False)
+    row_names: list[str] = field(repr=False)
+    end_names: list[str] = field(repr=False)
+    logs: list[str] = field(default_factory=list)
+
+    @property
+    def steps(self) -> list[str]:
+        """What to do, in order: against each named effect, and what the verdict asks for."""
+        found = [f"{id}: {CATALOGUE[id].remedy}" for id in self.named if id in CATALOGUE and self.verdict == "named"]
+        return found or [self.verdict.advice]
+
+    def pose_errors(self, key: str) -> FloatArray:
+        """Return the errors (n, 2) of final positions in W, measured less simulated, in m.
+
+        ``key``: "before" or "after" the correction. :attr:`ends` has them in the frame of the simulated poses, ``(x, y, rho θ)``.
+        """
+        turned = self.places[:, 2] - self.ends[key][:, 2] / self.rig.slider.characteristic_length
+        return rotate_vectors(turned, self.ends[key][:, :2])
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the ``diagnosis/1`` of the report."""
+        return {
+            "format": "diagnosis/1",
+            "log": self.log,
+            "trials": self.trials,
+            "channels": self.channels,
+            "gap": as_json(self.gap),
+            "where": [
+                {
+                    "channel": f.channel, "component": f.component, "covariate": f.covariate,
+                    "share": round(f.share, 4), "p_value": round(f.p_value, 4), "plot": None,
+                }
+                for f in self.where
+            ],
+            "verdict": str(self.verdict),
+            "effects": self.named,
+            "ranking": as_json(self.ranking),
+            "shrink": as_json(self.reductions),
+            "worse": self.worse,
+            "logs": self.logs or [self.log],
+            "corrected": [entry.to_json() for entry in self.corrected],
+            "next_experiment": as_json(self.next_experiment),
+            "sentence": self.sentence,
+            "notes": self.notes,
+        }  # fmt: skip
+
+
+def without_causes(
+    log: PushLog,
+    name: str,
+    verdict: Verdict,
+    gaps: list[ChannelGap],
+    reduced: list[GapReduction],
+    sentence: str,
+    notes: list[str],
+    reasons: Mapping[str, str],
+) -> GapReport:
+    ranking = [RankedEffect(id, 0.02, {}, False, reasons[id]) for id in CATALOGUE]
+    nothing = np.zeros((0, 3))
+    after = NextExperiment([], [], "make more pushes, at varied headings, places, speeds and faces, in random order")
+    return GapReport(
+        name, len(log), [entry.channel for entry in gaps], verdict, [], gaps, [], ranking, reduced, [], after, sentence, notes,
+        log.rig, None, {}, [], {id: not_identifiable(reasons[id]) for id in CATALOGUE}, {}, {}, nothing, nothing, nothing,
+        np.zeros(0), np.zeros(0), np.zeros(0), [], [],
+    )  # fmt: skip
