@@ -48,6 +48,8 @@ from .io import (
     load_model as load_model,
     load_movingai_map as load_movingai_map,
     load_slider as load_slider,
+    log_from_arrays as log_from_arrays,
+    pokes_from_world as pokes_from_world,
     read_pushlog as read_pushlog,
     save_model as save_model,
     write_pushlog as write_pushlog,
@@ -112,6 +114,8 @@ from .rig import (
     execute_batch as execute_batch,
     execute_closed_loop as execute_closed_loop,
     execute_plan as execute_plan,
+    export_mjcf as export_mjcf,
+    export_sdf as export_sdf,
     plan_commands as plan_commands,
     poke as poke,
     random_pushes as random_pushes,
@@ -140,3 +144,4 @@ from .surfaces import (
     PolynomialLimitSurface as PolynomialLimitSurface,
     monomial_exponents as monomial_exponents,
 )
+from .views import Page as Page, animate as animate

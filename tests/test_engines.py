@@ -87,13 +87,13 @@ def test_a_push_that_slips_on_a_sloping_or_grained_table_ends_as_the_simulated_o
 
 def test_outlines_that_are_not_convex_are_cut():
     pytest.importorskip("mujoco")
-    from stablepush.engines.mujoco_executor import _convex_parts
+    from stablepush.engines.mjcf import convex_parts
 
     notched = np.array(((0, 0), (2, 0), (2, 2), (1, 0.5), (0, 2.0)))
-    parts = _convex_parts(notched)
+    parts = convex_parts(notched)
     assert {len(part) for part in parts} == {3}
     assert sum(shapely.Polygon(part).area for part in parts) == pytest.approx(shapely.Polygon(notched).area)
-    assert len(_convex_parts(notched[:3])) == 1
+    assert len(convex_parts(notched[:3])) == 1
 
 
 @pytest.mark.parametrize("engine", ENGINES)

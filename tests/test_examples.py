@@ -89,7 +89,7 @@ def test_the_readme_s_python_runs(tmp_path):
     assert blocks(Path("docs") / "python.md", tmp_path).strip()
 
 
-@pytest.mark.parametrize("page", ["tutorial.md", "robot.md", "choosing.md", "planning.md"])
+@pytest.mark.parametrize("page", ["tutorial.md", "robot.md", "choosing.md", "planning.md", "extend.md"])
 def test_a_page_s_python_runs(page, tmp_path):
     assert blocks(Path("docs") / page, tmp_path).strip()
 

@@ -22,5 +22,5 @@ for region in regions:
     low, high = np.degrees(region.translations)
     print(f"{region.name:12s} within 0.5 m: {areas[0]:.3f} m² ccw, {areas[1]:.3f} m² cw; translations {low:.0f}° to {high:.0f}°")
 
-figure = plot_regions(regions, contact, slider, title="Even pressure, fingers 50 mm apart, mu 1")
+figure = plot_regions(regions, contact, slider, title="Even pressure, fingers 50 mm apart, mu 1").figure
 save_figure(figure, "stable_region.png")

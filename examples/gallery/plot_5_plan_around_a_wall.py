@@ -30,5 +30,5 @@ result = sp.plan(problem, time_limit=20.0)
 print(result.status, f"{result.duration:.1f} s, {result.length:.2f} m, {len(result.pushes)} pushes")
 print("valid by an independent check:", sp.check_plan(problem, result).valid)
 
-figure = plot_plan(problem, result)
+figure = plot_plan(problem, result).figure
 save_figure(figure, "plan.png")

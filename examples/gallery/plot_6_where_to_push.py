@@ -15,5 +15,5 @@ ranked = sp.rank_contacts(slider, None, mu=0.6, measure="tightest-turn")
 best = ranked[0]
 print(f"{len(ranked)} contacts; the best on edge {best.edge}, fingers {1000 * best.width:.0f} mm apart")
 
-figure = plot_contacts(slider, ranked, "tightest-turn")
+figure = plot_contacts(slider, ranked, "tightest-turn").figure
 save_figure(figure, "where_to_push.png")

@@ -22,5 +22,5 @@ print(report.sentence)
 for name, parameter in report.ranking[0].parameters.items():
     print(name, [round(x, 4) for x in parameter.estimate], parameter.unit, "95 %:", parameter.ci95)
 
-figure = plot_residuals_against(report)
+figure = plot_residuals_against(report)[0, 0].figure
 save_figure(figure, "diagnosis.png")

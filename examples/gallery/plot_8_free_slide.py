@@ -15,5 +15,5 @@ surface = sp.IdealLimitSurface(sp.SupportDistribution.from_polygon(slider.vertic
 slide = sp.simulate_free_sliding(surface, slider, (0.6, 0.2, 12.0))
 print(f"rests after {slide.t[-1]:.2f} s")
 
-figure = plot_slide(slider, slide)
+figure = plot_slide(slider, slide).figure
 save_figure(figure, "free_slide.png")

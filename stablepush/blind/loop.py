@@ -20,7 +20,7 @@ import numpy as np
 
 from stablepush.blind.instruments import write
 from stablepush.blind.loop_rig import Push, Recorder, carry_out, tracked
-from stablepush.blind.loop_worlds import CAUSES, FINGER, LOGGED, NOISE, LoopWorld, draw_loop
+from stablepush.blind.loop_worlds import CAUSES, FINGER, LOGGED, NOISE, SPOILING, LoopWorld, draw_loop
 from stablepush.blind.score import share
 from stablepush.blind.seal import Files, Ledger, complaint, digest, digest_of_folder, open_label, read_files, write_files
 from stablepush.blind.worlds import GRAVITY
@@ -257,6 +257,9 @@ def summary(rows: list[dict[str, Any]]) -> list[tuple[str, str]]:
         wrong = sum(bool(named) and v == "named" and named != _ALSO.get(cause, cause) for v, named in verdicts.values())
         words.append(f"names: {right} right, {wrong} wrong, {ambiguous} ambiguous of {len(verdicts)}")
         lines.append((cause, "; ".join(words)))
+    for arm in ARMS:
+        spoiled = [row["arrived"] for row in rows if row["arm"] == arm and row["cause"] in SPOILING]
+        lines.append((f"arrived where the cause spoils plans, arm {arm}", share(sum(spoiled), len(spoiled))))
     for arm in ARMS:
         of_arm = [row for row in rows if row["arm"] == arm]
         stated = [row["arrival"] for row in of_arm if row["arrival"] is not None]

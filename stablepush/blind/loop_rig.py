@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,9 @@ from stablepush.engines import Execution, Fingers, SliderOnFeet, executor
 
 #: How far (m) behind their places the fingers begin, their speed there (m/s), and samples a second of the commanded poses.
 _BACK, _SPEED, _RATE = 0.02, 0.02, 100.0
-#: Rows of a push; noise of a moment (m) over that of a force, and of the pusher's pose over that of the slider's.
-_ROWS, _MOMENT, _PUSHER = 7, 0.015, 0.2
+#: Rows of a push, and least time (s) of one; noise of a moment (m) over that of a force, and of the pusher's pose over that of
+#: the slider's.
+_ROWS, _LEAST_ROW, _MOMENT, _PUSHER = 7, 0.01, 0.015, 0.2
 #: Pause (s) between two pushes of a log.
 _PAUSE = 5.0
 
@@ -81,7 +83,8 @@ class Recorder:
             self.trials.append({"trial": name, "start_time": round(self._clock, 3), "group": "", "speed": speed})
             if number == 0:
                 self._row(name, "rest", run, 0.0, 0.3 * begin, 0.0)
-            for a, b in zip(*(np.linspace(begin, end, _ROWS + 1)[k:][:_ROWS] for k in (0, 1)), strict=True):
+            edges = np.linspace(begin, end, 1 + max(1, min(_ROWS, int((end - begin) / _LEAST_ROW))))
+            for a, b in pairwise(edges):
                 self._row(name, "push", run, float(a), float(b), begin)
             self._clock += end - begin + _PAUSE
 
@@ -89,6 +92,9 @@ class Recorder:
         """Means between two times; ``begin``: when the trial began."""
         w, rng, (force, position, angle) = self._world, self._rng, NOISE
         rows = (run.t > first) & (run.t <= last)
+        if not rows.any():
+            # a push that is shorter than a tick
+            rows[np.argmin(np.abs(run.t - last))] = True
         late = np.interp(run.t[rows] - w.true("latency", 0.0), run.t, np.arange(len(run.t)))
         k, share = late.astype(int), (late % 1)[:, None]
         after = np.minimum(k + 1, len(run.t) - 1)

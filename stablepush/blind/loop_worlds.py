@@ -11,11 +11,12 @@ import numpy as np
 
 from stablepush.blind.worlds import GRAVITY, slider_on_feet
 
-#: What goes wrong, in turn.
-CAUSES = (
-    "nothing", "contact-friction", "contact-place", "contact-geometry", "pressure-shift", "anisotropy-world", "tilt", "latency",
-    "force-bias", "frame-offset",
-)  # fmt: skip
+#: What goes wrong. The first four spoil plans: of 12 default plans of other loops (seed 991) 8 or 9 arrived with each of them,
+#: all 12 with each of the others.
+SPOILING = ("contact-friction", "pressure-shift", "anisotropy-world", "tilt")
+CAUSES = (*SPOILING, "nothing", "contact-place", "contact-geometry", "latency", "force-bias", "frame-offset")
+#: Causes in turn: of 22 loops, four have each of those that spoil plans, and one each of the others.
+IN_TURN = tuple(cause for k, other in enumerate(CAUSES[4:]) for cause in (*SPOILING[: 4 if k < 4 else 0], other))
 #: Sizes: share that is left of the friction of the fingers, from and to; m along the edge, of radius, of the feet; friction along
 #: the grain over that across it; rad; s; N; m.
 SIZES: dict[str, Any] = {
@@ -66,12 +67,12 @@ def draw_loop(seed: int, number: int) -> LoopWorld:
             break
     a, b = outline[edge], outline[(edge + 1) % len(outline)]
     along = (b - a) / lengths[edge]
-    width = min(0.05, 0.5 * float(lengths[edge]))
+    width = min(0.03, 0.4 * float(lengths[edge]))
     # before the centre of mass, as far as the edge allows
     middle = float(np.clip(-a @ along, width / 2 + 0.008, lengths[edge] - width / 2 - 0.008))
     points = a + along * np.array((middle - width / 2, middle + width / 2))[:, None]
     normal = np.array((-along[1], along[0]))
-    mass, mu, contact_mu = float(rng.uniform(0.6, 1.4)), float(rng.uniform(0.2, 0.4)), float(rng.uniform(0.4, 0.8))
+    mass, mu, contact_mu = float(rng.uniform(0.6, 1.4)), float(rng.uniform(0.2, 0.4)), float(rng.uniform(0.3, 0.6))
     rho = float(np.sqrt(weights @ (feet**2).sum(axis=1)))
     twists = rng.normal(size=(POKES, 3)) / (1.0, 1.0, rho)
     velocity = twists[:, None, :2] + twists[:, None, 2:] * np.stack((-feet[:, 1], feet[:, 0]), axis=-1)
@@ -83,11 +84,11 @@ def draw_loop(seed: int, number: int) -> LoopWorld:
     tasks = []
     for _ in range(LOGGED + AFTERWARDS):
         start = np.array((*rng.uniform(-0.1, 0.1, 2), rng.uniform(-np.pi, np.pi)))
-        ahead, aside = rng.uniform(0.2, 0.4), rng.uniform(-0.15, 0.15)
+        ahead, aside = rng.uniform(0.2, 0.4), rng.uniform(-0.25, 0.25)
         c, s = np.cos(start[2] + heading), np.sin(start[2] + heading)
-        goal = start + np.array((c * ahead - s * aside, s * ahead + c * aside, rng.uniform(-0.7, 0.7)))
+        goal = start + np.array((c * ahead - s * aside, s * ahead + c * aside, rng.uniform(-1.2, 1.2)))
         tasks.append((start, goal))
-    cause = CAUSES[(number + seed) % len(CAUSES)]
+    cause = IN_TURN[(number + seed) % len(IN_TURN)]
     return LoopWorld(
         outline, feet, weights, mass, mu, contact_mu, points, normal, loads, twists, np.array(tasks), cause,
         _numbers(cause, contact_mu, rng),

@@ -8,12 +8,12 @@ from typing import Annotated
 import typer
 
 from stablepush import __version__
-from stablepush.cli import blind, diagnosis, effects, identification, plans, regions, simulation
+from stablepush.cli import blind, common, diagnosis, effects, export, identification, plans, regions, simulation, view
 from stablepush.cli.common import require_folder, whole_number
 
 app = typer.Typer(
-    add_completion=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     help="Plan stable pushes of flat objects: from pokes to a limit surface, stable rotation centres and push paths.",
 )
@@ -23,7 +23,15 @@ app = typer.Typer(
 def _root(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+    quiet: Annotated[
+        bool, typer.Option("-q", "--quiet", help="Say nothing but errors: no summary, no progress, no notes.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary of the command as one JSON object.")] = False,
 ) -> None:
+    if as_json:
+        common.answer_in_json()
+    if quiet:
+        common.be_quiet()
     if version:
         print(f"stablepush {__version__}")
         raise typer.Exit
@@ -57,6 +65,8 @@ app.command()(plans.compare)
 app.command()(plans.trajectory)
 app.command()(simulation.simulate)
 app.command()(simulation.slide)
+app.command()(export.export)
+app.command()(view.view)
 app.command()(diagnosis.diagnose)
 app.command()(diagnosis.correct)
 app.command()(effects.effects)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stablepush.cli.common import Progress, about, options_of, require_folder, whole_number
+from stablepush.cli.common import Progress, about, options_of, require_folder, told, whole_number
 from stablepush.core import InputError
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def blind(
     generator: Annotated[
         str | None,
         typer.Option(
-            help="What reality is: mujoco (if not given), drake, both (one set in ten by Drake), or lab, the Manipulation Lab's "
+            help="Source of the logs: mujoco (default), drake, both (one set in ten from Drake), or lab, the Manipulation Lab's "
             "pokes with other supports."
         ),
     ] = None,
@@ -101,6 +101,7 @@ def blind(
         score = check.score(on_progress)
     write_atomically(output / "score.csv", _csv(score.rows, ["set"]))
     write_atomically(output / "score.html", _page(score, earlier, check.generator) if data is None else _lab_page(score))
+    told(output=output, score=dict(score.lines))
     for name, words in score.lines:
         print(f"{name}: {words}")
     print(output / "score.html")
@@ -122,11 +123,9 @@ def _loop(output: Path, generator: str, loops: int, seed: int | None, jobs: int)
         check = LoopCheck(output, generator, loops, secrets.randbelow(2**31) if seed is None else seed, jobs)
         rows = check.run(lambda what, done, total: progress.describe(f"{what} {done} of {total}"))
     write_atomically(output / "score.csv", _csv(rows, ["loop"]))
-    for name, words in [
-        ("loops", f"{loops}, seed {check.seed}"),
-        *summary(rows),
-        ("last entry of the ledger", check.ledger.head),
-    ]:
+    lines = [("loops", f"{loops}, seed {check.seed}"), *summary(rows), ("last entry of the ledger", check.ledger.head)]
+    told(output=output, score=dict(lines))
+    for name, words in lines:
         print(f"{name}: {words}")
 
 

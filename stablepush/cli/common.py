@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import json
 import math
 import os
 import signal
@@ -9,8 +11,9 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -134,12 +137,72 @@ def _require_parent(path: Path) -> None:
         raise InputError("", f"cannot write: no permission in {parent}", file=path)
 
 
+@dataclass
+class _Voice:
+    """How the program speaks: ``quiet``, errors alone; ``values``: what the summary holds, if it is to be JSON."""
+
+    quiet: bool = False
+    values: dict[str, Any] | None = None
+
+
+_voice = _Voice()
+
+
+def be_quiet() -> None:
+    """Say nothing but errors until the block of :func:`heard` ends."""
+    _voice.quiet = True
+    # summaries are printed in many places, and dropped in one
+    sys.stdout = io.StringIO()
+
+
+def answer_in_json() -> None:
+    """Collect what is :func:`told` until the block of :func:`heard` ends, in place of summaries in words."""
+    _voice.values = {}
+    sys.stdout = io.StringIO()
+
+
+def is_quiet() -> bool:
+    return _voice.quiet
+
+
+def told(**values: Any) -> None:
+    """Add to the summary in JSON: numbers in SI units and rad, paths and words; NaN is null."""
+    if _voice.values is not None:
+        _voice.values |= values
+
+
+@contextmanager
+def heard() -> Iterator[None]:
+    """Say again after the block what is said before it, and print the summary in JSON if one was asked for."""
+    before = sys.stdout
+    try:
+        yield
+    finally:
+        sys.stdout, values, quiet = before, _voice.values, _voice.quiet
+        _voice.values, _voice.quiet = None, False
+        if values and not quiet:
+            print(json.dumps(_plain(values), indent=1))
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON has it."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, (bool, int)) else str(value)
+
+
 class Progress:
     """A line on standard error while something runs, only where a person can see it."""
 
     def __init__(self, name: str, total: int | None = None) -> None:
         self._name, self._total, self._done, self._shown = name, total, 0, 0.0
-        self._live = sys.stderr.isatty()
+        self._live = sys.stderr.isatty() and not is_quiet()
 
     def __enter__(self) -> Progress:
         return self
@@ -162,7 +225,8 @@ class Progress:
 
     def say(self, line: str, error: bool = True) -> None:
         self._clear()
-        print(line, file=sys.stderr if error else sys.stdout)
+        if not (error and is_quiet()):
+            print(line, file=sys.stderr if error else sys.stdout)
 
     def _clear(self) -> None:
         if self._live and self._shown:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stablepush.cli.common import told
 from stablepush.demo import SLIPPERY, demo_log, demo_pokes, demo_scene, demo_slider
 from stablepush.diagnosis import diagnose
 from stablepush.identify import fit_limit_surface
@@ -136,6 +137,7 @@ def run_demo(folder: Path, seed: int) -> int:
         "triangle on three feet that the identification does not know, poked by one finger and pushed by two."
     )
     write_atomically(folder / "report.html", report_html("stablepush demo", lead, sections))
+    told(output=folder, report=folder / "report.html")
     print(f"{folder / 'report.html'}: open it in a browser ({time.perf_counter() - started:.1f} s in all)")
     return 0 if result.solved and report.valid else 1
 

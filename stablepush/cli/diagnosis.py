@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stablepush.cli.common import Progress, about, require_files, require_folder, require_outside
+from stablepush.cli.common import Progress, about, require_files, require_folder, require_outside, told
 from stablepush.core import InputError
 
 if TYPE_CHECKING:
@@ -59,6 +59,15 @@ def diagnose(
         _write_pushes(report, pushes)
     if mended is not None:
         _write_corrected(report, mended)
+    told(
+        log=report.log, verdict=report.verdict, effects=report.named, sentence=report.sentence, estimates=report.effects,
+        channels=[
+            {"channel": e.channel, "unit": e.unit, "before": e.before, "after": e.after, "floor": e.floor, "closed": e.closed,
+             "ci95": e.ci95}
+            for e in report.reductions
+        ],
+        to_do=list(report.steps) if report.verdict != "none" else [],
+    )  # fmt: skip
     print(f"{report.log}: {report.verdict}{': ' + ', '.join(report.named) if report.named else ''}")
     print(report.sentence)
     for entry in report.reductions:
@@ -120,6 +129,9 @@ def correct(
     changes += ["start and goal about the centre of mass"] if (found.goal != problem.goal).any() else []
     changes += [f"effects {', '.join(entry.effect.id for entry in found.effects)}"] if found.effects else []
     changes += [f"{len(found.alternatives)} alternatives"] if found.alternatives else []
+    told(
+        output=output, changes=changes, effects=[entry.effect.id for entry in found.effects], alternatives=len(found.alternatives)
+    )
     print(f"{output}: {'; '.join(changes) or 'nothing to correct'}")
     try:
         found.require_plannable()

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from stablepush.cli.common import told
+
 
 def effects(
     effect: Annotated[str | None, typer.Argument(metavar="ID", help="Id of one effect; all if not given.")] = None,
@@ -20,6 +22,7 @@ def effects(
     if effect is not None:
         check_choice(effect, "effect", CATALOGUE)
     chosen = [asdict(kind) for kind in CATALOGUE.values() if effect in (None, kind.id)]
+    told(effects=chosen)
     if as_json:
         print(json.dumps(chosen if effect is None else chosen[0], indent=1))
         return

@@ -17,6 +17,7 @@ from stablepush.cli.common import (
     require_files,
     require_folder,
     require_outside,
+    told,
     whole_number,
 )
 from stablepush.core import InputError
@@ -25,25 +26,38 @@ from stablepush.core import InputError
 def import_logs(
     source: Annotated[Path, typer.Argument(help="Raw log, a folder of them, or a clone of the lab's repository.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write; several logs give one folder each.")],
-    kind: Annotated[str | None, typer.Option(help="mlab-poke or mlab-stable; both if not given.")] = None,
-    slider: Annotated[Path | None, typer.Option(help="slider/1 file that replaces the lab's triangle.")] = None,
+    kind: Annotated[
+        str | None,
+        typer.Option(help="mlab-poke, mlab-stable, mit-push, rosbag or csv; if not given, all but the last two are looked for."),
+    ] = None,
+    slider: Annotated[
+        Path | None, typer.Option(help="slider/1 file: the outline, in the tracked frame; replaces the lab's triangle.")
+    ] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(help="YAML file that says which topic or column is what; for the kinds rosbag and csv.")
+    ] = None,
 ) -> None:
-    """Read a lab's raw logs into pushlog/1 folders."""
+    """Read raw logs into pushlog/1 folders: those of two labs, ROS 2 bags, tables."""
     from stablepush.io import load_slider, write_pushlog
     from stablepush.io.importers import find_sources, import_source
 
     require_folder(output)
+    for path in (source, slider, mapping):
+        if path is not None and path.exists():
+            require_outside(path, output)
     replacement = None if slider is None else load_slider(slider)
-    with about(source, options=options_of("kind")):
-        sources = find_sources(source, kind)
+    with about(source, options=options_of("kind", "mapping")):
+        sources = find_sources(source, kind, mapping)
     several = len(sources) > 1
-    imported = 0
+    imported, made = 0, []
     with Progress("import", len(sources)) as step:
         for item in sources:
             try:
                 log, notes = import_source(item, replacement)
             except InputError as error:
-                if not several:
+                # what is about the mapping, or the slider that it names, is about all logs
+                of_log = mapping is None or Path(error.file).resolve().is_relative_to(item.file.resolve())
+                if not several or not error.file or not of_log:
                     raise
                 # a clone holds files of other experiments: one that is no log of ours must not keep the others out
                 step.say(f"note: skipped: {error}")
@@ -56,6 +70,8 @@ def import_logs(
             pairs = log.pairs()
             forward = int(((pairs.wrenches * pairs.twists).sum(axis=1) > 0).sum())
             summary = f", {len(pairs.trials)} pairs, {forward} with F·V > 0" if pairs.trials else ""
+            made.append({"output": target, "kind": item.kind, "pushes": len(log), "pairs": len(pairs.trials), "notes": notes})
+            told(logs=made)
             step.say(f"{target}: {item.kind}, {len(log)} pushes{summary}", error=False)
             step()
     if not imported:
@@ -115,6 +131,11 @@ def fit(
         page = surface_html(result.surface, loads, twists, names, title=f"{model} from {len(names)} pokes")
         write_atomically(view, page)
     save_model(result.surface, output)
+    told(
+        output=output, model=model, pokes=len(names), status=result.status, total_time=result.total_time,
+        validation_error=result.validation_error, angle_error=float(np.mean(result.angle_errors)),
+        sos_convex=None if result.certificate is None else result.certificate.sos_convex, notes=list(result.warnings),
+    )  # fmt: skip
     print(f"{output}: {model} from {len(names)} pokes, {result.status}, {result.total_time:.2f} s")
     for warning in result.warnings:
         print(f"note: {warning}")

@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stablepush.cli import clock
-from stablepush.cli.common import Output, Progress, about, interruptible, number, options_of, require_files, whole_number
+from stablepush.cli.common import (
+    Output,
+    Progress,
+    about,
+    interruptible,
+    number,
+    options_of,
+    require_files,
+    require_outside,
+    told,
+    whole_number,
+)
 
 if TYPE_CHECKING:
     from stablepush.planning import PlanResult
@@ -70,7 +81,7 @@ def plan(
     margin_weight: Annotated[
         float,
         typer.Option(
-            parser=number, metavar="W", help="Relative extra cost of a push with no margin; 1: twice that of the safest."
+            parser=number, metavar="W", help="Extra cost of a push without margin; with 1 it costs twice the safest push."
         ),
     ] = 0.0,
     max_twist_rate: Annotated[
@@ -123,6 +134,13 @@ def plan(
         from stablepush.views.plot import plot_plan, save_figure
 
         save_figure(plot_plan(problem, result), picture)
+    told(
+        output=output, status=result.status, message=result.message, pushes=len(result.pushes), duration=result.duration,
+        length=result.length, switches=result.switches, min_margin=result.min_margin, lower_bound=result.lower_bound,
+        planning_time=result.planning_time, success_probability=result.success_probability,
+        success_interval=result.success_interval, arrival_probability=result.arrival_probability,
+        arrival_interval=result.arrival_interval,
+    )  # fmt: skip
     print(f"{output}: {_plan_line(result)}")
     if interrupted():
         raise InterruptedError(f"{output} holds the best plan found so far")
@@ -140,6 +158,7 @@ def check(
     result = load_plan(plan_file)
     with about(scene):
         report = check_plan(problem, result)
+    told(plan=plan_file, valid=report.valid, objections=list(report.objections))
     for objection in report.objections:
         print(objection)
     print(f"{plan_file}: {'valid' if report.valid else 'NOT valid'}")
@@ -182,6 +201,7 @@ def compare(
                 words = "".join(f" {'-' if n is None else f'{n:.4g}':>14s}" for n in numbers)
                 step.say(f"{scene.stem:<24.24s} {one.region:<13s} {found.status:<9s}{words}", error=False)
             step()
+    told(plans=[dict(zip(("scene", "region", "status", *head), row, strict=True)) for row in rows])
     if table is not None:
         columns = zip(("scene", "region", "status", *head), zip(*rows, strict=True), strict=True)
         write_atomically(table, table_text({name: np.array(values, dtype=object) for name, values in columns}))
@@ -213,12 +233,19 @@ def trajectory(
         tuple[str, str, str, str, str, str, str] | None,
         typer.Option(metavar="X Y Z QX QY QZ QW", help="Also SE(3) poses of a tool: its pose in the pusher's frame."),
     ] = None,
+    rosbag: Annotated[
+        Path | None, typer.Option(help="ROS 2 bag to write, with a MultiDOFJointTrajectory for controllers (extra ros).")
+    ] = None,
 ) -> None:
     """Sample a plan in time, from rest to rest: poses and velocities of slider and pusher as CSV."""
-    from stablepush.cli.common import numbers
-    from stablepush.planning import load_plan, load_scene, sample_plan, save_trajectory
+    from stablepush.cli.common import numbers, require_folder
+    from stablepush.planning import load_plan, load_scene, sample_plan, save_rosbag, save_trajectory
 
     require_files(output, read=(scene, plan_file))
+    if rosbag is not None:
+        require_folder(rosbag)
+        for path in (output, scene, plan_file):
+            require_outside(path, rosbag)
     place = None if tool is None else numbers("--tool", ("X", "Y", "Z", "QX", "QY", "QZ", "QW"), tool)
     problem, result = load_scene(scene), load_plan(plan_file)
     with about(plan_file, options=options_of("rate", "speed", "acceleration", "jerk", "standoff", "height", "tool")):
@@ -226,7 +253,11 @@ def trajectory(
         tool_poses = None
         if height is not None or place is not None:
             tool_poses = samples.tool_poses(height or 0.0, (0, 0, 0, 0, 0, 0, 1) if place is None else place)
+    # first what can fail for lack of an extra
+    if rosbag is not None:
+        save_rosbag(samples, rosbag, tool_poses=tool_poses)
     save_trajectory(samples, output, tool_poses)
+    told(output=output, samples=len(samples.t), duration=samples.t[-1], duration_of_plan=result.duration)
     print(f"{output}: {len(samples.t)} samples over {samples.t[-1]:.2f} s, the plan takes {result.duration:.2f} s")
 
 

@@ -23,6 +23,7 @@ def main(arguments: list[str] | None = None) -> int:
     import typer
 
     from stablepush.cli.app import app
+    from stablepush.cli.common import heard, is_quiet
 
     # the class that all argument errors derive from is not a public name of every typer
     usage_error: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
@@ -30,11 +31,12 @@ def main(arguments: list[str] | None = None) -> int:
         # names of files and words of plans may hold what the terminal's encoding cannot show
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-    with _notes() as notes:
-        code = _run(app, arguments, usage_error)
-    if code != BAD_INPUT:
-        for note in notes:
-            print(note, file=sys.stderr)
+    with heard():
+        with _notes() as notes:
+            code = _run(app, arguments, usage_error)
+        if code != BAD_INPUT and not is_quiet():
+            for note in notes:
+                print(note, file=sys.stderr)
     if arguments is None:
         sys.exit(code)
     return code

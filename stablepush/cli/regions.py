@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from stablepush.cli.common import Contact, Output, Progress, about, number, options_of, require_files, whole_number
+from stablepush.cli.common import Contact, Output, Progress, about, number, options_of, require_files, told, whole_number
 from stablepush.core import InputError, UnsupportedContactError
 
 
@@ -38,6 +38,7 @@ def classify(
     stable = (margins >= -BOUNDARY_SLACK).astype(float)
     probability = np.full(len(centers), "", dtype=object) if shares is None else shares
     write_atomically(output, table_text({**table, "stable": stable, "margin": margins, "probability": probability}))
+    told(output=output, stable=int(stable.sum()), rotation_centres=len(stable))
     print(f"{output}: {int(stable.sum())} of {len(stable)} rotation centres stable")
 
 
@@ -133,6 +134,14 @@ def draw_map(
         write_json(regions_file, regions_to_json(regions, extent))
     for path, picture in pictures:
         write_atomically(path, picture)
+    told(
+        output=output,
+        regions=[
+            {"name": r.name, "solid_angle": r.solid_angle(), "translations": r.translation_intervals,
+             "tightest_left": r.tightest_turn(1), "tightest_right": r.tightest_turn(-1)}
+            for r in regions
+        ],
+    )  # fmt: skip
     for region in regions:
         spans = " and ".join(f"{math.degrees(low):.1f} to {math.degrees(high):.1f}" for low, high in region.translation_intervals)
         turns = [region.tightest_turn(sense) for sense in (1, -1)]
@@ -197,6 +206,7 @@ def contacts(
     if picture is not None:
         write_atomically(picture, drawn)
     best = ranked[0]
+    told(output=output, contacts=len(ranked), measure=measure, edge=best.edge, center=best.center, width=best.width)
     print(
         f"{output}: {len(ranked)} contacts; best by {measure}: edge {best.edge}, middle {best.center:.4g} m along it, "
         f"fingers {best.width:.4g} m apart"

@@ -18,6 +18,7 @@ from stablepush.cli.common import (
     require_files,
     require_folder,
     require_outside,
+    told,
     whole_number,
 )
 from stablepush.core import InputError
@@ -75,6 +76,10 @@ def simulate(
             parser=number, metavar="METRES", help="Replan when the slider is farther than this from the plan after a push."
         ),
     ] = None,
+    engine: Annotated[
+        str | None,
+        typer.Option(help="mujoco or drake: the pushes happen there; in the quasi-static simulation of stablepush if not given."),
+    ] = None,
     view: Annotated[Path | None, typer.Option(help="Animation of what happened as an HTML page.")] = None,
 ) -> None:
     """Execute a plan, or a list of pushes, on a simulated rig with unmodelled effects, and log it."""
@@ -107,12 +112,16 @@ def simulate(
     effects = [*(entry.effect for entry in problem.effects if entry.effect.id not in asked), *effects]
     contact, radius = problem.contacts[0], problem.finger_radius if finger_radius is None else finger_radius
     spread = Noise(*deviations) if any(deviations) else None
-    given = options_of("outliers", "scatter", "rows", "seed", support_friction="support-mu", tolerance="replan")
+    given = options_of(
+        "outliers", "scatter", "rows", "seed", "engine", "finger_radius", support_friction="support-mu", tolerance="replan"
+    )
     with about(scene, options=given):
         require_contacts(problem)
         pusher = Pusher.of_contact(contact, radius)
         support = problem.support_friction if mu is None else mu
-        rig = VirtualRig(problem.slider, problem.surface, contact.mu, pusher, effects, spread, outliers, scatter, support)
+        rig = VirtualRig(
+            problem.slider, problem.surface, contact.mu, pusher, effects, spread, outliers, scatter, support, engine=engine
+        )
     if listed:
         commands = read_commands(plan_file, problem, radius)
         with about(plan_file, options=given), Progress("simulate") as step:
@@ -131,6 +140,12 @@ def simulate(
 
         write_atomically(view, execution_html(problem, execution.pushers, execution.traces, result))
     write_pushlog(execution.log, output)
+    stayed = execution.log.trials["stable"]
+    told(
+        output=output, pushes=len(execution.log), stable=[None if v != v else bool(v) for v in stayed.tolist()],  # noqa: PLR0124
+        final_pose=execution.final_pose, goal=None if result is None else problem.goal, plans=execution.plans,
+        stop_reason=execution.stop_reason,
+    )  # fmt: skip
     print(f"{output}: {_outcome(execution, None if result is None else problem)}")
     # effects other than the plan was made with may be what a simulation is about
     if result is not None and not (asked and problem.acting_effects):
@@ -225,6 +240,7 @@ def slide(
 
         write_atomically(view, slide_html(slider, result))
     write_atomically(output, table_text(dict(zip(columns, rows, strict=True))))
+    told(output=output, at_rest=result.at_rest, duration=result.t[-1], final_pose=result.poses[-1], rotation_centre=result.cor)
     x, y, theta = result.poses[-1]
     end = "at rest" if result.at_rest else "cut"
     print(

@@ -44,6 +44,7 @@ from .plausibility import (
     note_margin as note_margin,
     note_mass as note_mass,
     note_noise as note_noise,
+    note_overlap as note_overlap,
     note_part as note_part,
     note_push_speed as note_push_speed,
     note_quantity as note_quantity,
@@ -55,5 +56,6 @@ from .plausibility import (
 )
 from .plugins import load_plugin as load_plugin, plugin_names as plugin_names
 from .renamed import renamed as renamed, renamed_fields as renamed_fields
+from .rich import shown_as as shown_as
 from .shares import binomial_interval as binomial_interval
 from .words import Word as Word

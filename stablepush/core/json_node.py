@@ -157,5 +157,5 @@ def _plain(key: str) -> str:
 
 def describe(value: Any) -> str:
     """A short text of a JSON value for a message."""
-    text = json.dumps(value) if not isinstance(value, float) or math.isfinite(value) else str(value)
+    text = json.dumps(value, default=str) if not isinstance(value, float) or math.isfinite(value) else str(value)
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -38,6 +38,8 @@ _LARGEST_FINGER = 0.5
 #: Longest delay (s) of a sensor.
 _LONGEST_DELAY = 5.0
 #: Rotation centres farther than this many characteristic lengths are all but translations; a list has few of them.
+#: A finger that is no deeper (m) in the slider than this is taken to touch it.
+_LEAST_DEPTH = 5e-4
 #: Farther than this they are translations, and meant.
 _FAR_COR, _TRANSLATION = 100.0, 1e4
 
@@ -75,6 +77,14 @@ def note_part(points: ArrayLike, radius: float, place: str) -> None:
     farthest = float(np.linalg.norm(np.asarray(points, dtype=np.float64), axis=-1).max(initial=0.0))
     if farthest > _NEAR * radius:
         _note(place, f"a point {farthest:.4g} m off, with a slider of radius {radius:.4g} m, looks like millimetres")
+
+
+def note_overlap(depth: float, radius: float, place: str) -> None:
+    """Doubt a finger that would stand ``depth`` (m) inside of the slider that it touches, by an inner corner or a thin part."""
+    if depth > _LEAST_DEPTH:
+        _note(
+            place, f"a finger of radius {1000 * radius:.3g} mm would stand {1000 * depth:.2g} mm inside of the slider beside it"
+        )
 
 
 def note_heading(theta: float, place: str, largest: float = _LARGEST_HEADING) -> None:

@@ -383,13 +383,7 @@ def _center_has_moved(system: System, scores: dict[str, FloatArray], moved: Floa
         # each log has a pressure of its own
         return False
     fitted = system.fit([], True)
-    loads, nominal = fitted.loads, system.nominal
-    center = loads @ system.points / loads.sum()
-    off = center - nominal @ system.points / nominal.sum()
-    # of changes of the loads by one standard deviation each
-    changes = system.deviations(fitted, True)
-    spread = (changes.T @ system.points - np.outer(changes.sum(axis=0), center)) / loads.sum()
-    deviation = np.sqrt((spread**2).sum(axis=0))
+    off, deviation = system.moved_center(fitted.loads, system.deviations(fitted, True))
     most = float((moved - scores["scaled"]).sum()) > _MOST_OF * float((scores["free"] - scores["scaled"]).sum())
     return most and bool(np.linalg.norm(off / deviation) > _MOVED) and _possible(system, "pressure-shift", off)
 

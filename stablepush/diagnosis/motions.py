@@ -89,6 +89,10 @@ class Motions(System):
         points = center + self.rho * np.array((x, y)) + (ideal.support.points - center) @ stretch
         return IdealLimitSurface(SupportDistribution(points, ideal.support.weights), ideal.friction_load, self.rho)
 
+    def moved_center(self, loads: FloatArray, changes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        # the first two loads are the shift over rho
+        return self.rho * loads[:2], self.rho * np.sqrt((changes[:2] ** 2).sum(axis=1))
+
     def pose_errors(self, loads: FloatArray, values: Values) -> FloatArray:
         """Return pose errors (n, 3): measured minus simulated final poses, in ``(x, y, rho θ)`` of the simulated frame, in m."""
         key = loads.tobytes(), tuple((id, values[id].tobytes()) for id in sorted(values) if values[id].any())

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import FloatArray, renamed_fields
+from stablepush.core import FloatArray, renamed_fields, shown_as
 from stablepush.diagnosis.evidence import Evidence, not_identifiable
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
 from stablepush.diagnosis.where import Finding
@@ -32,6 +32,8 @@ class GapReport:
     values, as the catalogue has them; ``corrected``: the rig as plans need it (:func:`stablepush.correct`), one for each of
     several causes that cannot be separated; ``evidence``: for and against each effect of the catalogue, in words.
     """
+
+    _repr_html_ = shown_as("report")
 
     log: str
     trials: int

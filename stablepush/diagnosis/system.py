@@ -370,6 +370,16 @@ class System(Equations):
         precision = (np.eye(len(along)) - np.outer(along, along)) / (_SPREAD * total) ** 2
         return np.eye(len(along)), precision + np.outer(along, along) / (_SCALE * size) ** 2
 
+    def moved_center(self, loads: FloatArray, changes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how far (2,) in m the centre of a refitted pressure is from the nominal one, and its standard deviations (2,).
+
+        ``changes``: of the loads, by one standard deviation each.
+        """
+        center = loads @ self.points / loads.sum()
+        off = center - self.nominal @ self.points / self.nominal.sum()
+        spread = (changes.T @ self.points - np.outer(changes.sum(axis=0), center)) / loads.sum()
+        return off, np.sqrt((spread**2).sum(axis=0))
+
     def of_last(self, loads: FloatArray) -> FloatArray:
         """Return the loads (k, ...) of the last log: all there are of one."""
         return loads

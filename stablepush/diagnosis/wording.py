@@ -13,7 +13,7 @@ from stablepush.io import PushLog
 #: Effects that are another in each log.
 _EACH_LOG = ("drift", "pressure-shift", "pressure-spread", "anisotropy-object")
 #: Trials and effects that a sentence lists at most, and the least probability of an effect that one lists.
-_LISTED, _LIKELY = 3, 0.05
+_LISTED, _LIKELY = 3, 0.005
 #: A sentence names a channel whose gap is reduced by more than this share.
 _REPORTED = 0.05
 
@@ -44,7 +44,7 @@ def sentence_of(
             # final poses in mm, the rest as it is
             factor, unit = (1000, " mm") if entry.unit == "m" else (1, "" if entry.unit == "1" else f" {entry.unit}")
             before, after, floor = (f"{factor * size:.3g}" for size in (entry.before, entry.after, entry.floor))
-            how += f": its root falls from {before} to {after}{unit}, noise leaves {floor}"
+            how += f": the root mean square falls from {before} to {after}{unit}, the noise floor is {floor}"
     known = {entry.effect: entry for entry in ranking}
     words = []
     for id in effects:
@@ -90,7 +90,7 @@ def unexplained(
     if likely:
         words.append(f"most likely {', '.join(likely)}")
     else:
-        words.append("friction of the fingers or a contact that is elsewhere is likely" if slipping else "no effect is likely")
+        words.append("wrong friction of the fingers or a misplaced contact is likely" if slipping else "no effect is likely")
     return "; ".join(words) + (". The pushes of the next experiment would tell." if tells else ".")
 
 
@@ -131,7 +131,7 @@ def notes_on(
     formed = [id for id in found.named if id in system.opened]
     if formed:
         notes.append(
-            f"terms beside the own form of {', '.join(formed)} are in the ranking, and in no corrected rig or scene: they are "
+            f"extra terms fitted for {', '.join(formed)} are in the ranking, but in no corrected rig or scene, because they are "
             "not simulated"
         )
     off = system.observations.off
@@ -154,7 +154,7 @@ def notes_on(
         if alone and len(alone) < len(causes):
             others = ", ".join(id for id in causes if id not in alone)
             notes.append(
-                f"a second log of the rig would settle {', '.join(alone)} against {others}: what is each log's own differs there"
+                f"a second log would separate {', '.join(alone)} from {others}: the former may vary between logs, the latter not"
             )
     if found.contact is not None:
         contact = found.contact
@@ -169,5 +169,5 @@ def slipping_note(names: Sequence[str], pushes: int) -> str:
     more = "" if len(names) <= _LISTED else f" and {len(names) - _LISTED} more"
     return (
         f"fingers slipped in {len(names)} of {pushes} pushes that the nominal simulation calls stable "
-        f"({', '.join(names[:_LISTED])}{more}): friction of the fingers, or a contact that is elsewhere"
+        f"({', '.join(names[:_LISTED])}{more}): the friction of the fingers is wrong, or the contact misplaced"
     )

@@ -127,7 +127,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "the table is not level",
             "support",
             "headings that vary, forces, and rows at rest to separate it from a sensor bias",
-            "level the table: the slope points downhill, 0.017 is one degree; or correct the scene, then plan again as it is",
+            "level the table (the slope points downhill, 0.017 rad is one degree); or correct the scene and plan with the tilt",
             (Parameter("slope", "rad in W", 0.0, -0.05, 0.05, 2, least=-0.5, most=0.5),),
         ),
         EffectKind(

@@ -13,10 +13,11 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from stablepush.engines.executor import FOOT, GRAVITY, HALF, HEAVY, HEIGHT, IN_FEET, Executor, Fingers, SliderOnFeet
+from stablepush.engines.sdf import FLOOR, RELAXATION, STIFF, WALL
 from stablepush.engines.walls import walls
 
-#: Step (s), stiffness (N/m) and relaxation time (s) of contacts, thickness (m) of the slider's walls, and of the table.
-_STEP, _STIFF, _RELAXATION, _WALL, _FLOOR = 2e-3, 2e5, 2e-3, 1e-3, 0.2
+#: Step (s).
+_STEP = 2e-3
 
 
 class DrakeExecutor(Executor):
@@ -36,15 +37,15 @@ class DrakeExecutor(Executor):
         plant.mutable_gravity_field().set_gravity_vector((*(GRAVITY * np.asarray(slider.slope)), -GRAVITY))
         table, skin = _material(slider.friction), _material(fingers.friction)
         plant.RegisterCollisionGeometry(
-            plant.world_body(), RigidTransform((0.0, 0.0, -_FLOOR / 2)), Box(6.0, 6.0, _FLOOR), "floor", table
+            plant.world_body(), RigidTransform((0.0, 0.0, -FLOOR / 2)), Box(6.0, 6.0, FLOOR), "floor", table
         )
         small = (1 - IN_FEET) * slider.mass
         turning = 1e-5 / small
         body = plant.AddRigidBody("slider", SpatialInertia(small, np.zeros(3), UnitInertia(turning, turning, turning)))
         self._slider = _planar(plant, "slider joint", body)
-        for k, (middle, angle, length) in enumerate(walls(slider.outline, _WALL)):
+        for k, (middle, angle, length) in enumerate(walls(slider.outline, WALL)):
             pose = RigidTransform(RollPitchYaw(0.0, 0.0, angle), (*middle, 0.0))
-            plant.RegisterCollisionGeometry(body, pose, Box(length, _WALL, 2 * HALF), f"wall{k}", skin)
+            plant.RegisterCollisionGeometry(body, pose, Box(length, WALL, 2 * HALF), f"wall{k}", skin)
         for k, ((a, b), share) in enumerate(zip(slider.feet, slider.shares, strict=True)):
             foot = plant.AddRigidBody(
                 f"foot{k}", SpatialInertia(share * IN_FEET * slider.mass, np.zeros(3), UnitInertia(0, 0, 0))
@@ -54,7 +55,10 @@ class DrakeExecutor(Executor):
             plant.RegisterCollisionGeometry(foot, RigidTransform(), Sphere(FOOT), f"foot ball{k}", table)
         mass = HEAVY * len(fingers.centers)
         turning = float((0.4 * fingers.radius**2 + (fingers.centers**2).sum(axis=1)).mean())
-        pusher = plant.AddRigidBody("pusher", SpatialInertia(mass, np.zeros(3), UnitInertia(turning, turning, turning)))
+        # what carries the pusher holds its weight: on a slope it would count as force on the slider
+        tool = plant.AddModelInstance("tool")
+        pusher = plant.AddRigidBody("pusher", tool, SpatialInertia(mass, np.zeros(3), UnitInertia(turning, turning, turning)))
+        plant.set_gravity_enabled(tool, False)
         self._pusher = _planar(plant, "pusher joint", pusher)
         for k, (a, b) in enumerate(fingers.centers):
             plant.RegisterCollisionGeometry(pusher, RigidTransform((a, b, 0.0)), Sphere(fingers.radius), f"finger{k}", skin)
@@ -93,8 +97,8 @@ EXECUTOR = DrakeExecutor
 
 def _material(mu: float) -> ProximityProperties:
     properties = ProximityProperties()
-    AddContactMaterial(None, _STIFF, CoulombFriction(mu, mu), properties)
-    properties.AddProperty("material", "relaxation_time", _RELAXATION)
+    AddContactMaterial(None, STIFF, CoulombFriction(mu, mu), properties)
+    properties.AddProperty("material", "relaxation_time", RELAXATION)
     return properties
 
 

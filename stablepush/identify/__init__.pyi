@@ -17,4 +17,4 @@ from .next_poke import poke_candidates as poke_candidates, poke_outcome as poke_
 from .online import OnlineEstimate as OnlineEstimate, OnlineIdentifier as OnlineIdentifier
 from .pairs import SlipPairs as SlipPairs
 from .pressure import PressureSampler as PressureSampler, predict_loads as predict_loads
-from .stand_in import sample_loads as sample_loads, support_for as support_for
+from .stand_in import on_few_points as on_few_points, sample_loads as sample_loads, support_for as support_for

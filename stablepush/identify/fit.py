@@ -22,6 +22,7 @@ from stablepush.core import (
     read_only,
     renamed,
     renamed_fields,
+    shown_as,
 )
 from stablepush.geometry import angle_between, normalize_twist
 from stablepush.identify.certificate import Certificate, certify
@@ -90,6 +91,8 @@ class Fit:
     warnings : tuple of str
         What a user should know: pokes that contradict the prior or leave the surface open, outliers, slips of units.
     """
+
+    _repr_html_ = shown_as("fit")
 
     surface: PolynomialLimitSurface | GaussianProcessSurface
     model: str

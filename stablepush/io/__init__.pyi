@@ -34,3 +34,4 @@ from .tables import (
     read_table as read_table,
     table_text as table_text,
 )
+from .world import centered_rig as centered_rig, log_from_arrays as log_from_arrays, pokes_from_world as pokes_from_world

@@ -12,6 +12,7 @@ from .problem import (
     disc_outlines as disc_outlines,
     load_scene as load_scene,
     save_scene as save_scene,
+    scene_to_json as scene_to_json,
 )
 from .registry import plan as plan, planner_names as planner_names
 from .result import (

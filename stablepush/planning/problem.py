@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 
 from stablepush.core import (
@@ -19,6 +20,7 @@ from stablepush.core import (
     note_finger,
     note_heading,
     note_margin,
+    note_overlap,
     note_part,
     note_push_speed,
     note_scene,
@@ -180,6 +182,10 @@ class PlanningProblem:
         note_finger(self.finger_radius, "finger_radius")
         for i, contact in enumerate(self.contacts):
             note_part(contact.points, self.slider.radius, f"contacts[{i}].points")
+            if self.finger_radius > 0:
+                centers = shapely.points(contact.points - self.finger_radius * contact.normals)
+                depths = self.finger_radius - shapely.distance(self.slider.polygon, centers)
+                note_overlap(float(depths.max()), self.finger_radius, f"contacts[{i}]")
         if self.pusher is not None:
             note_part(self.pusher, self.slider.radius, "pusher.outline")
         note_part([(self.surface.characteristic_length, 0.0)], self.slider.radius, "model.characteristic_length")
@@ -339,26 +345,28 @@ def save_scene(problem: PlanningProblem, path: str | Path) -> None:
     """Write a ``scene/1`` file with its model inside. A problem without bounds has no ``scene/1``."""
     if problem.bounds is None:
         raise InputError("bounds", "expected bounds, a scene/1 file must have them")
-    write_json(
-        path,
-        {
-            "format": "scene/1",
-            "slider": slider_to_json(problem.slider),
-            "model": model_to_json(problem.surface),
-            "contacts": [contact_to_json(c) for c in problem.contacts],
-            "pusher": None if problem.pusher is None else {"outline": problem.pusher.tolist()},
-            "obstacles": [o.tolist() for o in problem.obstacles],
-            "bounds": problem.bounds.tolist(),
-            "start": problem.start.tolist(),
-            "goal": problem.goal.tolist(),
-            "tolerance": list(problem.tolerance),
-            "speed": problem.speed,
-            "switch_cost": problem.switch_cost,
-            "min_margin": problem.min_margin,
-            "uncertainty": problem.uncertainty.to_json(),
-            "finger_radius": problem.finger_radius,
-            **({} if problem.support_friction is None else {"support_friction": problem.support_friction}),
-            **({"effects": [effect.to_json() for effect in problem.effects]} if problem.effects else {}),
-            **({"alternatives": [entry.to_json() for entry in problem.alternatives]} if problem.alternatives else {}),
-        },
-    )
+    write_json(path, scene_to_json(problem))
+
+
+def scene_to_json(problem: PlanningProblem) -> dict[str, Any]:
+    """Return the ``scene/1`` of a problem, with its model inside; ``bounds`` is None if it has none."""
+    return {
+        "format": "scene/1",
+        "slider": slider_to_json(problem.slider),
+        "model": model_to_json(problem.surface),
+        "contacts": [contact_to_json(c) for c in problem.contacts],
+        "pusher": None if problem.pusher is None else {"outline": problem.pusher.tolist()},
+        "obstacles": [o.tolist() for o in problem.obstacles],
+        "bounds": None if problem.bounds is None else problem.bounds.tolist(),
+        "start": problem.start.tolist(),
+        "goal": problem.goal.tolist(),
+        "tolerance": list(problem.tolerance),
+        "speed": problem.speed,
+        "switch_cost": problem.switch_cost,
+        "min_margin": problem.min_margin,
+        "uncertainty": problem.uncertainty.to_json(),
+        "finger_radius": problem.finger_radius,
+        **({} if problem.support_friction is None else {"support_friction": problem.support_friction}),
+        **({"effects": [effect.to_json() for effect in problem.effects]} if problem.effects else {}),
+        **({"alternatives": [entry.to_json() for entry in problem.alternatives]} if problem.alternatives else {}),
+    }

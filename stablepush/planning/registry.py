@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import time
 import warnings
@@ -16,6 +17,7 @@ from stablepush.core import (
     Deadline,
     InputError,
     PlanWarning,
+    UnavailableError,
     check_number,
     check_seed,
     check_share,
@@ -134,6 +136,7 @@ def plan(
     except LookupError:
         raise InputError("planner", f"expected one of {', '.join(planner_names()) or 'none installed'}", repr(planner)) from None
 
+    _require_signature(run, planner)
     problem.require_plannable()
     require_loads(problem)
     for name, value, plain in (("region", region, "model"), ("probability", probability, 0.0)):
@@ -157,6 +160,8 @@ def plan(
         def attempt(regions: Sequence[StableRegion | PushSet], until: Deadline, effort: float) -> PlanResult:
             asked = replace(options, regions=tuple(regions), refinement_budget=effort)
             found = run(alone, deadline=until, seed=number, options=asked, progress=progress)
+            if not isinstance(found, PlanResult):
+                raise UnavailableError(f"planner {planner}: expected it to return a PlanResult, got {type(found).__name__}")
             return found if aligning is None or not found.solved else _preceded(found, aligning)
 
         if level and problem.surface.is_dual:
@@ -187,6 +192,15 @@ def plan(
         warnings.warn(PlanWarning("; ".join(doubts)), stacklevel=3)
         result = replace(result, message="; ".join(filter(None, (result.message, *doubts))))
     return replace(result, planning_time=time.perf_counter() - started)
+
+
+def _require_signature(run: Planner, name: str) -> None:
+    """Refuse what another package registered and is no planner."""
+    try:
+        inspect.signature(run).bind(None, deadline=None, seed=0, options=None, progress=None)
+    except (TypeError, ValueError):
+        words = "expected a function f(problem, *, deadline, seed, options, progress)"
+        raise UnavailableError(f"planner {name}: {words}, got {getattr(run, '__name__', type(run).__name__)}") from None
 
 
 def _alignment(problem: PlanningProblem, region: str) -> tuple[Push | None, str, str]:

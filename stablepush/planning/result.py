@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import LARGEST_MAGNITUDE, FloatArray, Node, Word, check_share, read_only
+from stablepush.core import LARGEST_MAGNITUDE, FloatArray, Node, Word, check_share, read_only, shown_as
 from stablepush.geometry import compose, exp
 from stablepush.io import read_json, write_json
 
@@ -79,6 +79,8 @@ class PlanResult:
     pose is within the tolerance of the goal, over all that the problem says is uncertain, with 95 % intervals; None where
     unknown. ``success`` has more: where the slider is lost first, and of what; None for plans from files.
     """
+
+    _repr_html_ = shown_as("plan")
 
     status: str
     planner: str

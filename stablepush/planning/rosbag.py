@@ -15,10 +15,15 @@ from stablepush.planning.trajectory import PHASES, Trajectory
 #: pose), and segments followed by contacts and phases (numbers of ``PHASES``), one each a pose.
 SLIDER, PUSHER, TOOL = "/stablepush/slider_path", "/stablepush/pusher_path", "/stablepush/tool_path"
 VELOCITY, STATE = "/stablepush/pusher_velocity", "/stablepush/segment_contact_and_phase"
+#: What controllers take: transforms and velocities of the pusher, or of the tool, with the times from the start.
+COMMAND = "/stablepush/trajectory"
 
 
 def save_rosbag(trajectory: Trajectory, path: str | Path, frame_id: str = "map", tool_poses: FloatArray | None = None) -> None:
     """Write a trajectory as a ROS 2 bag: a ``nav_msgs/Path`` each for slider and pusher, stamped from zero.
+
+    For controllers, ``/stablepush/trajectory`` is a ``trajectory_msgs/MultiDOFJointTrajectory`` of one joint, ``pusher``, or
+    ``tool`` if ``tool_poses`` are given: transforms and velocities in W, by the time from the start.
 
     Parameters
     ----------
@@ -27,7 +32,7 @@ def save_rosbag(trajectory: Trajectory, path: str | Path, frame_id: str = "map",
     frame_id : str
         Name of the world frame.
     tool_poses : array, shape (n, 7), optional
-        As :meth:`Trajectory.tool_poses` gives them: one path more.
+        As :meth:`Trajectory.tool_poses` gives them: one path more, and what the trajectory is of.
 
     Raises
     ------
@@ -57,8 +62,23 @@ def save_rosbag(trajectory: Trajectory, path: str | Path, frame_id: str = "map",
         VELOCITY: types["std_msgs/msg/Float64MultiArray"](layout=layout, data=np.array(trajectory.velocity).ravel()),
         STATE: types["std_msgs/msg/Int32MultiArray"](layout=layout, data=numbers),
     }
+    driven = _spatial(trajectory.pusher)
     if tool_poses is not None:
-        messages[TOOL] = path_of(np.asarray(tool_poses))
+        driven = np.asarray(tool_poses, dtype=np.float64)
+        messages[TOOL] = path_of(driven)
+    name, rates = "pusher" if tool_poses is None else "tool", _velocities(trajectory, driven)
+    vector, turn = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
+    points = []
+    for t, place, (vx, vy, omega) in zip(trajectory.t, driven.tolist(), rates.tolist(), strict=True):
+        nanoseconds = round(float(t) * 1e9)
+        transform = types["geometry_msgs/msg/Transform"](translation=vector(*place[:3]), rotation=turn(*place[3:]))
+        velocity = types["geometry_msgs/msg/Twist"](linear=vector(vx, vy, 0.0), angular=vector(0.0, 0.0, omega))
+        duration = types["builtin_interfaces/msg/Duration"](sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+        point = types["trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"]
+        points.append(point(transforms=[transform], velocities=[velocity], accelerations=[], time_from_start=duration))
+    messages[COMMAND] = types["trajectory_msgs/msg/MultiDOFJointTrajectory"](
+        header=types["std_msgs/msg/Header"](stamp=_stamp(types, 0.0), frame_id=frame_id), joint_names=[name], points=points
+    )
     with whole_folder(path) as folder:
         with writer_class(folder / "bag", version=9) as bag:
             for topic, message in messages.items():
@@ -105,6 +125,13 @@ def load_rosbag(path: str | Path) -> Trajectory:
         segment.astype(np.float64), contact.astype(np.float64),
     )  # fmt: skip
     return Trajectory(*parts)
+
+
+def _velocities(trajectory: Trajectory, driven: FloatArray) -> FloatArray:
+    """Velocities (n, 3) in W of frames at places (n, 7) that move with the pusher: ``v + omega x r``, m/s and rad/s."""
+    arm = driven[:, :2] - trajectory.pusher[:, :2]
+    vx, vy, omega = trajectory.velocity.T
+    return np.column_stack((vx - omega * arm[:, 1], vy + omega * arm[:, 0], omega))
 
 
 def _spatial(poses: FloatArray) -> FloatArray:

@@ -16,4 +16,5 @@ from .push_lists import (
     read_pushes as read_pushes,
     write_pushes as write_pushes,
 )
+from .simulator_models import export_mjcf as export_mjcf, export_sdf as export_sdf
 from .virtual_rig import Execution as Execution, VirtualRig as VirtualRig, execute_batch as execute_batch

@@ -21,17 +21,20 @@ from stablepush.core import (
     run_parallel,
 )
 from stablepush.effects import Effect, resting_share, table_friction
+from stablepush.engines import SliderOnFeet
 from stablepush.geometry import compose, inverse, transform_points
-from stablepush.identify import support_for
+from stablepush.identify import on_few_points, support_for
 from stablepush.io import Noise, PushLog, Rig
 from stablepush.mechanics import Pusher, PushTrace, TableFriction, simulate_push
 from stablepush.objects import EdgePush, Slider
 from stablepush.rig.commands import AWAY, Command, edge_command
+from stablepush.rig.engine_push import engine_push, require_engine, require_possible, slider_on_feet
 from stablepush.rig.log_book import LogBook
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
-#: Fingers deeper (m) in the slider than this start farther back; steps of that distance; points checked along a flat edge.
-_DEEP, _BACK_STEP, _EDGE_PLACES = 1e-6, 2.5e-4, 21
+#: Fingers deeper (m) in the slider than this start farther back, in engines, whose contacts give, deeper than that; steps of
+#: that distance; points checked along a flat edge.
+_DEEP, _DEEP_IN_ENGINES, _BACK_STEP, _EDGE_PLACES = 1e-6, 2e-4, 2.5e-4, 21
 #: Speed (m/s) of the approach to a push that does not move.
 _APPROACH_SPEED = 0.02
 #: Steps of the simulation in which the pusher moves as far as the slider's radius.
@@ -86,6 +89,9 @@ class VirtualRig:
         In m/s².
     step : float, optional
         Travel of the pusher in a step of the simulation, in m; a four-hundredth of the slider's radius if not given.
+    engine : str, optional
+        ``"mujoco"`` or ``"drake"``: pushes happen there, on feet that carry the identified pressure, with inertia and contacts
+        that give. The quasi-static simulation of this library if not given.
 
     Raises
     ------
@@ -104,6 +110,7 @@ class VirtualRig:
     support_friction: float | None = None
     gravity: float = 9.81
     step: float | None = None
+    engine: str | None = None
     _by_id: dict[str, Effect] = field(init=False, repr=False)
     _friction: TableFriction = field(init=False, repr=False)
     _slope_share: float = field(init=False, repr=False)
@@ -140,6 +147,9 @@ class VirtualRig:
                 raise InputError("slider.mass", "expected a mass > 0 in kg, since the forces of the surface are in units of mu*N")
         if "tilt" in by_id and not self.slider.mass:
             raise EffectError("effect tilt", "expected a slider with a mass")
+        if self.engine is not None:
+            require_engine(self.engine)
+            require_possible(self.engine, self.slider, self.pusher, list(by_id))
         object.__setattr__(self, "_points", support_for(self.surface, self.slider, self._load()))
         friction = table_friction(self.slider, self.surface, by_id, self._load(), self.gravity, self._points)
         object.__setattr__(self, "_friction", friction)
@@ -186,6 +196,29 @@ class VirtualRig:
         """Friction of the table with all effects of the support and of inertia."""
         return self._friction
 
+    def push(
+        self,
+        pusher: Pusher,
+        mu: float,
+        start: FloatArray,
+        first: FloatArray,
+        motion: Sequence[tuple[FloatArray, float]],
+        scale: float,
+    ) -> PushTrace:
+        """Push the slider; ``scale``: of the friction of the table. The rest as :func:`stablepush.mechanics.simulate_push`."""
+        if self.engine is None:
+            step = self.slider.radius / _STEPS if self.step is None else self.step
+            return simulate_push(self._friction, self.slider, pusher, mu, start, first, motion, step=step, scale=scale)
+        body = self.on_feet()
+        return engine_push(self.engine, replace(body, friction=scale * body.friction), pusher, mu, start, first, motion)
+
+    def on_feet(self) -> SliderOnFeet:
+        """Return the slider as engines have it: on a few feet that carry the pressure, on the table as it is."""
+        friction = self._friction
+        pressed = friction.surface if friction.points is None else friction.perturbed or friction.points
+        support = pressed if isinstance(pressed, IdealLimitSurface) else self._points
+        return slider_on_feet(self.slider, on_few_points(support), self._by_id, self.gravity)
+
     def session(self, *, rows: int = 7, seed: int = 0, trials: int | None = None) -> Session:
         """Begin a log: commands are carried out one by one. ``trials``: how many there will be, over which friction drifts."""
         return Session(self, rows, seed, trials)
@@ -214,7 +247,6 @@ class Session:
         check_count(rows, "rows", most=100_000)
         self._rig, self._rng = rig, np.random.default_rng(check_seed(seed))
         self._book = _log_book(rig, self._rng, rows)
-        self._friction = rig.friction
         self._traces: list[PushTrace] = []
         self._pushers: list[Pusher] = []
         self._last = max(1, (100 if trials is None else trials) - 1)
@@ -223,7 +255,6 @@ class Session:
         mu = by_id["contact-friction"].number("mu") if "contact-friction" in by_id else None
         radius = by_id["contact-geometry"].number("radius") if "contact-geometry" in by_id else None
         self._mu, self._radius = mu, radius
-        self._step = rig.slider.radius / _STEPS if rig.step is None else rig.step
         self._drift = (by_id["drift"].number("rate") or 0.0) if "drift" in by_id else 0.0
 
     def push(self, command: EdgePush | Command) -> PushTrace:
@@ -249,7 +280,7 @@ class Session:
         command = edge_command(push, rig.pusher, start) if isinstance(push, EdgePush) else push
         nominal = command.pusher or rig.pusher
         pusher = nominal if self._radius is None else Pusher(nominal.fingers, self._radius, nominal.flat)
-        first, motion = _from_outside(rig.slider, start, pusher, command)
+        first, motion = _from_outside(rig.slider, start, pusher, command, _DEEP if rig.engine is None else _DEEP_IN_ENGINES)
         done = len(self._traces)
         if not any(duration > 0 for _, duration in motion):
             raise InputError("motion", "expected at least one piece that lasts")
@@ -258,7 +289,7 @@ class Session:
         scale = (1 + self._drift * share) * math.exp(rig.scatter * float(self._rng.normal()))
         mu = self._mu if self._mu is not None else (rig.mu if command.mu is None else command.mu)
         rig._require_friction(start, scale)
-        trace = simulate_push(self._friction, rig.slider, pusher, mu, start, first, motion, step=self._step, scale=scale)
+        trace = rig.push(pusher, mu, start, first, motion, scale)
         rig._require_friction(trace.poses[-1], scale)
         self._traces.append(trace)
         self._pushers.append(pusher)
@@ -298,7 +329,7 @@ def _log_book(rig: VirtualRig, rng: np.random.Generator, rows: int) -> LogBook:
 
 
 def _from_outside(
-    slider: Slider, start: FloatArray, pusher: Pusher, command: Command
+    slider: Slider, start: FloatArray, pusher: Pusher, command: Command, deep: float
 ) -> tuple[FloatArray, Sequence[tuple[FloatArray, float]]]:
     """First pose of the pusher and its motion: those of the command, or from as far back as it takes to be outside."""
 
@@ -316,11 +347,11 @@ def _from_outside(
         inside = shapely.contains_xy(face, centers[..., 0], centers[..., 1])
         return np.asarray((pusher.radius + np.where(inside, away, -away)).max(axis=1))
 
-    if depth(np.zeros(1))[0] <= _DEEP or not len(command.motion):
+    if depth(np.zeros(1))[0] <= deep or not len(command.motion):
         return command.pusher_pose, command.motion
     reach = 2 * slider.radius + 2 * float(np.abs(pusher.fingers).max()) + pusher.radius
     back = np.arange(0.0, reach + float(np.hypot(*(command.pusher_pose[:2] - start[:2]))), _BACK_STEP)
-    inside = np.flatnonzero(depth(back) > _DEEP)
+    inside = np.flatnonzero(depth(back) > deep)
     clear = float(back[inside[-1]]) + AWAY if len(inside) else AWAY
     first = np.asarray(command.motion[0][0])
     x, y = pusher.fingers.T

@@ -27,6 +27,7 @@ from stablepush.core import (
     check_vectors,
     order_with_ties,
     read_only,
+    shown_as,
 )
 from stablepush.geometry import cor_from_twist, normalize_twist, twist_from_cor, wrap_angle
 from stablepush.objects import PushContact, WrenchCone
@@ -93,6 +94,8 @@ class StableRegion:
     loop : array, shape (n, 3), or None
         Where the region is bounded by one closed curve that is known, the unit twists along it, with the region on their left.
     """
+
+    _repr_html_ = shown_as("region")
 
     name: str
     characteristic_length: float

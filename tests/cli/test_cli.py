@@ -480,3 +480,59 @@ def test_the_catalogue_of_effects_is_shown(capsys):
     assert main(["effects", "gremlins"]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "gremlins" in error
+
+
+def test_quiet_says_nothing_but_errors(rig, tmp_path, capsys):
+    scene, plan = rig / "scene.json", tmp_path / "plan.json"
+    assert main(["--quiet", "plan", str(scene), "-o", str(plan), "--refinement-budget", "0"]) == 0
+    assert plan.is_file()
+    assert main(["-q", "check", str(scene), str(plan)]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert main(["-q", "check", str(scene), str(tmp_path / "none.json")]) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.count("\n") == 1
+    # the next command is heard again
+    assert main(["check", str(scene), str(plan)]) == 0
+    assert "valid" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", [[], ["plan"], ["diagnose"]])
+def test_the_short_form_of_help(command, capsys):
+    assert main([*command, "-h"]) == 0
+    assert "Usage: stablepush" in capsys.readouterr().out
+
+
+def test_shells_complete_commands(monkeypatch, capsys):
+    monkeypatch.setenv("_STABLEPUSH_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", "stablepush sim")
+    monkeypatch.setenv("COMP_CWORD", "1")
+    with pytest.raises(SystemExit) as stop:
+        main([])
+    assert (stop.value.code or 0, capsys.readouterr().out.split()) == (0, ["simulate"])
+
+
+def test_summaries_in_json(rig, tmp_path, capsys):
+    """Each command's summary as one object: numbers, paths and words."""
+
+    def answer(*arguments):
+        code = main(["--json", *map(str, arguments)])
+        return code, json.loads(capsys.readouterr().out)
+
+    scene, plan = rig / "scene.json", tmp_path / "plan.json"
+    code, told = answer("plan", scene, "-o", plan, "--refinement-budget", "0")
+    result = sp.load_plan(plan)
+    assert code == 0 and told["status"] == "solved" and told["pushes"] == len(result.pushes)
+    assert told["duration"] == pytest.approx(result.duration) and told["output"] == str(plan)
+    assert answer("check", scene, plan) == (0, {"plan": str(plan), "valid": True, "objections": []})
+    code, told = answer("simulate", scene, plan, "-o", tmp_path / "log")
+    assert told["pushes"] == len(result.pushes) and np.shape(told["final_pose"]) == (3,)
+    code, told = answer("diagnose", tmp_path / "log")
+    assert told["verdict"] == "none" and told["effects"] == [] and told["channels"][0]["channel"]
+    code, told = answer("effects", "tilt")
+    assert told["effects"][0]["id"] == "tilt"
+    code, told = answer("map", rig / "model.json", "--contact", rig / "contact.json", "-o", tmp_path / "map.png")
+    assert told["regions"][0]["name"] == "model"
+    # what is bad is said as ever
+    assert main(["--json", "plan", str(tmp_path / "none.json"), "-o", str(plan)]) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.startswith("stablepush: error: ")

@@ -237,7 +237,7 @@ def test_logs_that_can_show_nothing():
     assert check_schema(report)["verdict"] == "none"
     assert "cannot be diagnosed" in report.sentence
     assert gap_html(report).count(">not identifiable from this log: needs ") == len(CATALOGUE)
-    axes = plot_effects(report).axes[0]
+    axes = plot_effects(report)
     assert [bar.get_width() for bar in axes.patches] == [0.0] * len(CATALOGUE)
     nothing = {**log.samples, **{name: np.zeros(len(log.samples["t"])) for name in ("fx", "fy", "tau")}}
     assert "wrench" not in check_schema(sp.diagnose(sp.PushLog(log.rig, log.trials, nothing)))["channels"]

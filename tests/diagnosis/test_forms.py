@@ -109,7 +109,7 @@ def test_a_drift_that_no_catalogue_has_is_named_and_drawn(log):
     found = friction_over_log(report.ranking[0].parameters["rate"].estimate, form["coefficients"], [0.25, 0.5, 0.75])
     np.testing.assert_allclose(found, 1 + 0.3 * np.array((0.75, 1.0, 0.75)), atol=0.04)
     assert report.to_json()["ranking"][0]["form"]["unit"] == "share of the friction"
-    drawn = plot_forms(report).axes[0]
+    (drawn,) = plot_forms(report)
     highest = drawn.lines[1].get_ydata()
     assert drawn.get_title() == "drift" and highest.max() == pytest.approx(1.3, abs=0.04)
     page = gap_html(report)

@@ -174,3 +174,18 @@ def test_a_log_whose_last_push_shows_nothing_is_fitted_without_it():
     system = motions(sp.PushLog(log.rig, log.trials, {**log.samples, "x": x}))
     chosen = np.arange(16) % 3 > 0
     assert np.isfinite(system.fit(["tilt"], True, chosen).score)
+
+
+def test_the_center_of_a_pressure_that_motions_moved_is_where_its_surface_has_it():
+    """Without forces the loads of a fit are a shift over rho and stretches, not loads of points."""
+    from types import SimpleNamespace
+
+    from stablepush.diagnosis.motions import Motions
+
+    ideal = sp.IdealLimitSurface(sp.SupportDistribution([(-0.03, -0.03), (0.07, -0.03), (-0.03, 0.07)], [1, 2, 1]), 3.0)
+    fake = SimpleNamespace(_surface=ideal, rho=0.04)
+    loads = np.array((0.1, -0.05, 0.2, 0.0, 0.1))
+    changes = np.diag((0.01, 0.02, 0.1, 0.1, 0.1))
+    off, deviation = Motions.moved_center(fake, loads, changes)
+    np.testing.assert_allclose(Motions.surface(fake, loads).support.center, ideal.support.center + off, atol=1e-12)
+    np.testing.assert_allclose(deviation, (0.0004, 0.0008))

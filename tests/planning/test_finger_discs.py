@@ -1,5 +1,6 @@
 """Fingers are discs where there is no outline of the pusher: they take room, and go round the slider to another contact."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -85,3 +86,17 @@ def test_scenes_keep_the_radius(tmp_path):
     assert sp.load_scene(tmp_path / "scene.json").finger_radius == 0.006
     with pytest.raises(sp.InputError, match="finger_radius"):
         with_fingers(small_scene(), -0.001)
+
+
+def test_a_finger_that_has_no_room_at_an_inner_corner_is_noted():
+    """An L: the middle of its inner edge is 20 mm from the other arm."""
+    corner = sp.Slider([(-0.04, -0.04), (0.08, -0.04), (0.08, 0.0), (0.0, 0.0), (0.0, 0.08), (-0.04, 0.08)], 0.5)
+    for along, noted in ((0.02, False), (0.077, True)):
+        contact = sp.PushContact([(0.08 - along, 0.0)], [(0, -1)], 0.5)
+        with warnings.catch_warnings(record=True) as doubts:
+            warnings.simplefilter("always")
+            small_scene(slider=corner, contacts=[contact], pusher=None, finger_radius=0.005, obstacles=[])
+        words = [str(doubt.message) for doubt in doubts]
+        assert (
+            any("contacts[0]: a finger of radius 5 mm would stand 2 mm inside of the slider" in text for text in words) == noted
+        )

@@ -157,6 +157,30 @@ def test_trajectories_survive_a_bag(solved, tmp_path):
         sp.load_rosbag(tmp_path / "none")
 
 
+def test_what_controllers_take_moves_as_it_says(solved, tmp_path):
+    """Transforms of a flange that is off the pusher's frame, and velocities, against their finite differences."""
+    pytest.importorskip("rosbags", reason="rosbags is not installed")
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    samples = sp.sample_plan(*solved, 200.0)
+    quarter = np.sqrt(0.5)
+    sp.save_rosbag(samples, tmp_path / "bag", tool_poses=samples.tool_poses(0.1, (0.05, -0.02, 0.3, 0.0, quarter, 0.0, quarter)))
+    with AnyReader([tmp_path / "bag"], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
+        (connection,) = (c for c in bag.connections if c.topic == "/stablepush/trajectory")
+        ((_, _, data),) = bag.messages([connection])
+        message = bag.deserialize(data, connection.msgtype)
+    assert message.joint_names == ["tool"]
+    t = np.array([p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points])
+    places = np.array([(p.transforms[0].translation.x, p.transforms[0].translation.y) for p in message.points])
+    rates = np.array([(p.velocities[0].linear.x, p.velocities[0].linear.y) for p in message.points])
+    assert t == pytest.approx(samples.t, abs=1e-9)
+    moved = np.diff(places, axis=0) / np.diff(t)[:, None]
+    # between rows the velocity changes by no more than the acceleration lets it, and by the curve of the path
+    assert moved == pytest.approx((rates[1:] + rates[:-1]) / 2, abs=1.5e-3)
+    assert np.abs(rates).max() > 0.02
+
+
 def test_only_solved_plans_and_sound_rates(solved):
     problem, result = solved
     with pytest.raises(sp.InputError, match="solved"):

@@ -66,26 +66,42 @@ def test_pictures_show_what_they_are_given():
     builders = (sp.all_pressure_region, sp.lynch_mason_region)
     promised = [build(triangle(), contact, characteristic_length=FEET.characteristic_length) for build in builders]
     regions = [sp.stable_region(FEET, contact), *promised]
-    texts = [text.get_text() for text in plot_regions(regions, contact, triangle()).legends[0].get_texts()]
+    texts = [text.get_text() for text in plot_regions(regions, contact, triangle()).figure.legends[0].get_texts()]
     assert {"model, clockwise", "all-pressure", "conservative", "slider"} <= set(texts)
     assert any(text.startswith("tightest turn, clockwise") for text in texts)
     sphere = plot_twist_sphere(regions)
-    assert len(sphere.axes) == 2
+    assert len(sphere) == 2
     # the filled patch of each disc has the area of the region
-    for axes, sense in zip(sphere.axes, (1, -1), strict=True):
+    for axes, sense in zip(sphere, (1, -1), strict=True):
         outline = axes.patches[0].get_path().to_polygons()[0]
         area = 0.5 * abs(np.dot(outline[:-1, 0], outline[1:, 1]) - np.dot(outline[:-1, 1], outline[1:, 0]))
         assert area == pytest.approx(regions[0].disc(sense).area, rel=1e-3)
-    chart = plot_margins(FEET, contact, regions, direction=np.pi / 2).axes[0]
+    chart = plot_margins(FEET, contact, regions, direction=np.pi / 2)
     line = next(line for line in chart.lines if line.get_label() == "margin")
     middle = np.degrees(float(sp.StabilityOracle(FEET, contact).margin((0.0, 1.0, 0.0))))
     assert np.interp(0.0, *line.get_data()) == pytest.approx(middle)
     ranked = sp.rank_contacts(triangle(), FEET, 0.6, widths=(0.03, 0.06), places=3)
-    dots = plot_contacts(triangle(), ranked).axes[0].collections[0]
+    dots = plot_contacts(triangle(), ranked).collections[0]
     assert len(dots.get_offsets()) == len(ranked)
     with pytest.raises(sp.InputError, match="characteristic length"):
         plot_twist_sphere([regions[0], sp.lynch_mason_region(triangle(), contact)])
     with pytest.raises(sp.InputError, match="measure"):
         plot_contacts(triangle(), ranked, "beauty")
     curve = sp.stable_region(surface_zoo()["quartic"], sp.PushContact([(0.0, -0.05)], [(0, 1)], 0.6))
-    assert plot_regions([curve], contact).axes[0].lines
+    assert plot_regions([curve], contact).lines
+
+
+def test_pictures_go_into_axes_that_are_given():
+    """Two pictures side by side in a figure of the user's, with legends of their own."""
+    from matplotlib.figure import Figure
+
+    contact = sp.PushContact.on_edge(triangle(), 0, 0.05, 0.05, 0.9)
+    regions = [sp.stable_region(FEET, contact)]
+    left, right = Figure(figsize=(12, 6)).subplots(1, 2)
+    assert plot_regions(regions, contact, triangle(), ax=left) is left
+    assert plot_margins(FEET, contact, regions, ax=right) is right
+    assert left.get_legend() is not None and left.lines and right.lines
+    pair = Figure(figsize=(12, 6)).subplots(1, 2)
+    assert list(plot_twist_sphere(regions, ax=pair)) == list(pair)
+    with pytest.raises(sp.InputError, match="ax: expected 2 axes, got 1"):
+        plot_twist_sphere(regions, ax=left)

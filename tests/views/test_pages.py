@@ -116,6 +116,6 @@ def test_the_page_and_the_picture_of_a_plan_say_how_sure_it_is():
     result = sp.plan(problem, refinement_budget=0)
     assert result.outlook.startswith("sticks throughout with probability")
     assert f"The plan {result.outlook}." in plan_html(problem, result)
-    assert "sticks throughout" in plot_plan(problem, result).axes[0].get_title()
+    assert "sticks throughout" in plot_plan(problem, result).get_title()
     unsure = sp.PlanResult.from_segments(list(result.segments), planner="hand")
     assert "unknown" in unsure.outlook and "The plan" not in plan_html(problem, unsure)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -27,7 +28,10 @@ class Source:
 
 
 class Importer(Protocol):
-    """Reads one kind of raw logs; registered in the group ``stablepush.importers`` under the name of the kind."""
+    """Reads one kind of raw logs; registered in the group ``stablepush.importers`` under the name of the kind.
+
+    One whose class says ``needs_mapping = True`` gets the path of the user's mapping as the label ``mapping`` of a source.
+    """
 
     def find(self, root: Path) -> Iterable[Source]:
         """Return the logs of this kind in a folder, or the one that a file is, in any order."""
@@ -44,20 +48,45 @@ def importers() -> list[str]:
     return plugin_names(_GROUP)
 
 
-def find_sources(path: str | Path, kind: str | None = None) -> list[Source]:
-    """Return the raw logs that a file, a folder or a whole clone holds, ordered by path, with distinct names."""
+def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path | None = None) -> list[Source]:
+    """Return the raw logs that a file, a folder or a whole clone holds, ordered by path, with distinct names.
+
+    ``mapping``: a YAML file that says what is what, for importers that need one; it becomes the label ``mapping`` of all sources.
+    Those that need one are only asked if they are named by ``kind``, for they take any table or bag.
+    """
     root = Path(path)
     if kind is not None and kind not in importers():
         raise InputError("kind", f"expected {' or '.join(importers())}", repr(kind))
     if not root.exists():
         raise InputError("", "cannot read: no such file or folder", file=root)
     wanted = importers() if kind is None else [kind]
-    found = (load_plugin(_GROUP, name).find(root) for name in wanted)
+    asked = {name: load_plugin(_GROUP, name) for name in wanted}
+    if kind is None:
+        asked = {name: one for name, one in asked.items() if not getattr(one, "needs_mapping", False)}
+    elif mapping is not None and not getattr(asked[kind], "needs_mapping", False):
+        raise InputError("mapping", f"expected none, logs of kind {kind} need no mapping", str(mapping))
+    found = (importer.find(root) for importer in asked.values())
     sources = sorted((source for several in found for source in several), key=lambda source: source.file)
     if not sources:
-        raise InputError("", f"expected a raw log of kind {' or '.join(wanted)}, found none", file=root)
+        raise InputError("", f"expected a raw log of kind {' or '.join(asked)}, found none", file=root)
+    if mapping is not None:
+        sources = [replace(source, labels={**source.labels, "mapping": str(mapping)}) for source in sources]
+    return _named_apart(sources)
+
+
+def _named_apart(sources: list[Source]) -> list[Source]:
+    """Give distinct names to sources: with those of their files and folders from the inside out, at last with numbers."""
+    for depth in range(3):
+        names = [source.name for source in sources]
+        if len(set(names)) == len(names):
+            return sources
+        parts = [source.file.resolve() if depth == 0 else source.file.resolve().parents[depth - 1] for source in sources]
+        sources = [
+            s if names.count(s.name) == 1 or name_of(p) == s.name else replace(s, name=f"{s.name}_{name_of(p)}")
+            for s, p in zip(sources, parts, strict=True)
+        ]
     names = [source.name for source in sources]
-    return [s if names.count(s.name) == 1 else replace(s, name=f"{s.name}_{name_of(s.file)}") for s in sources]
+    return [s if names.count(s.name) == 1 else replace(s, name=f"{s.name}_{k + 1}") for k, s in enumerate(sources)]
 
 
 def import_source(source: Source, slider: Slider | None = None) -> tuple[PushLog, list[str]]:
@@ -70,3 +99,12 @@ def name_of(path: Path) -> str:
     """Return what a path is called, in letters that every file system takes."""
     stem = path.name.removesuffix(path.suffix)
     return re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-.") or "log"
+
+
+@contextmanager
+def within(file: Path) -> Iterator[None]:
+    """Name the file in errors about what it holds."""
+    try:
+        yield
+    except InputError as error:
+        raise error.within(file=file) from None

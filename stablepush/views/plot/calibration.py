@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import ArrayLike
 
 from stablepush.core import binomial_interval
-from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE
+from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, panels
 
 
-def plot_calibration(bins: Sequence[tuple[float, float, int]], coverage: Sequence[tuple[float, float]]) -> Figure:
+def plot_calibration(
+    bins: Sequence[tuple[float, float, int]], coverage: Sequence[tuple[float, float]], ax: ArrayLike | None = None
+) -> np.ndarray:
     """Draw the reliability of reported probabilities, and accuracy against coverage.
 
     Left: bins of (reported, true, count) with 95 % intervals. Right: accuracy among the most certain share
-    of the cases.
+    of the cases. Draws into two axes, which are returned.
     """
-    figure = Figure((9.0, 4.2), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    shown = panels((9.0, 4.2), 1, 2, ax)[0]
+    left, right = shown
     left.plot((0, 1), (0, 1), color="#BBBBBB", linewidth=1)
     for reported, true, count in bins:
         left.plot((reported, reported), binomial_interval(round(true * count), count), color=COUNTER_CLOCKWISE, linewidth=1)
@@ -27,4 +30,4 @@ def plot_calibration(bins: Sequence[tuple[float, float, int]], coverage: Sequenc
     if coverage:
         right.plot(*zip(*coverage, strict=True), color=CLOCKWISE)
     right.set(xlabel="share of sets, most certain first", ylabel="most probable effect acts", xlim=(0, 1), ylim=(0, 1.02))
-    return figure
+    return shown

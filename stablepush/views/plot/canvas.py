@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
+import numpy as np
 import shapely
+from numpy.typing import ArrayLike
 
+from stablepush.core import InputError
 from stablepush.io import write_atomically
 from stablepush.objects import PushContact
 
@@ -15,36 +18,74 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    Drawn: TypeAlias = Figure | Axes | np.ndarray
+
 #: Colours that stay apart for colour-blind readers and in grey (Okabe and Ito 2008).
 COUNTER_CLOCKWISE, CLOCKWISE = "#0072B2", "#E69F00"
 SLIDER, PUSHER, OBSTACLE, START, GOAL, LOST = "#999999", "#D55E00", "#4D4D4D", "#0072B2", "#009E73", "#CC3311"
 SENSES = ((1, "counter-clockwise", COUNTER_CLOCKWISE), (-1, "clockwise", CLOCKWISE))
 
 
-def save_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure as PNG."""
-    write_atomically(path, figure_png(figure))
+def save_figure(drawn: Drawn, path: str | Path) -> None:
+    """Write a figure, or that of axes, as PNG."""
+    write_atomically(path, figure_png(drawn))
 
 
-def figure_png(figure: Figure) -> bytes:
-    """Return a figure as PNG bytes, the same for the same figure."""
+def figure_png(drawn: Drawn) -> bytes:
+    """Return a figure, or that of axes, as PNG bytes, the same for the same figure."""
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=130, metadata={"Software": None})
+    figure_of(drawn).savefig(stream, format="png", dpi=130, metadata={"Software": None})
     return stream.getvalue()
 
 
-def canvas(size: tuple[float, float], equal: bool = True) -> tuple[Figure, Axes]:
+def figure_of(drawn: Drawn) -> Figure:
+    """Return the figure of axes, of an array of them, or itself."""
+    if hasattr(drawn, "savefig"):
+        return drawn
+    figure = np.ravel(drawn)[0].get_figure(root=True)  # type: ignore[arg-type]
+    assert figure is not None
+    return figure
+
+
+def canvas(size: tuple[float, float], equal: bool = True, ax: Axes | None = None, **projection: str) -> Axes:
+    """Return axes to draw in: those that are given, else new ones of a size (inches)."""
+    axes = panels(size, 1, 1, ax, "compressed" if equal else "constrained", **projection)[0, 0]
+    if equal:
+        axes.set_aspect("equal")
+    if not projection:
+        axes.grid(visible=True, color="0.9", linewidth=0.6)
+        axes.set_axisbelow(True)
+    return axes
+
+
+def panels(
+    size: tuple[float, float],
+    rows: int,
+    columns: int,
+    ax: ArrayLike | Axes | None = None,
+    layout: str = "constrained",
+    sharey: str = "none",
+    **projection: str,
+) -> np.ndarray:
+    """Return axes (rows, columns) to draw in: those that are given, else new ones in a figure of a size (inches)."""
+    if ax is not None:
+        given = np.ravel(np.asarray(ax, dtype=object))
+        if len(given) != rows * columns:
+            raise InputError("ax", f"expected {rows * columns} axes", len(given))
+        return given.reshape(rows, columns)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size, layout="compressed" if equal else "constrained")
+    figure = Figure(figsize=size, layout=layout)  # type: ignore[arg-type]
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    if equal:
-        axes.set_aspect("equal")
-    axes.grid(visible=True, color="0.9", linewidth=0.6)
-    axes.set_axisbelow(True)
-    return figure, axes
+    found: np.ndarray = figure.subplots(
+        rows,
+        columns,
+        squeeze=False,
+        sharey=sharey,
+        subplot_kw=projection or None,  # type: ignore[arg-type]
+    )
+    return found
 
 
 def fill(axes: Axes, polygon: shapely.Polygon, **style: Any) -> None:
@@ -67,10 +108,12 @@ def draw_contact(axes: Axes, contact: PushContact, length: float) -> None:
 
 
 def legend(axes: Axes, columns: int) -> None:
-    """Put the legend of some axes under the figure."""
+    """Put the legend of some axes under the figure; into the axes, in a figure that makes no room for it."""
     handles, labels = axes.get_legend_handles_labels()
     kept = [(h, text) for h, text in zip(handles, labels, strict=True) if not text.startswith("_")]
     if kept:
-        figure = axes.get_figure(root=True)
-        assert figure is not None
-        figure.legend(*zip(*kept, strict=True), loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
+        figure = figure_of(axes)
+        if figure.get_layout_engine() is None:
+            axes.legend(*zip(*kept, strict=True), frameon=False, fontsize=8)
+        else:
+            figure.legend(*zip(*kept, strict=True), loc="outside lower center", ncols=columns, frameon=False, fontsize=9)

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from stablepush.core import FloatArray, InputError
 from stablepush.diagnosis import GapReport, RankedEffect
@@ -19,19 +20,18 @@ from stablepush.effects import (
     friction_over_speed,
 )
 from stablepush.geometry import rotate_vectors
-from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, OBSTACLE, PUSHER, SLIDER, canvas, legend
+from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, OBSTACLE, PUSHER, SLIDER, canvas, legend, panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 #: Names of effects that a log cannot judge; still read on white.
 _HIDDEN = "#767676"
 
 
-def plot_residuals(report: GapReport) -> Figure:
+def plot_residuals(report: GapReport, ax: Axes | None = None) -> Axes:
     """Draw the forces that the nominal simulation lacks, as arrows over the table, and what remains after the correction."""
-    figure, axes = canvas((8.0, 6.6))
+    axes = canvas((8.0, 6.6), ax=ax)
     for key, word, color in (("before", "nominal", PUSHER), ("after", "corrected", COUNTER_CLOCKWISE)):
         force = rotate_vectors(report.poses[:, 2], report.residuals[key][:, :2])
         axes.quiver(*report.poses[:, :2].T, *force.T, color=color, angles="xy", width=0.0025, scale=_scale(report), label=word)
@@ -39,7 +39,7 @@ def plot_residuals(report: GapReport) -> Figure:
     axes.set_ylabel("y [m]")
     axes.set_title("Measured less predicted force, over the table")
     legend(axes, columns=2)
-    return figure
+    return axes
 
 
 def _scale(report: GapReport) -> float:
@@ -48,22 +48,17 @@ def _scale(report: GapReport) -> float:
     return max(size, 1e-9) / max(0.12 * extent, 1e-9)
 
 
-def plot_residuals_against(report: GapReport) -> Figure:
+def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np.ndarray:
     """Draw the residual force along and across the measured one, against heading and trial order, before and after the
-    correction."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 5.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(2, 2, sharey="row")
+    correction; into four axes, which are returned (2, 2)."""
+    shown = panels((9.0, 5.6), 2, 2, ax, sharey="row")
     load = report.loads[:, :2] / np.maximum(np.linalg.norm(report.loads[:, :2], axis=1, keepdims=True), 1e-9)
     across = np.stack((-load[:, 1], load[:, 0]), axis=-1)
     for row, (direction, name) in enumerate(((load, "along the load [N]"), (across, "across it [N]"))):
         for column, (values, label) in enumerate(
             ((np.degrees(report.headings), "heading of the motion [deg in W]"), (report.orders, "place in the log"))
         ):
-            axes = panels[row, column]
+            axes = shown[row, column]
             for key, color, marker in (("before", PUSHER, "o"), ("after", COUNTER_CLOCKWISE, ".")):
                 residual = (report.residuals[key][:, :2] * direction).sum(axis=1)
                 axes.plot(
@@ -79,14 +74,14 @@ def plot_residuals_against(report: GapReport) -> Figure:
             axes.grid(visible=True, color="0.9", linewidth=0.6)
             if row == 1:
                 axes.set_xlabel(label)
-        panels[row, 0].set_ylabel(name)
-    panels[0, 0].legend(frameon=False, fontsize=9)
-    return figure
+        shown[row, 0].set_ylabel(name)
+    shown[0, 0].legend(frameon=False, fontsize=9)
+    return shown
 
 
-def plot_final_poses(report: GapReport) -> Figure:
+def plot_final_poses(report: GapReport, ax: Axes | None = None) -> Axes:
     """Draw measured against simulated final poses of pushes, as arrows over the table."""
-    figure, axes = canvas((8.0, 6.6))
+    axes = canvas((8.0, 6.6), ax=ax)
     good = np.isfinite([report.ends[key] for key in ("before", "after")]).all(axis=(0, 2))
     places = report.places[good]
     size = float(np.quantile(np.linalg.norm(report.ends["before"][good][:, :2], axis=1), 0.9)) if good.any() else 0.0
@@ -104,12 +99,12 @@ def plot_final_poses(report: GapReport) -> Figure:
     longer = f", {times:.0f} times as long" if times > 1 else ""
     axes.set_title(f"From the simulated to the measured final position{longer}")
     legend(axes, columns=2)
-    return figure
+    return axes
 
 
-def plot_effects(report: GapReport) -> Figure:
+def plot_effects(report: GapReport, ax: Axes | None = None) -> Axes:
     """Draw how probable each effect of the catalogue is; those that the log cannot judge have grey names and no bar."""
-    figure, axes = canvas((8.0, 4.8), equal=False)
+    axes = canvas((8.0, 4.8), equal=False, ax=ax)
     entries = report.ranking[::-1]
     unseen = [bool(report.evidence[entry.effect].unseen) for entry in entries]
     colors = [COUNTER_CLOCKWISE if entry.effect in report.named else CLOCKWISE for entry in entries]
@@ -120,7 +115,7 @@ def plot_effects(report: GapReport) -> Figure:
     axes.set_xlim(0, 1)
     axes.set_xlabel("probability")
     axes.set_title("Blue: named; orange: other effects; grey: not identifiable from this log")
-    return figure
+    return axes
 
 
 def drawn_forms(report: GapReport) -> list[RankedEffect]:
@@ -128,27 +123,24 @@ def drawn_forms(report: GapReport) -> list[RankedEffect]:
     return [entry for entry in report.ranking if entry.effect in report.named and entry.effect in _CURVES]
 
 
-def plot_forms(report: GapReport) -> Figure:
+def plot_forms(report: GapReport, ax: ArrayLike | None = None) -> np.ndarray:
     """Draw the form of the named effects of friction that follow something: friction against direction, against speed, over the
-    log, and as a map of the table. Grey: the effect's own form, without the terms of its family.
+    log, and as a map of the table; into axes, one for each of :func:`drawn_forms`, which are returned. Grey: the effect's own
+    form, without the terms of its family.
 
     Raises :class:`InputError` if no effect is named that has such a form.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     entries = drawn_forms(report)
     if not entries:
         raise InputError("report", "expected a named effect of friction over direction, speed, place or the log")
-    figure = Figure(figsize=(min(2, len(entries)) * 4.6, math.ceil(len(entries) / 2) * 3.8), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = np.ravel(figure.subplots(math.ceil(len(entries) / 2), min(2, len(entries)), squeeze=False))
-    for axes, entry in zip(panels, entries, strict=False):
+    rows, columns = (math.ceil(len(entries) / 2), min(2, len(entries))) if ax is None else (1, len(entries))
+    shown = panels((columns * 4.6, rows * 3.8), rows, columns, ax).ravel()
+    for axes, entry in zip(shown, entries, strict=False):
         _CURVES[entry.effect](axes, entry, report)
         axes.set_title(entry.effect)
-    for axes in panels[len(entries) :]:
+    for axes in shown[len(entries) :]:
         axes.set_axis_off()
-    return figure
+    return shown[: len(entries)]
 
 
 def _terms(entry: RankedEffect) -> list[float]:

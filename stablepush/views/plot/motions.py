@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -18,15 +18,14 @@ from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, GOAL, OBS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 #: Outlines drawn along a motion, besides the first and the last.
 _OUTLINES = 6
 
 
-def plot_slide(slider: Slider, slide: Slide, title: str | None = None) -> Figure:
+def plot_slide(slider: Slider, slide: Slide, title: str | None = None, ax: Axes | None = None) -> Axes:
     """Draw a free slide in W (m): first and last outline, some between, the path of the centre of mass and of the COR."""
-    figure, axes = canvas((7.5, 6.8))
+    axes = canvas((7.5, 6.8), ax=ax)
     _motion(axes, slider, slide.poses)
     # the twist of the last row is zero: its direction is kept apart
     twists = np.concatenate((slide.twists[:-1], slide.direction[None]))
@@ -50,12 +49,12 @@ def plot_slide(slider: Slider, slide: Slide, title: str | None = None) -> Figure
     end = "at rest" if slide.at_rest else "cut"
     axes.set_title(title or f"Free slide: {end} after {slide.t[-1]:.3f} s")
     legend(axes, columns=3)
-    return figure
+    return axes
 
 
-def plot_push(slider: Slider, pusher: Pusher, trace: PushTrace, title: str | None = None) -> Figure:
+def plot_push(slider: Slider, pusher: Pusher, trace: PushTrace, title: str | None = None, ax: Axes | None = None) -> Axes:
     """Draw a push in W (m) with the modes of its contacts: where the fingers stick, slip or are open."""
-    figure, axes = canvas((7.5, 6.8))
+    axes = canvas((7.5, 6.8), ax=ax)
     _motion(axes, slider, trace.poses)
     for row in (0, -1):
         for center in transform_points(trace.pushers[row], pusher.fingers):
@@ -75,20 +74,17 @@ def plot_push(slider: Slider, pusher: Pusher, trace: PushTrace, title: str | Non
     _frame(axes, outlines, 0.3 * slider.radius)
     axes.set_title(title or f"Push: {trace.t[-1]:.2f} s")
     legend(axes, columns=3)
-    return figure
+    return axes
 
 
-def plot_wrench_paths(surface: LimitSurface, wrenches: Mapping[str, ArrayLike], title: str | None = None) -> Figure:
+def plot_wrench_paths(
+    surface: LimitSurface, wrenches: Mapping[str, ArrayLike], title: str | None = None, ax: Axes | None = None
+) -> Axes:
     """Draw paths of loads (n, 3) on their limit surface in ``(fx, fy, tau/rho)``, all over the size of the surface along x.
 
     ``wrenches`` holds paths by name, as ``Slide.wrenches`` or ``PushTrace.wrenches``.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.5, 6.8), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot(projection="3d")
+    axes: Any = canvas((7.5, 6.8), equal=False, ax=ax, projection="3d")
     rho = surface.characteristic_length
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 61), np.linspace(-np.pi / 2, np.pi / 2, 31))
     twists = np.stack((np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v) / rho), axis=-1)
@@ -105,8 +101,9 @@ def plot_wrench_paths(surface: LimitSurface, wrenches: Mapping[str, ArrayLike], 
     axes.set_zlabel(f"tau/rho [{surface.force_unit}]")
     axes.set_box_aspect((1, 1, 1))
     axes.set_title(title or "Loads on the limit surface")
-    axes.legend(loc="upper left", frameon=False)
-    return figure
+    if wrenches:
+        axes.legend(loc="upper left", frameon=False)
+    return axes  # type: ignore[no-any-return]
 
 
 def _motion(axes: Axes, slider: Slider, poses: FloatArray) -> None:

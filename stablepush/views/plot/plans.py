@@ -26,12 +26,11 @@ from stablepush.views.plot.canvas import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
-def plot_plan(problem: PlanningProblem, result: PlanResult, title: str | None = None) -> Figure:
+def plot_plan(problem: PlanningProblem, result: PlanResult, title: str | None = None, ax: Axes | None = None) -> Axes:
     """Draw a plan in W (m): outlines of slider and pusher along the path, obstacles, start, goal and rotation centres."""
-    figure, axes = canvas((9.0, 7.4))
+    axes = canvas((9.0, 7.4), ax=ax)
     for i, obstacle in enumerate(problem.obstacles):
         fill(axes, shapely.Polygon(obstacle), facecolor=OBSTACLE, edgecolor="black", label="_" if i else "obstacle")
     if problem.bounds is not None:
@@ -65,7 +64,7 @@ def plot_plan(problem: PlanningProblem, result: PlanResult, title: str | None = 
     axes.set_ylabel("y [m]")
     axes.set_title(title or _plan_title(result))
     legend(axes, columns=3)
-    return figure
+    return axes
 
 
 def _outline(axes: Axes, problem: PlanningProblem, pose: FloatArray, contact: int, alpha: float) -> None:

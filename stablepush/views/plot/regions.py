@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
+from numpy.typing import ArrayLike
 
 from stablepush.core import FloatArray, InputError, check_choice, check_number
 from stablepush.geometry import cor_from_twist, unit
@@ -15,11 +16,21 @@ from stablepush.objects import PushContact, Slider
 from stablepush.stability import MEASURES, ProbabilityMap, RankedContact, StabilityOracle, StableRegion
 from stablepush.stability.kernels import RIM, disc_from_twists
 from stablepush.surfaces import LimitSurface
-from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, SENSES, SLIDER, canvas, draw_contact, fill, legend
+from stablepush.views.plot.canvas import (
+    CLOCKWISE,
+    COUNTER_CLOCKWISE,
+    SENSES,
+    SLIDER,
+    canvas,
+    draw_contact,
+    figure_of,
+    fill,
+    legend,
+    panels,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 #: How regions are drawn, by the first word of their names; what the surface says is filled, what is promised is lined.
 _STYLES: dict[str, dict[str, Any]] = {
@@ -38,7 +49,8 @@ def plot_regions(
     extent: float | None = None,
     title: str = "Stable rotation centres",
     probability: ProbabilityMap | None = None,
-) -> Figure:
+    ax: Axes | None = None,
+) -> Axes:
     """Draw regions in the COR plane of B (m), with slider, contacts and the tightest turns of the first region.
 
     The first region is filled, the darker the more probable if a :class:`ProbabilityMap` is given; the others are hatched or
@@ -46,7 +58,7 @@ def plot_regions(
     """
     radius = max(contact.radius, slider.radius if slider is not None else 0.0)
     size = 5 * radius if extent is None else check_number(extent, "extent", positive=True)
-    figure, axes = canvas((7.4, 8.8))
+    axes = canvas((7.4, 8.8), ax=ax)
     if probability is not None:
         _shade(axes, probability)
         axes.plot([], [], marker="s", markersize=9, color="0.6", linestyle="none", label="shading: probability of stability")
@@ -74,23 +86,20 @@ def plot_regions(
     axes.set_ylabel("y in B [m]")
     axes.set_title(title)
     legend(axes, columns=2)
-    return figure
+    return axes
 
 
-def plot_twist_sphere(regions: Sequence[StableRegion], title: str = "Stable motions") -> Figure:
+def plot_twist_sphere(regions: Sequence[StableRegion], title: str = "Stable motions", ax: ArrayLike | None = None) -> np.ndarray:
     """Draw regions on the sphere of unit twists, as one equal-area disc for each sense of rotation.
 
     The middle of a disc is rotation about the origin of B, its rim are the translations, rings mark the distance of the COR.
+    Draws into two axes, which are returned.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     lengths = sorted({region.characteristic_length for region in regions})
     if len(lengths) != 1:
         raise InputError("regions", "expected at least one, all of one characteristic length", lengths)
-    figure = Figure(figsize=(10.5, 6.2), layout="compressed")
-    FigureCanvasAgg(figure)
-    for axes, (sense, word, color) in zip(figure.subplots(1, 2), SENSES, strict=True):
+    shown = panels((10.5, 6.2), 1, 2, ax, "compressed")[0]
+    for axes, (sense, word, color) in zip(shown, SENSES, strict=True):
         axes.set_aspect("equal")
         axes.set_axis_off()
         ring = np.linspace(0, 2 * np.pi, 361)
@@ -115,9 +124,9 @@ def plot_twist_sphere(regions: Sequence[StableRegion], title: str = "Stable moti
         axes.plot(0, 0, marker="+", color="black", markersize=9)
         axes.annotate("translations", (0.0, RIM), fontsize=9, ha="center", va="bottom")
         axes.set_title(f"{word}: direction and distance of the COR", fontsize=10)
-    legend(figure.axes[0], columns=4)
-    figure.suptitle(f"{title} (equal areas are equal solid angles; ρ = {_length(lengths[0])})")
-    return figure
+    legend(shown[0], columns=4)
+    figure_of(shown).suptitle(f"{title} (equal areas are equal solid angles; ρ = {_length(lengths[0])})")
+    return shown
 
 
 def plot_margins(
@@ -126,7 +135,8 @@ def plot_margins(
     regions: Sequence[StableRegion] = (),
     direction: float | None = None,
     title: str = "Margin of stability",
-) -> Figure:
+    ax: Axes | None = None,
+) -> Axes:
     """Draw the margin of all turns while pushing in one direction, from the tightest right to the tightest left, and a strip
     a region.
 
@@ -142,7 +152,7 @@ def plot_margins(
         (np.cos(turn) * np.cos(direction), np.cos(turn) * np.sin(direction), np.sin(turn) / rho),
         axis=-1,
     )
-    figure, axes = canvas((8.4, 5.4), equal=False)
+    axes = canvas((8.4, 5.4), equal=False, ax=ax)
     members = surface.members()
     degrees = np.degrees(turn)
     if members:
@@ -170,10 +180,12 @@ def plot_margins(
     axes.set_ylabel("margin [deg]")
     axes.set_title(title)
     axes.legend(frameon=False, fontsize=9, loc="upper right")
-    return figure
+    return axes
 
 
-def plot_contacts(slider: Slider, ranked: Sequence[RankedContact], measure: str = "area", title: str | None = None) -> Figure:
+def plot_contacts(
+    slider: Slider, ranked: Sequence[RankedContact], measure: str = "area", title: str | None = None, ax: Axes | None = None
+) -> Axes:
     """Draw ranked contacts along the edges of a slider, one row of dots for each spacing of the fingers, and the best of them."""
     check_choice(measure, "measure", MEASURES)
     if not ranked:
@@ -181,7 +193,7 @@ def plot_contacts(slider: Slider, ranked: Sequence[RankedContact], measure: str 
     factor, unit_name = {"area": (1.0, "sr"), "tightest-turn": (1e3, "mm"), "margin": (180 / np.pi, "deg")}[measure]
     attribute = MEASURES[measure][0]
     values = factor * np.array([getattr(contact, attribute) for contact in ranked], dtype=float)
-    figure, axes = canvas((7.6, 7.2))
+    axes = canvas((7.6, 7.2), ax=ax)
     fill(axes, slider.polygon, facecolor=SLIDER, alpha=0.35, edgecolor="black", linewidth=1.2)
     widths = sorted({contact.width for contact in ranked})
     gap = 0.09 * slider.radius
@@ -198,7 +210,7 @@ def plot_contacts(slider: Slider, ranked: Sequence[RankedContact], measure: str 
         zorder=3,
         plotnonfinite=True,
     )
-    figure.colorbar(dots, ax=axes, label=f"{measure.replace('-', ' ')} [{unit_name}]", shrink=0.8)
+    figure_of(axes).colorbar(dots, ax=axes, label=f"{measure.replace('-', ' ')} [{unit_name}]", shrink=0.8)
     best = ranked[0]
     draw_contact(axes, best.contact, 0.35 * slider.radius)
     words = ", ".join(f"{1e3 * width:.0f} mm" for width in widths)
@@ -210,7 +222,7 @@ def plot_contacts(slider: Slider, ranked: Sequence[RankedContact], measure: str 
         title or f"Rows outwards: fingers {words} apart; best: edge {best.edge}, {values[0]:.3g} {unit_name}", fontsize=10
     )
     legend(axes, columns=2)
-    return figure
+    return axes
 
 
 def _style(region: StableRegion, order: int, color: str, filled: bool) -> dict[str, Any]:

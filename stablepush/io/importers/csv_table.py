@@ -1,0 +1,128 @@
+"""One CSV table of rows in the world, with a mapping that says which column is what and in which unit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stablepush.core import FloatArray, InputError
+from stablepush.io.importers.mapping import mapping_of
+from stablepush.io.importers.registry import Source, name_of
+from stablepush.io.pushlog import PushLog
+from stablepush.io.tables import read_table
+from stablepush.objects import Slider
+
+#: Quantities of a table, and what their unit measures; ``trial`` is a name.
+COLUMNS = {
+    "t": "time", "x": "length", "y": "length", "theta": "angle", "tip_x": "length", "tip_y": "length", "tip_theta": "angle",
+    "fx": "force", "fy": "force", "moment": "moment", "trial": "",
+}  # fmt: skip
+#: Units by what they measure, in SI.
+UNITS = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "angle": {"rad": 1.0, "deg": math.pi / 180},
+    "force": {"N": 1.0, "mN": 1e-3},
+    "moment": {"N m": 1.0, "N mm": 1e-3},
+}
+_REQUIRED = ("t", "x", "y", "theta")
+
+
+class CsvTables:
+    """Importer of tables in the world frame: kind ``csv``."""
+
+    needs_mapping = True
+
+    def find(self, root: Path) -> Iterator[Source]:
+        files = [root] if root.is_file() else sorted(root.glob("*.csv"))
+        return (Source("csv", file, name_of(file), {}) for file in files)
+
+    def read(self, source: Source, slider: Slider | None) -> tuple[PushLog, list[str]]:
+        mapping = mapping_of(source, slider, "columns", "units", "trial_columns")
+        node = mapping.root["columns"]
+        node.expect_keys(*COLUMNS)
+        named = {name: node[name].text() for name in node.object() if name in COLUMNS}
+        for name in _REQUIRED:
+            node[name].text()
+        scales = dict.fromkeys(UNITS, 1.0)
+        units = mapping.root.get("units")
+        if units is not None:
+            units.expect_keys(*UNITS)
+            scales |= {what: UNITS[what][units[what].text(tuple(UNITS[what]))] for what in units.object() if what in UNITS}
+        for pair in (("fx", "fy"), ("tip_x", "tip_y")):
+            lacking = [name for name in pair if name not in named]
+            if len(lacking) == 1:
+                node[lacking[0]]
+        for name, needs in (("fx", "tip_x"), ("moment", "fx"), ("tip_theta", "tip_x")):
+            if name in named:
+                # raises where it is missing
+                node[needs].text()
+        # a clock may count from 1970, which is more than a table of lengths and forces may hold
+        numbers = [column for name, column in named.items() if name not in ("trial", "t")]
+        own_node = mapping.root.get("trial_columns")
+        own = {} if own_node is None else {name: own_node[name].text() for name in own_node.object()}
+        if own and "trial" not in named:
+            node["trial"]
+        required = [*named.values(), *own.values()]
+        table, lines = read_table(source.file, required=required, numbers=numbers, filled=[named["t"]])
+
+        def values(*names: str) -> FloatArray | None:
+            if names[0] not in named:
+                return None
+            return np.column_stack([scales[COLUMNS[name]] * table[named[name]] for name in names])
+
+        clock = np.array([_time(word, line, named["t"], source) for word, line in zip(table[named["t"]], lines, strict=True)])
+        poses = values("x", "y", "theta")
+        tips = values("tip_x", "tip_y", *(["tip_theta"] if "tip_theta" in named else []))
+        moments = values("moment")
+        if poses is None or not len(clock):
+            raise InputError("", "expected at least one row", file=source.file)
+        trials = list(table[named["trial"]]) if "trial" in named else None
+        if trials is not None and not any(trials):
+            raise InputError(f"column {named['trial']}", "expected a name in at least one row", file=source.file)
+        try:
+            log = mapping.log(
+                scales["time"] * clock, poses, values("fx", "fy"), tips, trials, None if moments is None else moments[:, 0]
+            )
+        except InputError as error:
+            place = error.place
+            if place.startswith("times["):
+                place = f"line {lines[int(place[6:-1])]}: column {named['t']}"
+            raise InputError(place, error.expected, error.got, file=source.file) from None
+        if not own:
+            return log, []
+        first = {name: rows[0] for name, rows in _rows_by_name(trials or []).items()}
+        more = {name: [table[column][first[trial]] for trial in log.trials["trial"]] for name, column in own.items()}
+        return PushLog(log.rig, {**log.trials, **{name: _numbers(values) for name, values in more.items()}}, log.samples), []
+
+
+TABLES = CsvTables()
+
+
+def _rows_by_name(trials: list[str]) -> dict[str, list[int]]:
+    rows: dict[str, list[int]] = {}
+    for row, name in enumerate(trials):
+        rows.setdefault(name, []).append(row)
+    return rows
+
+
+def _numbers(words: list[str]) -> list[Any]:
+    """Numbers, if all words are some or blank; else the words."""
+    try:
+        return [float(word) if word else math.nan for word in words]
+    except ValueError:
+        return words
+
+
+def _time(word: str, line: int, column: str, source: Source) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"line {line}: column {column}", "expected a finite number", repr(word[:40]), file=source.file)
+    return value

@@ -1,0 +1,123 @@
+"""What a user says of recorded data in a small YAML file: the rig, frames, signs and units; the rest is each importer's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from stablepush.core import FloatArray, InputError, Node
+from stablepush.io.formats import load_slider, model_or_path, slider_from_node
+from stablepush.io.importers.registry import Source
+from stablepush.io.json_files import read_text
+from stablepush.io.pushlog import CONTACT_KINDS, Noise, PushLog, Rig
+from stablepush.io.world import FORCES_ON, log_from_arrays
+from stablepush.objects import Slider
+
+#: Keys that all mappings may have.
+KEYS = (
+    "slider", "friction", "gravity", "contact_kind", "finger_radius", "noise",
+    "body_pose", "forces_on", "zero_forces", "window", "finger_distance", "model",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mapping:
+    """``root``: the file, for what only one importer reads; ``rig``; the pose (3,) of B in the tracked frame; the rest of what
+    :func:`log_from_arrays` takes.
+    """
+
+    root: Node
+    rig: Rig
+    body_pose: FloatArray
+    forces_on: str
+    zero_forces: bool
+    window: float
+    finger_distance: float | None
+
+    def log(
+        self, times: FloatArray, poses: FloatArray, forces: FloatArray | None = None, tips: FloatArray | None = None,
+        trials: list[str] | None = None, moments: FloatArray | None = None,
+    ) -> PushLog:  # fmt: skip
+        """Make a log of rows in the world, as :func:`log_from_arrays` does."""
+        return log_from_arrays(
+            self.rig, times, poses, forces, tips, trials, body_pose=self.body_pose, forces_on=self.forces_on, moments=moments,
+            zero_forces=self.zero_forces, window=self.window, finger_distance=self.finger_distance,
+        )  # fmt: skip
+
+
+def mapping_of(source: Source, slider: Slider | None, *own: str) -> Mapping:
+    """Read the mapping of a source; ``own`` are the keys that its importer reads by itself."""
+    if "mapping" not in source.labels:
+        raise InputError("--mapping", f"expected a YAML file that says what is what, for logs of kind {source.kind}")
+    file = Path(source.labels["mapping"])
+    root = _read_yaml(file)
+    root.expect_keys(*KEYS, *own)
+
+    def number(key: str, otherwise: float | None, positive: bool = True) -> Any:
+        node = root.get(key)
+        return otherwise if node is None else node.number(positive=positive, at_least=None if positive else 0.0)
+
+    friction, noise, kind, on = root.get("friction"), root.get("noise"), root.get("contact_kind"), root.get("forces_on")
+    if friction is not None:
+        friction.expect_keys("support", "contact")
+    parts = {name: None if friction is None else friction.get(name) for name in ("support", "contact")}
+    zero, body, model = root.get("zero_forces"), root.get("body_pose"), root.get("model")
+    if zero is not None and not isinstance(zero.value, bool):
+        zero.fail("expected true or false", repr(zero.value))
+    rig = Rig(
+        _slider(root, file, slider),
+        contact_kind="point" if kind is None else kind.text(CONTACT_KINDS),
+        support_friction=None if parts["support"] is None else parts["support"].zero_or_positive(),
+        contact_friction=None if parts["contact"] is None else parts["contact"].number(at_least=0.0),
+        gravity=number("gravity", 9.81),
+        finger_radius=number("finger_radius", None, positive=False),
+        noise=None if noise is None else Noise(*(noise[key].number(at_least=0.0) for key in ("force", "position", "angle"))),
+        extra={"source": {"kind": source.kind}},
+        model=None if model is None else model_or_path(model, file.parent),
+    )
+    return Mapping(
+        root, rig, np.zeros(3) if body is None else body.array(3), "slider" if on is None else on.text(FORCES_ON),
+        True if zero is None else zero.value, number("window", 0.1), number("finger_distance", None),
+    )  # fmt: skip
+
+
+def _slider(root: Node, file: Path, slider: Slider | None) -> Slider:
+    node = root.get("slider")
+    if slider is not None:
+        return slider
+    if node is None:
+        raise InputError("slider", "expected the outline: --slider FILE, or the key slider", file=file)
+    return load_slider(file.parent / node.text()) if isinstance(node.value, str) else slider_from_node(node)
+
+
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]
+    """YAML without tags, whose keys stand once."""
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for key in keys:
+            if not isinstance(key, str):
+                raise yaml.constructor.ConstructorError(None, None, f"expected words as keys, got {key!r}", node.start_mark)
+            if keys.count(key) > 1:
+                raise yaml.constructor.ConstructorError(None, None, f"the key {key} stands twice", node.start_mark)
+        return dict(super().construct_mapping(node, deep))
+
+
+def _read_yaml(file: Path) -> Node:
+    text = read_text(file)
+    try:
+        value = yaml.load(text, _Loader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        place = "" if mark is None else f"line {mark.line + 1} column {mark.column + 1}"
+        words = getattr(error, "problem", None) or getattr(error, "reason", None) or "cannot be read"
+        raise InputError(place, f"expected YAML: {words}", file=file) from None
+    except (RecursionError, ValueError):
+        raise InputError("", "expected YAML of ordinary depth and numbers", file=file) from None
+    root = Node(value, str(file))
+    root.object()
+    return root

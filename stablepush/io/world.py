@@ -1,0 +1,424 @@
+"""Logs from what a lab records: a tracker's poses, a robot's tip and a sensor's forces, all in the world, become rows in B."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+
+from stablepush.core import FloatArray, InputError, check_array, check_choice, check_number
+from stablepush.geometry import compose, point_velocity, rotate_vectors, transform_points
+from stablepush.identify import SlipPairs
+from stablepush.io.pushlog import PushLog, Rig
+from stablepush.objects import Slider
+
+#: What a force acts on: the slider, the finger (its reaction), or whichever makes the power of the pushes positive.
+FORCES_ON = ("slider", "finger", "power")
+#: Share of the speed of the fastest point of the outline, of the greatest in the trial, above which the slider moves, and of the
+#: 95th percentile above which it slips steadily. A trial in which no point of the outline travels so far (m) is of no push.
+_MOVES, _SLIPS, _LEAST_TRAVEL = 0.15, 0.3, 3e-4
+#: Rest ends where the force has made this share of the step to that of the slip; contact ends where less of it is left. A step
+#: that is a smaller share of the load is none: the trial has no rest.
+_STEP, _LEFT, _LEAST_STEP = 0.3, 0.1, 0.3
+#: A finger that is farther (m) from the outline does not touch it.
+_TOUCHES = 1e-3
+#: A slider that travels no farther (m) than noise takes its median rests.
+_STILL = 1e-4
+#: A new trial begins after so many seconds in which the slider rests; so many before it moves are kept.
+_PAUSE, _BEFORE = 0.5, 1.0
+#: Least rows at rest from which the offset of the force sensor is taken, and rows whose median begins and ends a trial.
+_LEAST_REST, _ENDS = 3, 5
+
+
+def log_from_arrays(
+    rig: Rig,
+    times: ArrayLike,
+    poses: ArrayLike,
+    forces: ArrayLike | None = None,
+    tip_positions: ArrayLike | None = None,
+    trials: Sequence[str] | None = None,
+    *,
+    body_pose: ArrayLike = (0.0, 0.0, 0.0),
+    forces_on: str = "slider",
+    moments: ArrayLike | None = None,
+    zero_forces: bool = True,
+    window: float = 0.1,
+    finger_distance: float | None = None,
+) -> PushLog:
+    """Make a log of what was recorded in the world frame.
+
+    Poses of B are ``pose * body_pose``. Loads in B are ``f = R(theta)^T force`` and ``tau = p x f``: p is the point of the
+    outline nearest to the tip, for a finger gives a force and no moment. With ``moments``, ``tau = moment + q x f``, q being the
+    tip's place. Twists are the slopes of straight lines through the poses within ``window``, by least squares, turned into B.
+
+    Parameters
+    ----------
+    rig : Rig
+        The slider and what is believed of the rig. Its ``finger_radius`` is not needed: the nearest point of the outline is the
+        same for every radius.
+    times : array-like, shape (n,)
+        Clock of all rows (s), from any origin; it grows within a trial.
+    poses : array-like, shape (n, 3)
+        Tracked poses ``(x, y, theta)`` of the slider in W (m, rad). NaN where the tracker saw nothing.
+    forces : array-like, shape (n, 2), optional
+        Forces in W (N).
+    tip_positions : array-like, shape (n, 2) or (n, 3), optional
+        Centre of the finger, or midpoint of two, in W (m); a third column is the heading of the tool (rad).
+    trials : sequence of str, length n, optional
+        The push of each row; rows with a blank are left out. If not given, a push is where the slider moves, and another begins
+        after it rested for half a second; a second before it moves is kept with it, all other rows are left out.
+    body_pose : array-like, shape (3,)
+        Pose of B, whose origin is the centre of mass, in the tracked frame (m, rad).
+    forces_on : str
+        ``"slider"``: the load on the slider, as the log has it. ``"finger"``: its reaction. ``"power"``: whichever of the two
+        does work on the slider, over all rows.
+    moments : array-like, shape (n,), optional
+        Moments about the tip, along z (N·m).
+    zero_forces : bool
+        Take off what the sensor reads at rest in each trial: the median of its first rows, up to where the force steps to that
+        of the push, if the slider does not move yet. There must be three or more such rows; a trial without rest keeps its
+        loads.
+    window : float
+        s. Shorter follows faster motion, longer leaves less noise.
+    finger_distance : float, optional
+        m, between the centres of two fingers, along the touched edge; ``tip_positions`` is midway between them. With it and
+        ``rig.finger_radius`` the log has the contact point of each finger, where it is nearer than 1 mm to the outline.
+
+    Returns
+    -------
+    PushLog
+        With ``phase``: ``rest`` before contact, ``retract`` after it, ``push`` between.
+
+    Raises
+    ------
+    InputError
+        For arrays of other shapes, times that do not grow, loads that need ``tip_positions`` and have none, no push.
+    """
+    t = _clock(times)
+    n = len(t)
+    tracked = _with_gaps(poses, "poses", n, (3,))
+    body = compose(tracked, check_array(body_pose, "body_pose", (3,)))
+    tips = None if tip_positions is None else _with_gaps(tip_positions, "tip_positions", n, (2, 3))
+    world = None if forces is None else _with_gaps(forces, "forces", n, (2,))
+    turning = None if moments is None else _with_gaps(_column(moments), "moments", n, (1,))[:, 0]
+    check_choice(forces_on, "forces_on", FORCES_ON)
+    check_number(window, "window", positive=True)
+    if finger_distance is not None:
+        check_number(finger_distance, "finger_distance", positive=True)
+        if rig.contact_kind != "two-point" or rig.finger_radius is None or tips is None:
+            raise InputError("finger_distance", "expected a rig of kind two-point with a finger_radius, and tip_positions")
+    if world is not None and tips is None:
+        raise InputError("tip_positions", "expected the places of the tip with forces, for their moments", "none")
+    if turning is not None and world is None:
+        raise InputError("moments", "expected forces with them", "none")
+    rows, names = _pushes(rig.slider, t, body, window) if trials is None else _named(t, trials)
+    if not names:
+        raise InputError("poses" if trials is None else "trials", "expected at least one push, found none")
+    columns: dict[str, list[Any]] = {"trial": [], "t": [], "phase": []}
+    parts: dict[str, list[FloatArray]] = {"pose": [], "twist": [], "force": [], "moment": [], "place": [], "pusher": []}
+    begins = []
+    for name, mine in zip(names, rows, strict=True):
+        clock = t[mine]
+        if (np.diff(clock) <= 0).any():
+            late = int(np.argmax(np.diff(clock) <= 0)) + 1
+            raise InputError(f"times[{mine[late]}]", f"expected times that grow within trial {name}")
+        here = body[mine]
+        twists = _slopes(clock, here, window)
+        read = None if world is None else world[mine]
+        phases = _phases(rig.slider, here, _speeds(rig.slider, twists), read)
+        columns["trial"] += [name] * len(mine)
+        columns["t"] += (clock - clock[0]).tolist()
+        columns["phase"] += phases.tolist()
+        begins.append(float(clock[0]))
+        parts["pose"].append(here)
+        parts["twist"].append(twists)
+        if tips is not None:
+            parts["pusher"].append(_pushers(rig.slider, here, tips[mine], phases))
+        if read is not None and tips is not None:
+            moment = np.zeros(len(mine)) if turning is None else turning[mine]
+            rest = (phases == "rest") & np.isfinite(read).all(axis=1) & np.isfinite(moment)
+            if zero_forces and rest.sum() >= _LEAST_REST:
+                read, moment = read - np.median(read[rest], axis=0), moment - np.median(moment[rest])
+            local = _into(here, tips[mine, :2])
+            parts["force"].append(rotate_vectors(-here[:, 2], read))
+            parts["place"].append(_nearest(rig.slider, local))
+            arms = parts["place"][-1] if turning is None else local
+            load = parts["force"][-1]
+            parts["moment"].append((moment + arms[:, 0] * load[:, 1] - arms[:, 1] * load[:, 0])[:, None])
+    found = {name: np.concatenate(several) for name, several in parts.items() if several}
+    if "force" in found:
+        load = np.column_stack((found["force"], found["moment"]))
+        power = np.nansum((load * found["twist"])[np.array(columns["phase"]) == "push"])
+        if forces_on == "finger" or (forces_on == "power" and power < 0):
+            load = -load
+        columns |= dict(zip(("fx", "fy", "tau"), load.T, strict=True))
+        columns |= dict(zip(("c1x", "c1y"), found["place"].T, strict=True)) if rig.contact_kind == "point" else {}
+    columns |= dict(zip(("x", "y", "theta"), found["pose"].T, strict=True))
+    columns |= dict(zip(("vx", "vy", "omega"), found["twist"].T, strict=True))
+    if "pusher" in found:
+        columns |= dict(zip(("px", "py", "ptheta"), found["pusher"].T, strict=True))
+    if finger_distance is not None:
+        pushed = np.array(columns["phase"]) == "push"
+        for k, side in enumerate((-0.5, 0.5), 1):
+            points = _touched(rig, found["pose"], found["pusher"], side * finger_distance)
+            points[~pushed] = np.nan
+            columns |= {f"c{k}x": points[:, 0].tolist(), f"c{k}y": points[:, 1].tolist()}
+    origin = min(begins)
+    log = {"trial": names, "start_time": [begin - origin for begin in begins], "group": [""] * len(names)}
+    return PushLog(rig, log, columns)
+
+
+def pokes_from_world(
+    poses: ArrayLike,
+    tip_positions: ArrayLike,
+    forces: ArrayLike,
+    times: ArrayLike,
+    slider: Slider,
+    trials: Sequence[str] | None = None,
+    **how: Any,
+) -> SlipPairs:
+    """Return a load and a slip twist of each poke that was recorded in the world frame, as a fit takes them.
+
+    Rows, contact, zero of the sensor and twists are those of :func:`log_from_arrays`. Of each poke count the rows in contact
+    whose fastest point of the outline moves at no less than 0.3 of the 95th percentile in the poke: there the slider slips, and
+    the load is that of sliding friction. The load (N, N·m) and the twist (m/s, rad/s) are means over those rows, both in B. A
+    poke in which no point of the outline travels 0.3 mm missed the slider, or did not move it, and is left out.
+
+    Parameters
+    ----------
+    poses, tip_positions, forces, times, trials
+        As :func:`log_from_arrays` takes them: (n, 3), (n, 2), (n, 2), (n,), n words; m, rad, N, s, in W.
+    slider : Slider
+        Its outline, in B.
+    **how
+        ``body_pose``, ``forces_on``, ``moments``, ``zero_forces``, ``window`` of :func:`log_from_arrays`.
+
+    Returns
+    -------
+    SlipPairs
+        ``wrenches`` (k, 3), ``twists`` (k, 3) and the ``trials``: ``sp.fit_limit_surface(*pairs[:2], slider=slider)``.
+
+    Raises
+    ------
+    InputError
+        As :func:`log_from_arrays`, and if the slider slips in no poke.
+    """
+    log = log_from_arrays(Rig(slider), times, poses, forces, tip_positions, trials, **how)
+    loads, twists, places = log.columns("fx", "fy", "tau"), log.columns("vx", "vy", "omega"), log.columns("x", "y", "theta")
+    usable = (log.samples["phase"] == "push") & np.isfinite(loads).all(axis=1) & np.isfinite(twists).all(axis=1)
+    speed = _speeds(slider, twists)
+    f, v, names = [], [], []
+    for name in log.trials["trial"]:
+        rows = log.rows(name)
+        moved = _travel(slider, places[rows]) >= _LEAST_TRAVEL
+        rows = rows[usable[rows]]
+        if moved and len(rows):
+            rows = rows[speed[rows] >= _SLIPS * np.percentile(speed[rows], 95)]
+            f.append(loads[rows].mean(axis=0))
+            v.append(twists[rows].mean(axis=0))
+            names.append(name)
+    if not names:
+        raise InputError("poses", f"expected the slider to move by {1000 * _LEAST_TRAVEL:g} mm in at least one poke")
+    return SlipPairs(np.array(f), np.array(v), names)
+
+
+def centered_rig(rig: Rig) -> tuple[Rig, FloatArray]:
+    """Return a rig whose slider has the centroid of its area as origin, and the pose (3,) of that in the frame it had."""
+    middle = shapely.get_coordinates(rig.slider.polygon.centroid)[0]
+    support = rig.slider.support
+    if support is not None:
+        support = replace(support, points=support.points - middle)
+    return replace(rig, slider=Slider(rig.slider.vertices - middle, rig.slider.mass, support)), np.array((*middle, 0.0))
+
+
+def _with_gaps(values: ArrayLike, name: str, n: int, widths: tuple[int, ...]) -> FloatArray:
+    """Rows (n, width) of numbers; one with a NaN is missing."""
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(name, "expected numbers") from None
+    if array.ndim != 2 or array.shape[0] != n or array.shape[1] not in widths:
+        shapes = " or ".join(f"({n}, {width})" for width in widths)
+        raise InputError(name, f"expected shape {shapes}, a row for each time", array.shape)
+    if np.isinf(array).any():
+        raise InputError(name, "expected finite numbers, NaN for a missing one", "infinity")
+    array[np.isnan(array).any(axis=1)] = np.nan
+    return array
+
+
+def _clock(times: ArrayLike) -> FloatArray:
+    """Times (n,) from the first, whatever they count from: seconds since 1970 are more than other numbers may be."""
+    try:
+        t = np.array(times, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError("times", "expected numbers") from None
+    if t.ndim != 1 or not len(t):
+        raise InputError("times", "expected at least one time, in a list", f"an array of shape {t.shape}")
+    if not np.isfinite(t).all():
+        raise InputError(f"times[{int(np.argmin(np.isfinite(t)))}]", "expected a finite number")
+    return check_array(t - t[0], "times", (None,))
+
+
+def _column(values: ArrayLike) -> Any:
+    """A list of numbers as a table of one column; anything else as it is, to be refused."""
+    array = np.asarray(values)
+    return array[:, None] if array.ndim == 1 else array
+
+
+def _speeds(slider: Slider, twists: FloatArray) -> FloatArray:
+    """Speeds (n,) in m/s of the fastest point of the outline; 0 where nothing is known."""
+    return np.nan_to_num(np.linalg.norm(point_velocity(twists, slider.vertices), axis=-1).max(axis=1))
+
+
+def _travel(slider: Slider, poses: FloatArray) -> float:
+    """How far (m) the farthest going point of the outline goes, from the median of the first to that of the last poses (n, 3)."""
+    known = poses[np.isfinite(poses).all(axis=1)]
+    if len(known) < 2:
+        return 0.0
+    known[:, 2] = np.unwrap(known[:, 2])
+    count = min(_ENDS, max(1, len(known) // 3))
+    first, last = (transform_points(np.median(part, axis=0), slider.vertices) for part in (known[:count], known[-count:]))
+    return float(np.linalg.norm(last - first, axis=1).max())
+
+
+def _size(vectors: FloatArray) -> FloatArray:
+    """Lengths (n,) of vectors (n, 2); 0 where one is missing."""
+    return np.nan_to_num(np.linalg.norm(vectors, axis=1))
+
+
+def _named(t: FloatArray, trials: Sequence[str]) -> tuple[list[np.ndarray[Any, np.dtype[np.intp]]], list[str]]:
+    """Rows of each trial that is named, and the names."""
+    words = ["" if word is None or word != word else str(word) for word in trials]  # noqa: PLR0124 (NaN)
+    if len(words) != len(t):
+        raise InputError("trials", f"expected {len(t)} names, one for each row", len(words))
+    groups: dict[str, list[int]] = {word: [] for word in words if word}
+    for row, word in enumerate(words):
+        if word:
+            groups[word].append(row)
+    return [np.array(rows, dtype=np.intp) for rows in groups.values()], list(groups)
+
+
+def _pushes(
+    slider: Slider, t: FloatArray, body: FloatArray, window: float
+) -> tuple[list[np.ndarray[Any, np.dtype[np.intp]]], list[str]]:
+    """Rows of each push of a record: where the slider moves, and before."""
+    if (np.diff(t) <= 0).any():
+        late = int(np.argmax(np.diff(t) <= 0)) + 1
+        raise InputError(f"times[{late}]", "expected times that grow, or trials")
+    speed = _speeds(slider, _slopes(t, body, window))
+    moving = np.flatnonzero(speed > _MOVES * speed.max())
+    if not len(moving):
+        return [], []
+    cuts = np.flatnonzero(np.diff(t[moving]) > _PAUSE)
+    firsts, lasts = moving[np.concatenate(([0], cuts + 1))], moving[np.concatenate((cuts, [len(moving) - 1]))]
+    found, done = [], 0
+    for first, last in zip(firsts, lasts, strict=True):
+        begin = max(int(np.searchsorted(t, t[first] - _BEFORE)), done)
+        # noise of a tracker is as quick as a slow push, and leads nowhere
+        if _travel(slider, body[max(begin, first - _ENDS) : last + _ENDS + 1]) >= _LEAST_TRAVEL:
+            found.append(np.arange(begin, last + 1))
+            done = int(last) + 1
+    return found, [str(k + 1) for k in range(len(found))]
+
+
+def _phases(
+    slider: Slider, poses: FloatArray, speed: FloatArray, forces: FloatArray | None
+) -> np.ndarray[Any, np.dtype[np.object_]]:
+    """Phases (n,) of a trial: ``push`` from the step of the force to where it is gone; without forces, while the slider moves."""
+    phases = np.full(len(speed), "push", dtype=object)
+    moving = np.flatnonzero(speed > _MOVES * speed.max())
+    if not len(moving):
+        return phases
+    if forces is None:
+        phases[: moving[0]], phases[moving[-1] + 1 :] = "rest", "retract"
+        return phases
+    known = np.asarray(np.isfinite(forces).all(axis=1))
+    steady = known & (speed >= _SLIPS * np.percentile(speed, 95))
+    if not steady.any():
+        return phases
+    load, zero = np.median(forces[steady], axis=0), np.zeros(2)
+    first = np.median(forces[np.flatnonzero(known)[:_LEAST_REST]], axis=0)
+    step = float(np.linalg.norm(load - first))
+    if step > _LEAST_STEP * float(np.linalg.norm(load)):
+        rest = int(np.argmax(known & (_size(forces - first) > _STEP * step)))
+        # a force that grows while the slider moves is no step from rest
+        share = rest / len(speed)
+        if rest >= _LEAST_REST and _travel(slider, poses[:rest]) < _SLIPS * share * _travel(slider, poses) + _STILL:
+            phases[:rest], zero = "rest", np.median(forces[:rest][known[:rest]], axis=0)
+    left = np.flatnonzero(known & (_size(forces - zero) > _LEFT * np.linalg.norm(load - zero)))
+    if len(left) and left[-1] >= moving[0]:
+        phases[left[-1] + 1 :] = "retract"
+    return phases
+
+
+def _slopes(t: FloatArray, poses: FloatArray, window: float) -> FloatArray:
+    """Twists (n, 3) in B: slopes of lines through the poses in W within ``window``, at least those of the neighbours."""
+    twists = np.full((len(t), 3), np.nan)
+    known = np.flatnonzero(np.isfinite(poses).all(axis=1))
+    if len(known) < 2:
+        return twists
+    clock, seen, rows = t[known], poses[known].copy(), np.arange(len(known))
+    seen[:, 2] = np.unwrap(seen[:, 2])
+    half = window / 2 * (1 + 1e-9)
+    low = np.minimum(np.searchsorted(clock, clock - half), np.maximum(rows - 1, 0))
+    high = np.maximum(np.searchsorted(clock, clock + half, side="right"), np.minimum(rows + 2, len(known)))
+    # a row of the window's numbers for each row of the log
+    places = low[:, None] + np.arange(int((high - low).max()))
+    within = places < high[:, None]
+    places = np.minimum(places, len(known) - 1)
+    times = np.where(within, clock[places] - clock[:, None], 0.0)
+    times = np.where(within, times - (times.sum(axis=1) / within.sum(axis=1))[:, None], 0.0)
+    velocity = np.einsum("nw,nwk->nk", times, seen[places] - seen[:, None]) / (times**2).sum(axis=1)[:, None]
+    velocity[:, :2] = rotate_vectors(-seen[:, 2], velocity[:, :2])
+    twists[known] = velocity
+    return twists
+
+
+def _touched(rig: Rig, body: FloatArray, pusher: FloatArray, aside: float) -> FloatArray:
+    """Contact points (n, 2) in B of a finger that is aside (m) on its tool; NaN where it is away from the outline."""
+    center = compose(pusher, (0.0, aside, 0.0))[:, :2]
+    local = _into(body, center)
+    points = _nearest(rig.slider, local)
+    points[~(np.linalg.norm(local - points, axis=1) < (rig.finger_radius or 0.0) + _TOUCHES)] = np.nan
+    return points
+
+
+def _into(poses: FloatArray, points: FloatArray) -> FloatArray:
+    """Points (n, 2) of W, one for each pose (n, 3), as the frame of that pose has them."""
+    return rotate_vectors(-poses[:, 2], points - poses[:, :2])
+
+
+def _nearest(slider: Slider, points: FloatArray) -> FloatArray:
+    """The points (n, 2) of the outline that are nearest to points (n, 2) in B; NaN stays."""
+    ring, found = slider.polygon.exterior, np.full(points.shape, np.nan)
+    known = np.isfinite(points).all(axis=1)
+    along = shapely.line_locate_point(ring, shapely.points(points[known]))
+    found[known] = shapely.get_coordinates(shapely.line_interpolate_point(ring, along))
+    return found
+
+
+def _pushers(slider: Slider, body: FloatArray, tips: FloatArray, phases: np.ndarray[Any, np.dtype[np.object_]]) -> FloatArray:
+    """Poses (n, 3) of the pusher in W: the tip, its x axis the inward normal of the touched edge at first touch.
+
+    The axis turns with the tool where the tip has a heading, and keeps its direction where it has none.
+    """
+    seen = np.flatnonzero((phases == "push") & np.isfinite(body).all(axis=1) & np.isfinite(tips).all(axis=1))
+    found = np.column_stack((tips[:, :2], np.full(len(tips), np.nan)))
+    if not len(seen):
+        return found
+    first = seen[0]
+    edge = _edge(slider, _nearest(slider, _into(body[first : first + 1], tips[first : first + 1, :2]))[0])
+    along = np.roll(slider.vertices, -1, axis=0)[edge] - slider.vertices[edge]
+    heading = float(body[first, 2] + np.arctan2(along[0], -along[1]))
+    found[:, 2] = heading + (tips[:, 2] - tips[first, 2] if tips.shape[1] == 3 else 0.0)
+    return found
+
+
+def _edge(slider: Slider, point: FloatArray) -> int:
+    """The edge that a point of the outline is on."""
+    ends = np.stack((slider.vertices, np.roll(slider.vertices, -1, axis=0)), axis=1)
+    return int(np.argmin(shapely.distance(shapely.linestrings(ends), shapely.points(point))))

@@ -1,0 +1,214 @@
+"""Recordings in the world frame become body-frame rows: a motion that is known in closed form, seen from the world."""
+
+import numpy as np
+import pytest
+from recordings import RADIUS, SLIDER, recorded
+
+import stablepush as sp
+from stablepush.geometry import compose, exp, inverse, rotate_vectors, transform_points
+
+
+def test_loads_and_twists_are_those_of_the_motion():
+    (t, poses, tips, forces), trials, loads = recorded()
+    pairs = sp.pokes_from_world(poses, tips, forces, t, SLIDER, trials, window=0.02)
+    assert pairs.trials == ["p0", "p1", "p2"]
+    assert pairs.wrenches == pytest.approx(loads, abs=1e-12)
+    # the first row of contact is half at rest: a share of it in 51
+    assert pairs.twists == pytest.approx(np.tile((0.002, 0.02, 0.1), (3, 1)), rel=0.011, abs=1e-6)
+    # the same without names: pushes are told apart by their contact
+    again = sp.pokes_from_world(poses, tips, forces, t, SLIDER, window=0.02)
+    assert again.wrenches == pytest.approx(pairs.wrenches, abs=1e-12)
+    assert again.trials == ["1", "2", "3"]
+
+
+def test_twists_are_exact_within_the_push_and_poses_everywhere():
+    (t, poses, tips, forces), trials, _ = recorded(twist=(0.004, 0.02, 0.0))
+    log = sp.log_from_arrays(sp.Rig(SLIDER, finger_radius=RADIUS), t, poses, forces, tips, trials, window=0.02)
+    push = log.samples["phase"] == "push"
+    assert push.sum() == 3 * 51
+    inside = push & (log.samples["t"] > 1.015)
+    assert log.columns("vx", "vy", "omega")[inside] == pytest.approx(np.tile((0.004, 0.02, 0.0), (inside.sum(), 1)), abs=1e-12)
+    assert log.columns("x", "y", "theta") == pytest.approx(poses, abs=1e-12)
+    assert log.columns("c1y")[push] == pytest.approx(-0.03, abs=1e-12)
+    assert log.trials["start_time"] == pytest.approx([0.0, 10.0, 20.0])
+    # the pusher's axis is the inward normal at first touch
+    first = np.flatnonzero(push)[0]
+    assert log.samples["ptheta"][first] == pytest.approx(poses[first, 2] + np.pi / 2)
+
+
+def test_a_tracked_frame_elsewhere_and_a_sensor_that_reads_the_reaction_with_an_offset():
+    offset = np.array((0.03, -0.02, 0.7))
+    (t, poses, tips, forces), trials, loads = recorded(offset=offset)
+    read = 0.4 - forces
+    # the pose of B in the tracked frame is the inverse of that of the tracked frame in B
+    how = {"body_pose": inverse(offset), "window": 0.02}
+    for sign in ("finger", "power"):
+        pairs = sp.pokes_from_world(poses, tips, read, t, SLIDER, trials, forces_on=sign, **how)
+        assert pairs.wrenches == pytest.approx(loads, abs=1e-9)
+
+
+def test_moments_are_about_the_tip():
+    (t, poses, tips, forces), trials, loads = recorded()
+    log = sp.log_from_arrays(
+        sp.Rig(SLIDER, contact_kind="two-point"), t, poses, forces, tips, trials, moments=np.where(forces[:, 1] != 0, 0.05, 0.0)
+    )
+    push = log.samples["phase"] == "push"
+    by_hand = loads[:, 2] + RADIUS * loads[:, 0] + 0.05
+    assert log.samples["tau"][push].reshape(3, -1) == pytest.approx(np.tile(by_hand[:, None], 51), abs=1e-12)
+    assert "c1x" not in log.samples
+
+
+def test_pokes_around_a_slider_are_what_a_fit_takes():
+    support = sp.SupportDistribution.from_polygon(SLIDER.vertices, 0.01)
+    surface = sp.IdealLimitSurface(support, 2.0)
+    rng = np.random.default_rng(2)
+    t, poses, tips, forces, trials, loads, twists = [], [], [], [], [], [], []
+    for k in range(12):
+        edge = k % 4
+        a, b = SLIDER.vertices[edge], SLIDER.vertices[(edge + 1) % 4]
+        place = a + rng.uniform(0.2, 0.8) * (b - a)
+        normal = np.array((-(b - a)[1], (b - a)[0])) / np.linalg.norm(b - a)
+        force = normal + rng.uniform(-0.3, 0.3) * np.array((-normal[1], normal[0]))
+        twist = 0.01 * surface.twist(np.array((*force, place[0] * force[1] - place[1] * force[0])))
+        load = surface.wrench(twist)
+        # the finger is where the line of the force meets its edge
+        place = place + (load[2] - (place[0] * load[1] - place[1] * load[0])) / ((b - a) @ (load[1], -load[0])) * (b - a)
+        clock = np.arange(30) / 60.0
+        body = compose((0.1 * k, 0.0, 0.3 * k), exp(twist * clock[:, None]))
+        t.append(clock)
+        poses.append(body)
+        tips.append(transform_points(body, (place - 0.004 * normal)[None])[:, 0])
+        forces.append(rotate_vectors(body[:, 2], np.tile(load[:2], (len(clock), 1))))
+        trials += [str(k)] * len(clock)
+        loads.append(load)
+        twists.append(twist)
+    pairs = sp.pokes_from_world(*map(np.concatenate, (poses, tips, forces, t)), SLIDER, trials, zero_forces=False)
+    assert pairs.wrenches == pytest.approx(np.array(loads), abs=1e-9)
+    assert pairs.twists == pytest.approx(np.array(twists), rel=1e-3, abs=1e-6)
+    fit = sp.fit_limit_surface(pairs, slider=SLIDER, seed=0)
+    assert fit.surface.wrench((0.0, 1.0, 0.0))[1] == pytest.approx(2.0, rel=0.05)
+
+
+BAD = [
+    ({"times": np.zeros((3, 2))}, "times"),
+    ({"poses": np.zeros((5, 3))}, "poses: expected shape"),
+    ({"tip_positions": np.zeros((453, 4))}, "tip_positions: expected shape"),
+    ({"forces": np.full((453, 2), np.inf)}, "forces: expected finite numbers"),
+    ({"poses": np.zeros((453, 3))}, "expected at least one push, found none"),
+    ({"trials": ["a"]}, "trials: expected 453 names"),
+    ({"forces_on": "table"}, "forces_on"),
+    ({"window": 0.0}, "window"),
+    ({"tip_positions": None}, "tip_positions"),
+    ({"body_pose": (0.0, 0.0)}, "body_pose"),
+    ({"poses": [["a"] * 3] * 453}, "poses: expected numbers"),
+]
+
+
+@pytest.mark.parametrize(("wrong", "words"), BAD, ids=[words[:20] for _, words in BAD])
+def test_bad_arrays_are_named(wrong, words):
+    (t, poses, tips, forces), _, _ = recorded()
+    given = {"times": t, "poses": poses, "forces": forces, "tip_positions": tips} | wrong
+    with pytest.raises(sp.InputError, match=words):
+        sp.log_from_arrays(sp.Rig(SLIDER), **given)
+
+
+def test_times_that_stand_still_are_named():
+    (t, poses, tips, forces), trials, _ = recorded()
+    t[7] = t[6]
+    with pytest.raises(sp.InputError, match=r"times\[7\]: expected times that grow within trial p0"):
+        sp.log_from_arrays(sp.Rig(SLIDER), t, poses, forces, tips, trials)
+
+
+def test_missing_rows_stay_missing():
+    (t, poses, tips, forces), trials, loads = recorded()
+    poses[120] = np.nan
+    log = sp.log_from_arrays(sp.Rig(SLIDER), t, poses, forces, tips, trials)
+    assert np.isnan(log.columns("x", "vx", "fx")[120]).all()
+    assert sp.pokes_from_world(poses, tips, forces, t, SLIDER, trials).wrenches == pytest.approx(loads, abs=1e-12)
+
+
+def test_clocks_may_count_from_1970():
+    (t, poses, tips, forces), trials, loads = recorded()
+    pairs = sp.pokes_from_world(poses, tips, forces, t + 1.7e9, SLIDER, trials)
+    assert pairs.wrenches == pytest.approx(loads, abs=1e-6)
+
+
+def test_each_trial_has_its_own_zero():
+    (t, poses, tips, forces), trials, loads = recorded()
+    forces[151:302] += (3.4, 0.0)
+    forces[302:] += (0.0, -4.5)
+    for given in (trials, None):
+        assert sp.pokes_from_world(poses, tips, forces, t, SLIDER, given).wrenches == pytest.approx(loads, abs=1e-9)
+
+
+def test_a_push_without_rest_keeps_its_load():
+    t = np.arange(0, 1, 0.01)
+    poses = np.column_stack((0 * t, 0.02 * t, 0 * t))
+    tips = poses[:, :2] - (0, 0.035)
+    for force in (2 + t, 2 + 0 * t, 1 + 3 * t):
+        pairs = sp.pokes_from_world(poses, tips, np.column_stack((0 * t, force)), t, SLIDER, ["a"] * 100)
+        assert pairs.wrenches[0, 1] == pytest.approx(force.mean(), rel=1e-9)
+
+
+def test_short_pushes_of_a_long_record_are_told_apart_in_noise():
+    """Three pushes of a second in 75 s, with the noise of a tracker and of a sensor."""
+    rng = np.random.default_rng(0)
+    t = np.arange(0, 75, 0.01)
+    moving = sum((np.clip(t - begin, 0.0, 1.0) for begin in (12.0, 37.0, 61.0)), 0 * t)
+    pushed = sum(((t >= begin) & (t <= begin + 1.0) for begin in (12.0, 37.0, 61.0)), 0 * t)
+    poses = np.column_stack((0 * t, 0.01 * moving, 0 * t)) + rng.normal(size=(len(t), 3)) * (5e-5, 5e-5, 5e-4)
+    tips = np.column_stack((0 * t, 0.01 * moving - 0.035))
+    forces = np.column_stack((0 * t, 2.0 * pushed)) + 0.3 + 0.02 * rng.normal(size=(len(t), 2))
+    pairs = sp.pokes_from_world(poses, tips, forces, t, SLIDER)
+    assert len(pairs.trials) == 3
+    assert pairs.wrenches == pytest.approx(np.tile((0.0, 2.0, 0.0), (3, 1)), abs=0.03)
+    assert pairs.twists[:, 1] == pytest.approx(0.01, rel=0.05)
+
+
+def test_pokes_that_missed_or_stuck_are_left_out():
+    rng = np.random.default_rng(1)
+    (t, poses, tips, forces), trials, _ = recorded()
+    # the second never touches, the third is held
+    poses[151:], forces[151:302] = poses[151], 0.02 * rng.normal(size=(151, 2))
+    poses[151:] += rng.normal(size=(302, 3)) * (5e-5, 5e-5, 5e-4)
+    pairs = sp.pokes_from_world(poses, tips, forces, t, SLIDER, trials)
+    assert pairs.trials == ["p0"]
+    with pytest.raises(sp.InputError, match=r"expected the slider to move by 0\.3 mm in at least one poke"):
+        sp.pokes_from_world(poses[151:], tips[151:], forces[151:], t[151:], SLIDER, trials[151:])
+
+
+def test_without_forces_the_motion_tells_the_phases():
+    (t, poses, _, _), trials, _ = recorded()
+    for given in (trials, None):
+        log = sp.log_from_arrays(sp.Rig(SLIDER), t, poses, trials=given)
+        assert len(log) == 3
+        pushed = [(log.samples["phase"][log.rows(name)] == "push").sum() for name in log.trials["trial"]]
+        assert pushed == pytest.approx([52, 52, 52], abs=6)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"times": []}, {"moments": 5.0}, {"moments": ["a"] * 453}, {"times": ["a"] * 453}, {"times": np.full(453, np.nan)}]
+)
+def test_worse_arrays_are_named_too(wrong):
+    (t, poses, tips, forces), _, _ = recorded()
+    given = {"times": t, "poses": poses, "forces": forces, "tip_positions": tips} | wrong
+    with pytest.raises(sp.InputError, match=next(iter(wrong))):
+        sp.log_from_arrays(sp.Rig(SLIDER), **given)
+
+
+def test_two_fingers_have_contact_points_where_they_touch():
+    """A tool with two fingers 40 mm apart in the middle of the lower edge, one of them off the end of the slider."""
+    t = np.arange(0, 1, 0.01)
+    poses = np.column_stack((0 * t, 0.02 * t, 0 * t))
+    rig = sp.Rig(SLIDER, contact_kind="two-point", finger_radius=RADIUS)
+    forces = np.column_stack((0 * t, 2.0 + 0 * t))
+    for x, beyond in ((0.0, False), (0.035, True)):
+        tips = np.column_stack((0 * t + x, 0.02 * t - 0.03 - RADIUS, 0.5 + 0 * t))
+        log = sp.log_from_arrays(rig, t, poses, forces, tips, ["a"] * 100, finger_distance=0.04)
+        # the tool faces along y: its own y axis points to minus x
+        assert log.columns("c1x", "c1y") == pytest.approx(
+            np.tile((np.nan, np.nan) if beyond else (0.02, -0.03), (100, 1)), nan_ok=True
+        )
+        assert log.columns("c2x", "c2y") == pytest.approx(np.tile((x - 0.02, -0.03), (100, 1)), abs=1e-12)
+    with pytest.raises(sp.InputError, match="finger_distance: expected a rig of kind two-point"):
+        sp.log_from_arrays(sp.Rig(SLIDER), t, poses, forces, tips, finger_distance=0.04)

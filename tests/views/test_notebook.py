@@ -1,0 +1,37 @@
+"""What a notebook shows of fits, regions, plans and diagnoses."""
+
+import html
+
+import numpy as np
+from conftest import make_log, small_scene, triangle
+
+import stablepush as sp
+
+
+def test_a_plan_is_a_table_of_its_pushes_and_an_animation(tmp_path):
+    problem = small_scene()
+    result = sp.plan(problem, refinement_budget=0)
+    shown = result._repr_html_()
+    assert shown.count("<tr>") == 1 + 4 + 1 + len(result.pushes)
+    assert f"{result.duration:.2f} s" in shown
+    page = sp.animate(problem, result)
+    assert page.html.startswith("<!doctype html>".upper()) or page.html.lower().startswith("<!doctype html>")
+    assert html.escape(page.html) in page._repr_html_()
+    assert len(repr(page)) < 40
+    page.save(tmp_path / "plan.html")
+    assert (tmp_path / "plan.html").read_text(encoding="utf-8") == page.html
+    none = sp.PlanResult("no-path", "hand", message="a <wall> is in the way")
+    assert "&lt;wall&gt;" in none._repr_html_()
+
+
+def test_fits_regions_and_reports_show_pictures():
+    slider = triangle()
+    surface = sp.IdealLimitSurface(sp.SupportDistribution.from_polygon(slider.vertices, 0.01), 3.0)
+    twists = np.random.default_rng(0).normal(size=(10, 3)) / (1, 1, surface.characteristic_length)
+    fit = sp.fit_limit_surface(surface.wrench(twists), twists, slider=slider, seed=0)
+    shown = fit._repr_html_()
+    assert "poly4-cvx" in shown and "data:image/png;base64," in shown and "SOS-convex" in shown
+    region = sp.stable_region(surface, sp.PushContact.on_edge(slider, 0, 0.05, 0.05, 0.9))
+    assert "data:image/png;base64," in region._repr_html_() and " deg" in region._repr_html_()
+    report = sp.diagnose(make_log())
+    assert report._repr_html_().startswith("<iframe srcdoc=")
