@@ -19,7 +19,7 @@ import stablepush as sp
 from stablepush.engines import Execution, Fingers, SliderOnFeet, executor
 from stablepush.geometry import rotate_vectors
 
-#: Spacing (m) of two fingers and half the speed-up (s) before the first row, as rows are means over equal parts of a push.
+#: Distance (m) of two fingers, which no log states: that of the rig of the practice logs.
 SPACING = 0.03
 
 

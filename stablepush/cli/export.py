@@ -48,15 +48,11 @@ def export(
                 raise error from None
     for path, text in models:
         write_atomically(path, text)
-    told(mjcf=mjcf, sdf=sdf, keyframes=text_keys(models[0][1]) if mjcf is not None else None)
+    keyframes = models[0][1].count("<key ")
+    told(mjcf=mjcf, sdf=sdf, keyframes=keyframes if mjcf is not None else None)
     if mjcf is not None:
-        words = "the start" if result is None else f"{text_keys(models[0][1])} keyframes of the plan"
+        words = "the start" if result is None else f"{keyframes} keyframes of the plan"
         print(f"{mjcf}: MuJoCo model with {words}")
     if sdf is not None:
         motion = "" if plan_file is None else f"; its motion: stablepush trajectory {scene} {plan_file} -o trajectory.csv"
         print(f"{sdf}: SDFormat world{motion}")
-
-
-def text_keys(model: str) -> int:
-    """Number of keyframes of an MJCF model."""
-    return model.count("<key ")
