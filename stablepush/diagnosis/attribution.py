@@ -253,7 +253,7 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
     for id in list(chosen):
         if len(chosen) > 1:
             without = system.fit([e for e in chosen if e != id], True)
-            if not system.significantly_better(current.density, without.density):
+            if system.at_bound(id, current.values[id]) or not system.significantly_better(current.density, without.density):
                 chosen.remove(id)
                 system.opened -= {id}
                 current = without

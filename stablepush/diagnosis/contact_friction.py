@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
+from stablepush.core import FloatArray
 from stablepush.diagnosis.equations import Fitted
 from stablepush.diagnosis.system import System
 from stablepush.effects import CATALOGUE
@@ -44,24 +45,34 @@ def slip_friction(system: System, fitted: Fitted) -> ContactFriction | None:
     """Friction of the contact from the direction of the force while fingers slip; None if too few trials do, or forces lack.
 
     Slip shows in single rows, or where it creeps in a whole push. Trials whose fingers creep count where too few slip fast, and
-    only if all give the same friction, which no trial exceeds.
+    only if all give the same friction, which no trial exceeds. A force that is steeper than the rig's friction allows shows by
+    itself that friction is higher.
     """
     slip = slipping(system, fitted)
     if slip is None:
         return None
+    nominal = system.rig.contact_friction
     ratios = np.array(list(slip.fast.values()))
+    found = None
     # friction opposes true slip: where it often does not, the slip is noise
-    if len(ratios) < _FEWEST_TRIALS or (ratios > 0).mean() < _OPPOSED:
-        if not slip.agree or len(slip.ratios) < _FEWEST_TRIALS:
-            return None
-        ratios = np.array(list(slip.ratios.values()))
+    if len(ratios) >= _FEWEST_TRIALS and (ratios > 0).mean() >= _OPPOSED:
+        found = _of_ratios(ratios, nominal)
+    elif slip.agree and len(slip.ratios) >= _FEWEST_TRIALS:
+        found = _of_ratios(np.array(list(slip.ratios.values())), nominal)
+    if nominal is not None and (found is None or found.p_value > P_SLIP):
+        steepest = slip.steepest
+        if len(steepest) >= _FEWEST_TRIALS and steepest.min() > nominal:
+            higher = _of_ratios(steepest, nominal)
+            return higher if higher.p_value < P_SLIP else found
+    return found
+
+
+def _of_ratios(ratios: FloatArray, nominal: float | None) -> ContactFriction:
+    """Friction from that of each trial (n,), and whether it is another than the rig's."""
     estimate = float(np.median(ratios))
     deviation = max(1e-4, 1.4826 * float(np.median(np.abs(ratios - estimate))))
     error = 1.2533 * deviation / np.sqrt(len(ratios))
-    nominal = system.rig.contact_friction
-    if nominal is None:
-        return ContactFriction(estimate, error, len(ratios), 1.0)
-    off = abs(estimate - nominal)
+    off = 0.0 if nominal is None else abs(estimate - nominal)
     p = float(2 * student.sf(off / error, len(ratios) - 1)) if off > _MU else 1.0
     return ContactFriction(estimate, error, len(ratios), p)
 
@@ -78,6 +89,13 @@ class Slip:
     @property
     def ratios(self) -> dict[int, float]:
         return {**self.creeping, **self.fast}
+
+    @property
+    def steepest(self) -> FloatArray:
+        """The ratios (k,) of the trials that slip at about the greatest of all; none if sticking trials have a greater one."""
+        ratios = np.array(list(self.ratios.values()))
+        top = ratios[ratios > (1 - _SAME) * ratios.max(initial=0.0)]
+        return top if len(top) and self.most < (1 + _SAME) * float(np.median(top)) else np.zeros(0)
 
     @property
     def agree(self) -> bool:

@@ -3,7 +3,6 @@ to."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -12,7 +11,7 @@ from scipy.stats import chi2, t as student
 
 from stablepush.core import ConvergenceError, FloatArray, InputError
 from stablepush.diagnosis.attribution import FOLDS, Attribution, folds_of
-from stablepush.diagnosis.equations import OF_PRESSURE, Values, robust_variance
+from stablepush.diagnosis.equations import OF_PRESSURE, Values
 from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.replay import Replay, first_contacts
 from stablepush.diagnosis.results import ChannelGap, GapReduction
@@ -32,11 +31,12 @@ _SMOOTH = 0.2
 _DRAWS = 4
 #: Pose errors are significant if they are so many times those that noise would leave, with so small a p-value.
 _OFF, _SIGNIFICANT = 2.0, 0.01
-#: A channel stands clear of its floor if it is so many times as large, with so small a p-value.
-_CLEAR = 1.5
-#: Or so many times as large, if in a few pushes only.
-_FAR = 5.0
-#: Error of the final pose of a push that is simulated with rigid bodies, over the radius of the slider.
+#: A channel stands clear of its floor with a p-value that is :data:`_SIGNIFICANT`, or so many times as large in a few pushes.
+_FAR = 3.0
+#: A refit that leaves so many times the noise is no fit.
+_MISFIT = 1.5
+#: What a simulation with rigid bodies errs by itself, since fingers and feet give: of a load over its size, of a final pose over
+#: the radius of the slider.
 _RIGID = 0.01
 #: Shares of a gap that effects may leave of what a refit without them leaves, and of what the nominal simulation leaves.
 _LEAVES_OF_REFIT, _LEAVES = 0.5, 0.1
@@ -85,8 +85,8 @@ def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[
     if system.has_surface and pushes:
         _ends(held, system, folds, pushes)
     elif "touch" in held.squares:
-        for part in (held.squares, held.trials, held.floors):
-            part["pose"] = part["touch"]  # type: ignore[assignment, index]
+        held.squares["pose"], held.trials["pose"] = held.squares["touch"], held.trials["touch"]
+        held.floors["pose"] = held.floors["touch"] + _rigid(system)
     labels = _labels(system, log) if system.has_surface and system.rig.contact_friction is not None else {}
     if labels:
         _stability(held, folds, labels, system.rig.model, system.log)
@@ -152,7 +152,13 @@ def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Re
     if simulated.any():
         held.trials["pose"] = trial[simulated]
         held.squares["pose"] = {k: (held.ends[k][simulated] ** 2).sum(axis=1) for k in _FITS}
-        held.floors["pose"] = float((system.final_pose_noise[simulated] ** 2).sum(axis=1).mean())
+        noise = float((system.final_pose_noise[simulated] ** 2).sum(axis=1).mean())
+        held.floors["pose"] = noise + _rigid(system)
+
+
+def _rigid(system: System) -> float:
+    """Mean square (m²) of what poses of simulated pushes err without noise."""
+    return float((_RIGID * system.rig.slider.radius) ** 2)
 
 
 def _clearances(held: HeldOut, system: System, folds: list[_Fold]) -> None:
@@ -272,11 +278,13 @@ def _twist_floor(system: System, fold: _Fold, rows: np.ndarray) -> FloatArray:
     """Mean squared angles of rows that noise of forces and motion alone would leave."""
     rng = np.random.default_rng(0)
     clean = (system.model.predict(fold.loads["after"], {}) - system.model.beyond_points)[rows]
-    noise = np.array((system.noise.force, system.noise.force, system.noise.moment))
+    scale = np.array((1.0, 1.0, system.rho))
+    own = _RIGID * np.linalg.norm(clean / scale, axis=1)[:, None, None] * np.diag(scale)
+    readings = np.linalg.cholesky(system.reading_covariance[rows] + own @ own)
     motion = system.observations.twist[rows]
     total = np.zeros(len(clean))
     for _ in range(_DRAWS):
-        load = clean + noise * rng.normal(size=clean.shape)
+        load = clean + np.einsum("nij,nj->ni", readings, rng.normal(size=clean.shape))
         moved = motion + system.motion_noise[rows] * rng.normal(size=motion.shape)
         total += _apart(system, fold.surfaces["after"], np.flatnonzero(rows), load, moved) ** 2
     return total / _DRAWS
@@ -298,7 +306,7 @@ def _labels(system: System, log: PushLog) -> dict[int, tuple[PushContact, FloatA
 
 def percent(share: float) -> str:
     """A share in percent, cut at -100: where the gap is within the noise the interval of its share is very wide."""
-    return "below -100" if share < -1 else f"{100 * share:.0f}"
+    return "less than -100" if share < -1 else f"{100 * share:.0f}"
 
 
 _UNITS = {"wrench": "N", "twist": "rad", "pose": "m", "stability": "1"}
@@ -352,7 +360,7 @@ def gap(system: System, held: HeldOut) -> list[ChannelGap]:
         if channel not in held.squares:
             continue
         if channel == "wrench":
-            p = _lack_of_fit(system.white(o.wrench - held.wrenches["before"]).reshape(-1, 3), o.trial)
+            p = _wrenches_lack_of_fit(system, held.wrenches["before"])
         elif channel == "pose" and not held.ends:
             clearances = np.concatenate([o.clearance[rows, k] for k, rows in system.clearance_rows])
             p = _lack_of_fit((clearances / system.clearance_noise)[:, None], held.trials["pose"])
@@ -372,26 +380,34 @@ def gap(system: System, held: HeldOut) -> list[ChannelGap]:
     return entries
 
 
-def stands_clear(system: System, held: HeldOut, entry: ChannelGap) -> bool:
-    """Return whether what the nominal simulation leaves of a channel is clearly more than noise.
+def stands_clear(entry: ChannelGap) -> bool:
+    """Return whether what the nominal simulation leaves of a channel is more than its floor.
 
-    Of wrenches most rows must be off, not a few outliers. Final poses may be far off in a few pushes, and by more than a
-    simulated push errs by itself: fingers and feet give, which no simulation of rigid ones has. Directions of motion follow the
-    wrenches. Labels of stability alone show nothing: they have no floor, and those near the boundary are not determined.
+    Its p-value says so, or its size if a few pushes are far off. Labels of stability alone show nothing: they have no floor, and
+    those near the boundary are not determined.
     """
-    if entry.channel == "wrench":
-        left = system.white(system.observations.wrench - held.wrenches["before"])
-        return float(np.sqrt(robust_variance(left**2))) > _CLEAR
-    floor = math.hypot(entry.noise_floor, _RIGID * system.rig.slider.radius)
-    clear = entry.nominal > _CLEAR * floor and entry.p_lack_of_fit < _SIGNIFICANT
-    far = entry.nominal > _FAR * entry.noise_floor and entry.nominal > _CLEAR * floor
-    return entry.channel == "pose" and (clear or far)
+    if entry.channel == "stability":
+        return False
+    return entry.p_lack_of_fit < _SIGNIFICANT or entry.nominal > _FAR * entry.noise_floor
 
 
 def refit_leaves_noise(system: System) -> bool:
     """Return whether a refitted surface leaves no more of the wrenches that it is fitted to than noise."""
-    left = system.fit([], True).residual[: 3 * len(system.observations.time)]
-    return system.has_wrench and float(np.sqrt(np.mean(left**2))) < _CLEAR
+    if not system.has_wrench:
+        return False
+    fit = system.fit([], True)
+    left = fit.residual[: 3 * len(system.observations.time)]
+    predicted = system.model.predict(fit.loads, system.of_wrench(fit.values))
+    return bool(np.sqrt(np.mean(left**2)) < _MISFIT and _wrenches_lack_of_fit(system, predicted) > _SIGNIFICANT)
+
+
+def refit_leaves_poses_off(held: HeldOut) -> bool:
+    """Return whether pushes that a refitted surface was not fitted to end clearly elsewhere than it has them."""
+    if "pose" not in held.squares:
+        return False
+    left, floor = held.squares["pose"]["refit"], held.floors["pose"]
+    size = float(np.sqrt(left.mean() / floor))
+    return size > _FAR or (size > _MISFIT and _above(left, held.trials["pose"], floor) < _SIGNIFICANT)
 
 
 def slipping_unexpectedly(held: HeldOut, log: PushLog) -> list[int]:
@@ -401,6 +417,25 @@ def slipping_unexpectedly(held: HeldOut, log: PushLog) -> list[int]:
     stable = np.asarray(log.trials["stable"], dtype=np.float64)
     wrong = held.squares["stability"]["before"] > 0
     return [int(trial) for trial in held.trials["stability"][wrong] if stable[trial] == 0]
+
+
+def _wrenches_lack_of_fit(system: System, predicted: FloatArray) -> float:
+    """p-value of mean residuals of the wrench over trials that are larger than noise and the simulation's own error leave.
+
+    The mean ``z`` of a trial's n whitened residuals has the covariance ``I/n + A Aᵀ``: the noise of the rows, and an error of
+    all of them alike that is :data:`_RIGID` of the load in each component. ``zᵀ (I/n + A Aᵀ)⁻¹ z`` is chi-squared with three
+    degrees of freedom.
+    """
+    o, scale = system.observations, np.array((1.0, 1.0, system.rho))
+    off = system.white(o.wrench - predicted).reshape(-1, 3)
+    own = _RIGID * np.linalg.norm(predicted / scale, axis=1)[:, None, None] * np.diag(scale)
+    own = system.white(own).reshape(-1, 3, 3)
+    statistic, names = 0.0, np.unique(o.trial)
+    for name in names:
+        rows = o.trial == name
+        z, common = off[rows].mean(axis=0), own[rows].mean(axis=0)
+        statistic += float(z @ np.linalg.solve(np.eye(3) / rows.sum() + common @ common.T, z))
+    return float(chi2.sf(statistic, 3 * len(names)))
 
 
 def _lack_of_fit(rows: FloatArray, trial: np.ndarray) -> float:

@@ -22,6 +22,7 @@ from stablepush.diagnosis.gap_reduction import (
     pose_errors_are_significant,
     reductions,
     refit_leaves_noise,
+    refit_leaves_poses_off,
     slipping_unexpectedly,
     stands_clear,
 )
@@ -189,18 +190,17 @@ def _diagnose(
         if size > _MISFIT or (common > _COMMON and p_common < _P_COMMON) or (not forces and pose_errors_are_significant(held)):
             verdict = "unknown"
     gaps = gap(system, held)
-    if verdict == "none" and any(stands_clear(system, held, entry) for entry in gaps):
+    clear = [entry for entry in gaps if stands_clear(entry)]
+    if verdict == "none" and clear:
         # few trials do not show that a refit predicts others better, but it may fit all of them
-        clear = [entry.channel for entry in gaps if stands_clear(system, held, entry)]
-        verdict = "absorbed" if "pose" not in clear and refit_leaves_noise(system) else "unknown"
+        of_pose = any(entry.channel == "pose" for entry in clear)
+        verdict = "absorbed" if not of_pose and refit_leaves_noise(system) else "unknown"
     lost = lost_pushes(system, pushes)
     if verdict in ("none", "absorbed") and lost:
         verdict = "unknown"
     if verdict == "none" and comparison is not None and comparison.is_off and not pushes:
         verdict = "unknown"
-    if verdict == "absorbed" and any(
-        entry.channel == "pose" and stands_clear(system, held, replace(entry, nominal=entry.refitted)) for entry in gaps
-    ):
+    if verdict == "absorbed" and refit_leaves_poses_off(held):
         # a refit that leaves pushes where they were absorbs nothing of that
         verdict = "unknown"
     # a change of all friction alike leaves the surface's shape as it is
@@ -233,6 +233,12 @@ def _diagnose(
         notes.append(f"effects of the lab's own need forces: {', '.join(untested)} was not tested")
     if comparison is not None:
         notes = [*comparison.notes(), *notes]
+    if verdict == "absorbed" and system.has_wrench and not refit_leaves_noise(system):
+        notes.append("a refitted surface leaves more of the wrench than noise: it is nearer, but not all of the gap")
+    if verdict == "unknown" and system.has_wrench and clear and not any(observations.group) and share < _UNKNOWN_SHARE:
+        notes.append(
+            "what is left follows neither place, heading, order nor speed: repeat a few pushes to see how well a push repeats"
+        )
     slipping, after = slipping_unexpectedly(held, log), _next(system, found, reported, ranking)
     if slipping:
         notes.append(slipping_note([observations.names[k] for k in slipping], len(log)))
@@ -249,7 +255,7 @@ def _diagnose(
         worse=[entry.channel for entry in reduced if entry.after > 1.02 * entry.before],
         next_experiment=after,
         sentence=unexplained(
-            [entry for entry in gaps if stands_clear(system, held, entry)],
+            clear,
             ranking,
             len(slipping),
             len(log),

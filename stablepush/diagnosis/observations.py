@@ -10,7 +10,16 @@ import numpy as np
 import shapely
 
 from stablepush.core import LEAST_POSITIVE, BoolArray, FloatArray
-from stablepush.geometry import compose, exp, inverse, log as log_of, rotate_vectors, transform_points, wrap_angle
+from stablepush.geometry import (
+    compose,
+    exp,
+    inverse,
+    log as log_of,
+    nearest_on_outline,
+    rotate_vectors,
+    transform_points,
+    wrap_angle,
+)
 from stablepush.io import PushLog, distinct
 
 #: Fingers farther (m) than this from where fingers usually are, beside the outline, do not touch it; nor do those that are
@@ -374,9 +383,7 @@ def _half_spacing(log: PushLog) -> float:
 
 def nearest(outline: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Nearest places (n, 2) of an outline to points (n, 2), inward normals (n, 2), and distances (n,), negative inside."""
-    ring = shapely.LinearRing(outline)
-    where = shapely.line_locate_point(ring, shapely.points(points))
-    near = shapely.get_coordinates(shapely.line_interpolate_point(ring, where))
+    near, where = nearest_on_outline(outline, points)
     inside = shapely.contains_xy(shapely.Polygon(outline), *points.T)
     offset = near - points
     away = np.linalg.norm(offset, axis=1)

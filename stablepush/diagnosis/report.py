@@ -41,18 +41,18 @@ class GapReport:
     verdict: Verdict
     named: list[str]
     gap: list[ChannelGap]
-    where: list[Finding]
-    ranking: list[RankedEffect]
-    reductions: list[GapReduction]
-    worse: list[str]
-    next_experiment: NextExperiment
+    where: list[Finding] = field(repr=False)
+    ranking: list[RankedEffect] = field(repr=False)
+    reductions: list[GapReduction] = field(repr=False)
+    worse: list[str] = field(repr=False)
+    next_experiment: NextExperiment = field(repr=False)
     sentence: str
     notes: list[str]
-    rig: Rig
-    surface: IdealLimitSurface | None
-    effects: dict[str, dict[str, Any]]
-    corrected: list[Correction]
-    evidence: dict[str, Evidence]
+    rig: Rig = field(repr=False)
+    surface: IdealLimitSurface | None = field(repr=False)
+    effects: dict[str, dict[str, Any]] = field(repr=False)
+    corrected: list[Correction] = field(repr=False)
+    evidence: dict[str, Evidence] = field(repr=False)
     residuals: dict[str, FloatArray] = field(repr=False)
     ends: dict[str, FloatArray] = field(repr=False)
     places: FloatArray = field(repr=False)

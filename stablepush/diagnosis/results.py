@@ -75,7 +75,11 @@ class RankedEffect(Record):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChannelGap(Record):
-    """The gap in a channel as root mean squares in ``unit``: of the nominal and of the refitted simulation, and of the noise."""
+    """The gap in a channel as root mean squares in ``unit``: of the nominal and of the refitted simulation, and of the noise.
+
+    ``noise_floor`` holds what rigid bodies leave by themselves, too: 1 % of a load, and of the slider's radius in a final pose.
+    ``p_lack_of_fit``: how often noise alone leaves as much as the nominal simulation does.
+    """
 
     channel: str
     unit: str

@@ -51,6 +51,8 @@ IN_CLEARANCES: Mapping[str, int] = {"contact-geometry": 1, "frame-offset": 2, "l
 _DEMANDS_OF_A_MODEL = Demands(25.0, 8.0, 2.5, 0.002, np.inf)
 #: Times the known mass that what resists acceleration may be, and share of the friction that a gradient takes at most.
 _HEAVIER, _LEFT = 2.0, 0.95
+#: A value is at its bound from this share of it.
+_AT_BOUND = 0.05
 #: Steps of differences by the terms of a family, over half of their plausible range.
 _SMALL_TERM = 0.05
 
@@ -230,6 +232,11 @@ class System(Equations):
             radius = self.observations.finger_radius
             own = np.maximum(own, -np.inf if radius is None else -radius)
         return np.concatenate((own, value[count:]))
+
+    def at_bound(self, id: str, value: FloatArray) -> bool:
+        """Whether a fitted effect is as large as this rig can have it: what would need more is another cause."""
+        own = float(np.linalg.norm(value[: self.size(id, whole=False)]))
+        return own > (1 - _AT_BOUND) * self._most.get(id, np.inf)
 
     @cached_property
     def _most(self) -> dict[str, float]:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from stablepush.diagnosis.attribution import Attribution
+from stablepush.diagnosis.equations import robust_variance
 from stablepush.diagnosis.results import ChannelGap, GapReduction, RankedEffect, readable
 from stablepush.diagnosis.system import System
 from stablepush.effects import CATALOGUE
@@ -14,8 +17,14 @@ from stablepush.io import PushLog
 _EACH_LOG = ("drift", "pressure-shift", "pressure-spread", "anisotropy-object")
 #: Trials and effects that a sentence lists at most, and the least probability of an effect that one lists.
 _LISTED, _LIKELY = 3, 0.005
+#: A sentence compares a size with the noise if it is so many times as large: means over pushes may be off by less.
+_LARGER = 1.2
+#: Whitened residuals of a row that is an outlier, and the share of rows that may be outliers.
+_OUTLIER, _FEW = 6.0, 0.1
 #: A sentence names a channel whose gap is reduced by more than this share.
 _REPORTED = 0.05
+#: And if the gap itself becomes smaller by this factor: where it is within the noise its share is anything.
+_NEARER = 1.02
 
 
 def sentence_of(
@@ -29,7 +38,7 @@ def sentence_of(
 ) -> str:
     forces = system.has_wrench
     # of the first channel that comes nearer: a cause need not show in all
-    shares = {f"the {entry.channel}": entry.closed for entry in reductions} | {"how fingers touch": touch}
+    shares = {f"the {e.channel}": e.closed for e in reductions if e.before > _NEARER * e.after} | {"how fingers touch": touch}
     sizes = {f"the {entry.channel}": entry for entry in reductions}
     nearer = [(channel, share) for channel, share in shares.items() if share > _REPORTED]
     if effects and all(id in CATALOGUE and CATALOGUE[id].acts == "contact" for id in effects):
@@ -74,10 +83,13 @@ def unexplained(
     off: list[ChannelGap], ranking: list[RankedEffect], slipping: int, pushes: int, tells: bool, lost: Mapping[int, float]
 ) -> str:
     """What stands clear of the noise, and what is most likely, where no effect explains the gap."""
-    units = {"wrench": "N", "pose": "m"}
     sizes = [
-        f"the {entry.channel} is off by {readable(entry.nominal)} {units[entry.channel]}, noise explains "
-        f"{readable(entry.noise_floor)}"
+        f"the {entry.channel} is off by {readable(entry.nominal)} {entry.unit}, "
+        + (
+            f"noise explains {readable(entry.noise_floor)}"
+            if entry.nominal > _LARGER * entry.noise_floor
+            else f"in whole pushes by more than noise explains (p {entry.p_lack_of_fit:.1g})"
+        )
         for entry in off
     ]
     words = ["No effect of the catalogue explains the gap" + (f": {', '.join(sizes)}" if sizes else "")]
@@ -115,6 +127,13 @@ def notes_on(
     if left_out:
         notes.append(
             f"final poses of {left_out} pushes were not used: they cannot be simulated, or noise of the start dominates them"
+        )
+    far = _outliers(system, found)
+    if far.any():
+        pushes = len(np.unique(system.observations.trial[far]))
+        notes.append(
+            f"forces of {np.count_nonzero(far)} of {far.size} rows, in {pushes} of {len(log)} pushes, are off by more than "
+            f"{_OUTLIER:g} times their noise: look at them before anything else, they may be outliers of the sensor"
         )
     if not any(system.observations.group):
         notes.append("no repeated pushes: the repeatability is unknown")
@@ -162,6 +181,16 @@ def notes_on(
             f"friction at the fingers from {contact.readings} of {contact.trials} trials that slip: {contact.estimate:.4g}"
         )
     return notes
+
+
+def _outliers(system: System, found: Attribution) -> np.ndarray:
+    """Which rows (n,) have forces far off, where these are few."""
+    if not system.has_wrench:
+        return np.zeros(0, dtype=bool)
+    rows = found.final.residual[: 3 * len(system.observations.time)].reshape(-1, 3)
+    unit = max(1.0, float(np.sqrt(robust_variance(rows**2))))
+    far = np.asarray(np.abs(rows).max(axis=1) > _OUTLIER * unit)
+    return far if far.mean() < _FEW else np.zeros_like(far)
 
 
 def slipping_note(names: Sequence[str], pushes: int) -> str:

@@ -1,0 +1,61 @@
+"""What noise leaves of each channel, and that no verdict passes over what is more."""
+
+import numpy as np
+import pytest
+from conftest import edited, make_log
+
+import stablepush as sp
+from stablepush.diagnosis import gap_reduction
+from stablepush.diagnosis.gap_reduction import stands_clear
+
+NOISE = sp.Noise(0.05, 5e-5, 5e-4)
+
+
+def changed(log, change):
+    """The log with other forces: ``change`` (rows, 3) factors or newtons, at random."""
+    rng = np.random.default_rng(4)
+    loads = change(log, np.stack([log.samples[name] for name in ("fx", "fy", "tau")], axis=-1), rng)
+    return sp.PushLog(log.rig, log.trials, log.samples | dict(zip(("fx", "fy", "tau"), loads.T, strict=True)))
+
+
+def with_outliers(log, loads, rng):
+    """One reading in fifty is off by 1.5 N."""
+    far = rng.random(len(loads)) < 0.02
+    return loads + far[:, None] * rng.choice((-1.5, 1.5), (len(loads), 3)) * (1, 1, 0.05)
+
+
+def scattered(log, loads, rng):
+    """Friction is another in each push, by 6 %."""
+    names, rows = np.unique(log.samples["trial"], return_inverse=True)
+    return loads * (1 + 0.06 * rng.normal(size=len(names)))[rows, None]
+
+
+@pytest.mark.parametrize("seed", (0, 1, 2))
+@pytest.mark.parametrize("two", (False, True))
+def test_noise_alone_leaves_the_floor(monkeypatch, seed, two):
+    log = make_log(noise=NOISE, seed=seed, two=two)
+    report = sp.diagnose(log)
+    assert report.verdict == "none"
+    assert not any(stands_clear(entry) for entry in report.gap)
+    # our own simulation errs by nothing beside the noise
+    monkeypatch.setattr(gap_reduction, "_RIGID", 0.0)
+    report = sp.diagnose(log)
+    sizes = {entry.channel: entry.nominal / entry.noise_floor for entry in report.gap if entry.noise_floor}
+    assert 0.8 < sizes["wrench"] < 1.1 and 0.6 < sizes["twist"] < 1.1 and 0.8 < sizes["pose"] < 1.1
+
+
+@pytest.mark.parametrize("change", (with_outliers, scattered))
+def test_what_no_effect_explains_is_not_none(change):
+    report = sp.diagnose(changed(make_log(noise=NOISE), change))
+    assert report.verdict == "unknown" and not report.named
+    assert "the wrench is off by" in report.sentence
+    assert any(stands_clear(entry) for entry in report.gap if entry.channel == "wrench")
+    outliers = [note for note in report.notes if "outliers of the sensor" in note]
+    assert bool(outliers) == (change is with_outliers)
+
+
+def test_noise_that_is_larger_than_said_is_not_none():
+    log = make_log(noise=sp.Noise(0.2, 1e-4, 1e-3))
+    report = sp.diagnose(edited(log, noise=NOISE))
+    assert report.verdict == "unknown" or any("leaves more of the wrench than noise" in note for note in report.notes)
+    assert not report.named
