@@ -12,9 +12,14 @@ author = "the stablepush developers"
 version = release = stablepush.__version__
 html_title = f"stablepush {release}"
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinx_gallery.gen_gallery"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinx_gallery.gen_gallery"]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
+# notebooks are kept without outputs and run when the pages are built
+nb_execution_mode = "force"
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
+nb_execution_in_temp = True
 html_theme = "furo"
 html_show_sourcelink = False
 html_show_copyright = False
@@ -35,4 +40,4 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "image_scrapers": ("figures.collect",),
 }
-exclude_patterns = ["_build", "sg_execution_times.rst", "benchmarks/table.md"]
+exclude_patterns = ["_build", "sg_execution_times.rst", "benchmarks/table.md", "gallery/*.ipynb"]

@@ -74,7 +74,7 @@ def diagnose(
         low, high = entry.ci95
         unit = "" if entry.unit == "1" else f" {entry.unit}"
         sizes = f"{entry.before:.4g}{unit} before, {entry.after:.4g} after, floor {entry.floor:.4g}"
-        print(f"{entry.channel}: {sizes}; explained {100 * entry.closed:.0f} % ({percent(low)} to {percent(high)})")
+        print(f"{entry.channel}: {sizes}; explained {percent(entry.closed)} % ({percent(low)} to {percent(high)})")
     for words in report.steps if report.verdict != "none" else ():
         print(f"to do: {words}")
     if answer is not None and report.corrected and report.verdict in ("absorbed", "named", "ambiguous"):

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from stablepush.cli.common import told
+
+if TYPE_CHECKING:
+    from stablepush.effects import LabEffect
 
 
 def effects(
@@ -17,11 +20,13 @@ def effects(
 ) -> None:
     """Show what simulations leave out: each effect, its parameters, units and ranges, and what a log needs to show it."""
     from stablepush.core import check_choice
-    from stablepush.effects import CATALOGUE
+    from stablepush.effects import CATALOGUE, lab_effects
 
+    own = lab_effects()
     if effect is not None:
-        check_choice(effect, "effect", CATALOGUE)
+        check_choice(effect, "effect", (*CATALOGUE, *own))
     chosen = [asdict(kind) for kind in CATALOGUE.values() if effect in (None, kind.id)]
+    chosen += [_of_lab(kind) for kind in own.values() if effect in (None, kind.id)]
     told(effects=chosen)
     if as_json:
         print(json.dumps(chosen if effect is None else chosen[0], indent=1))
@@ -35,6 +40,16 @@ def effects(
             print(f"  once it is named: {kind['remedy']}")
     if effect is None:
         print("stablepush effects ID describes one in detail; stablepush simulate --effect ID:PARAM=VALUE adds one to a rig")
+
+
+def _of_lab(effect: LabEffect) -> dict[str, Any]:
+    """An effect that a package registered, as those of the catalogue are shown."""
+    parameter = asdict(effect.parameter) | {"nominal": 0.0}
+    remedy = "it is in no corrected rig or scene: mend the rig, or model the effect in your own simulation"
+    return {
+        "id": effect.id, "what": f"{effect.what} (of an installed package)", "acts": effect.acts, "parameters": [parameter],
+        "needs": effect.needs, "remedy": remedy,
+    }  # fmt: skip
 
 
 def _words(parameter: dict[str, Any]) -> str:

@@ -134,6 +134,7 @@ def draw_map(
         write_json(regions_file, regions_to_json(regions, extent))
     for path, picture in pictures:
         write_atomically(path, picture)
+    written = [str(path) for path, _ in pictures] + ([] if regions_file is None else [str(regions_file)])
     told(
         output=output,
         regions=[
@@ -153,7 +154,7 @@ def draw_map(
             + (f"translations from {spans} deg" if spans else "no stable translation")
             + (f", tightest turns {', '.join(words)}" if words else ", no stable turn")
         )
-    print(f"{output}: written")
+    print(f"{', '.join(written)}: written")
 
 
 def contacts(
@@ -178,9 +179,15 @@ def contacts(
         list[int] | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Edge that can be reached; repeatable.")
     ] = None,
     places: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Places along each edge.")] = 9,
+    finger_radius: Annotated[
+        float, typer.Option(parser=number, metavar="METRES", help="Radius of the fingers: where they have no room is left out.")
+    ] = 0.0,
     picture: Annotated[Path | None, typer.Option(help="Picture of the contacts as PNG.")] = None,
 ) -> None:
-    """Rank two-finger contacts along the edges of a slider, as a table (CSV), the best first."""
+    """Rank two-finger contacts along the edges of a slider, as a table (CSV), the best first.
+
+    Columns: edge; center, width, tightest_left, tightest_right in m (blank: no turn is stable); area in sr; margin in rad.
+    """
     import numpy as np
 
     from stablepush.io import load_model, load_slider, table_text, write_atomically
@@ -189,11 +196,12 @@ def contacts(
 
     require_files(output, picture, read=(model, slider))
     surface, body = load_model(model), load_slider(slider)
-    given = options_of("measure", "places", "edge", mu="contact-mu", widths="width", edges="edge")
+    given = options_of("measure", "places", "edge", "finger_radius", mu="contact-mu", widths="width", edges="edge")
     with Progress("contacts") as step, about(model, options=given):
         ranked = rank_contacts(
-            body, surface, mu, measure=measure, widths=width or None, places=places, edges=edge or None, progress=step.to
-        )
+            body, surface, mu, measure=measure, widths=width or None, places=places, edges=edge or None,
+            finger_radius=finger_radius, progress=step.to,
+        )  # fmt: skip
     columns = {
         name: np.array([getattr(one, name) for one in ranked])
         for name in ("edge", "center", "width", "area", "tightest_left", "tightest_right", "margin")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -101,11 +101,11 @@ class Fit:
     total_time: float
     weights: Mapping[str, float]
     validation_error: float | None
-    angle_errors: FloatArray
-    level_errors: FloatArray
-    pair_weights: FloatArray
-    certificate: Certificate | None = None
-    pressures: PressureEnsemble | None = None
+    angle_errors: FloatArray = field(repr=False)
+    level_errors: FloatArray = field(repr=False)
+    pair_weights: FloatArray = field(repr=False)
+    certificate: Certificate | None = field(default=None, repr=False)
+    pressures: PressureEnsemble | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
 
     @property

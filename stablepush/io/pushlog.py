@@ -117,6 +117,10 @@ class PushLog:
     def __len__(self) -> int:
         return len(self.trials["trial"])
 
+    def __repr__(self) -> str:
+        rows = len(self.samples["trial"])
+        return f"PushLog({len(self)} trials, {rows} rows, columns {', '.join(self.samples)}; of trials {', '.join(self.trials)})"
+
     def rows(self, trial: str) -> np.ndarray[Any, np.dtype[np.intp]]:
         """Return the rows (n,) of ``samples`` that belong to a trial, in the order of the file."""
         return np.flatnonzero(self.samples["trial"] == trial)

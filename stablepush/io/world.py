@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from stablepush.core import FloatArray, InputError, check_array, check_choice, check_number
-from stablepush.geometry import compose, point_velocity, rotate_vectors, transform_points
+from stablepush.geometry import compose, nearest_on_outline, point_velocity, rotate_vectors, transform_points
 from stablepush.identify import SlipPairs
 from stablepush.io.pushlog import PushLog, Rig
 from stablepush.objects import Slider
@@ -145,7 +145,7 @@ def log_from_arrays(
                 read, moment = read - np.median(read[rest], axis=0), moment - np.median(moment[rest])
             local = _into(here, tips[mine, :2])
             parts["force"].append(rotate_vectors(-here[:, 2], read))
-            parts["place"].append(_nearest(rig.slider, local))
+            parts["place"].append(nearest_on_outline(rig.slider.vertices, local)[0])
             arms = parts["place"][-1] if turning is None else local
             load = parts["force"][-1]
             parts["moment"].append((moment + arms[:, 0] * load[:, 1] - arms[:, 1] * load[:, 0])[:, None])
@@ -382,7 +382,7 @@ def _touched(rig: Rig, body: FloatArray, pusher: FloatArray, aside: float) -> Fl
     """Contact points (n, 2) in B of a finger that is aside (m) on its tool; NaN where it is away from the outline."""
     center = compose(pusher, (0.0, aside, 0.0))[:, :2]
     local = _into(body, center)
-    points = _nearest(rig.slider, local)
+    points, _ = nearest_on_outline(rig.slider.vertices, local)
     points[~(np.linalg.norm(local - points, axis=1) < (rig.finger_radius or 0.0) + _TOUCHES)] = np.nan
     return points
 
@@ -390,15 +390,6 @@ def _touched(rig: Rig, body: FloatArray, pusher: FloatArray, aside: float) -> Fl
 def _into(poses: FloatArray, points: FloatArray) -> FloatArray:
     """Points (n, 2) of W, one for each pose (n, 3), as the frame of that pose has them."""
     return rotate_vectors(-poses[:, 2], points - poses[:, :2])
-
-
-def _nearest(slider: Slider, points: FloatArray) -> FloatArray:
-    """The points (n, 2) of the outline that are nearest to points (n, 2) in B; NaN stays."""
-    ring, found = slider.polygon.exterior, np.full(points.shape, np.nan)
-    known = np.isfinite(points).all(axis=1)
-    along = shapely.line_locate_point(ring, shapely.points(points[known]))
-    found[known] = shapely.get_coordinates(shapely.line_interpolate_point(ring, along))
-    return found
 
 
 def _pushers(slider: Slider, body: FloatArray, tips: FloatArray, phases: np.ndarray[Any, np.dtype[np.object_]]) -> FloatArray:
@@ -411,7 +402,8 @@ def _pushers(slider: Slider, body: FloatArray, tips: FloatArray, phases: np.ndar
     if not len(seen):
         return found
     first = seen[0]
-    edge = _edge(slider, _nearest(slider, _into(body[first : first + 1], tips[first : first + 1, :2]))[0])
+    touched, _ = nearest_on_outline(slider.vertices, _into(body[first : first + 1], tips[first : first + 1, :2]))
+    edge = _edge(slider, touched[0])
     along = np.roll(slider.vertices, -1, axis=0)[edge] - slider.vertices[edge]
     heading = float(body[first, 2] + np.arctan2(along[0], -along[1]))
     found[:, 2] = heading + (tips[:, 2] - tips[first, 2] if tips.shape[1] == 3 else 0.0)

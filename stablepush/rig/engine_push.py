@@ -6,12 +6,21 @@ from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 
 import numpy as np
-import shapely
 
 from stablepush.core import EffectError, FloatArray, InputError, UnavailableError
 from stablepush.effects import Effect
 from stablepush.engines import GRAVITY, Fingers, SliderOnFeet, executor
-from stablepush.geometry import compose, exp, inverse, log, point_velocity, rotate_vectors, transform_points, wrench_from_force
+from stablepush.geometry import (
+    compose,
+    exp,
+    inverse,
+    log,
+    nearest_on_outline,
+    point_velocity,
+    rotate_vectors,
+    transform_points,
+    wrench_from_force,
+)
 from stablepush.mechanics import Pusher, PushTrace
 from stablepush.objects import Slider
 from stablepush.surfaces import IdealLimitSurface
@@ -126,13 +135,10 @@ def _from_rest_to_rest(t: FloatArray, ramp: float) -> FloatArray:
 def _contacts(outline: FloatArray, pusher: Pusher, slider: FloatArray, tool: FloatArray) -> tuple[FloatArray, np.ndarray]:
     """Contact points (n, 2, 2) in B, NaN where a finger is open, and modes (n, 2): 1 in contact, 0 open."""
     points, modes = np.full((len(slider), 2, 2), np.nan), np.zeros((len(slider), 2), dtype=np.int64)
-    ring = shapely.LinearRing(outline)
     centers = transform_points(compose(inverse(slider), tool), pusher.fingers)
     for k in range(len(pusher.fingers)):
-        where = shapely.points(centers[:, k])
-        closed = shapely.distance(ring, where) < pusher.radius + _TOUCH
-        points[closed, k] = shapely.get_coordinates(
-            shapely.line_interpolate_point(ring, shapely.line_locate_point(ring, where[closed]))
-        )
+        near, _ = nearest_on_outline(outline, centers[:, k])
+        closed = np.linalg.norm(near - centers[:, k], axis=1) < pusher.radius + _TOUCH
+        points[closed, k] = near[closed]
         modes[closed, k] = 1
     return points, modes

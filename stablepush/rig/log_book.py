@@ -6,10 +6,17 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import shapely
 
 from stablepush.core import FloatArray
-from stablepush.geometry import compose, inverse, rotate_vectors, transform_points, wrap_angle, wrench_from_force
+from stablepush.geometry import (
+    compose,
+    inverse,
+    nearest_on_outline,
+    rotate_vectors,
+    transform_points,
+    wrap_angle,
+    wrench_from_force,
+)
 from stablepush.io import Noise, PushLog, Rig
 from stablepush.mechanics import Pusher, PushTrace
 
@@ -65,7 +72,6 @@ class LogBook:
         self._time = 0.0
         self._samples: list[dict[str, Any]] = []
         self._trials: list[dict[str, Any]] = []
-        self._outline = shapely.LinearRing(nominal.slider.vertices)
 
     def write(self, command: Command, trace: PushTrace, pusher: Pusher) -> None:
         """Add a trial: ``pusher`` as the operator believes it to be."""
@@ -127,8 +133,7 @@ class LogBook:
         centers = transform_points(compose(inverse(pose), place), pusher.fingers)
         for k in range(len(pusher.fingers)):
             closed = 2 * (modes[:, :, k] > 0).sum(axis=1) > modes.shape[1]
-            where = shapely.line_locate_point(self._outline, shapely.points(centers[closed, k]))
-            result[closed, k] = shapely.get_coordinates(shapely.line_interpolate_point(self._outline, where))
+            result[closed, k], _ = nearest_on_outline(self._nominal.slider.vertices, centers[closed, k])
         return result
 
     def _stayed(self, trace: PushTrace, fingers: int) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 
 from stablepush.core import (
@@ -76,6 +77,7 @@ def rank_contacts(
     places: int = 9,
     edges: Sequence[int] | None = None,
     turn_radius: float | None = None,
+    finger_radius: float = 0.0,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[RankedContact]:
     """Return two-finger contacts along the edges of a slider, the best first.
@@ -100,6 +102,8 @@ def rank_contacts(
         Edges that can be reached; all if not given.
     turn_radius : float, optional
         Radius (m) of the turns whose margin counts; three radii of the slider if not given.
+    finger_radius : float
+        Radius (m) of the fingers: contacts are left out whose fingers would overlap, or have no room at an inner corner.
     progress : callable, optional
         Called with the number of contacts done and planned.
     """
@@ -134,19 +138,33 @@ def rank_contacts(
                 settings.append((edge, lengths[edge] / 2, min(float(width), lengths[edge])))
     if not settings:
         raise InputError("widths", f"expected fingers that fit on an edge, the longest is {max(lengths):g} m")
+    thick = check_number(finger_radius, "finger_radius", at_least=0.0)
+    contacts = [(setting, PushContact.on_edge(slider, *setting, mu)) for setting in settings]
+    contacts = [(setting, contact) for setting, contact in contacts if _has_room(slider, contact, thick)]
+    if not contacts:
+        raise InputError("finger_radius", "expected fingers that have room beside each other and the slider", f"{thick:g} m")
     found = []
-    for done, (edge, center, width) in enumerate(settings):
-        contact = PushContact.on_edge(slider, edge, center, width, mu)
+    for done, ((edge, center, width), contact) in enumerate(contacts):
         region = all_pressure_region(slider, contact) if surface is None else stable_region(surface, contact)
         left, right = (_radius(region.tightest_turn(sense)) for sense in (1, -1))
         margin = None if surface is None else _steering_margin(surface, contact, region, radius)
         found.append(RankedContact(edge, center, width, contact, region.solid_angle(), left, right, margin))
         if progress is not None:
-            progress(done + 1, len(settings))
+            progress(done + 1, len(contacts))
     attribute, sign = MEASURES[measure]
     values = sign * np.array([getattr(one, attribute) for one in found], dtype=np.float64)
     finite = np.abs(values[np.isfinite(values)])
     return [found[i] for i in order_with_ties(values, _ALIKE * float(finite.max(initial=0.0)))]
+
+
+def _has_room(slider: Slider, contact: PushContact, radius: float) -> bool:
+    """Whether fingers of a radius (m) touch at the contact points without overlapping each other or the slider."""
+    if radius == 0:
+        return True
+    centers = contact.points - radius * contact.normals
+    apart = float(np.linalg.norm(centers[0] - centers[-1])) if len(centers) > 1 else np.inf
+    clear = float(shapely.distance(slider.polygon, shapely.points(centers)).min())
+    return apart >= 2 * radius - _FULL and clear >= radius - _FULL
 
 
 def _radius(cor: FloatArray | None) -> float:

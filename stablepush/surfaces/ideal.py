@@ -55,7 +55,7 @@ class IdealLimitSurface(LimitSurface):
     support: SupportDistribution
     friction_load: float
     characteristic_length: float = field()  # or the property of the base would be its default
-    ensemble: FloatArray | None
+    ensemble: FloatArray | None = field(repr=False)
 
     def __init__(
         self,

@@ -72,10 +72,11 @@ class PolynomialLimitSurface(LimitSurface):
     degree: int = field()
     characteristic_length: float = field()  # or the property of the base would be its default
     force_unit: str = field()
-    certificate: Mapping[str, Any] | None
-    covariance: FloatArray | None
-    ensemble: FloatArray | None
-    provenance: Mapping[str, Any]
+    # not shown: a surface is its coefficients
+    certificate: Mapping[str, Any] | None = field(repr=False)
+    covariance: FloatArray | None = field(repr=False)
+    ensemble: FloatArray | None = field(repr=False)
+    provenance: Mapping[str, Any] = field(repr=False)
     _gradient: FloatArray = field(repr=False)
     _hessian: FloatArray = field(repr=False)
     _scaled: tuple[FloatArray, FloatArray, float] | None = field(repr=False)

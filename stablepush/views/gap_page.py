@@ -56,7 +56,7 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
             entry.channel,
             f"{readable(entry.before)}{_unit(entry)} before, {readable(entry.after)} after, "
             f"floor {readable(entry.floor)}; "
-            f"explained {100 * entry.closed:.0f} % ({percent(entry.ci95[0])} to {percent(entry.ci95[1])}), "
+            f"explained {percent(entry.closed)} % ({percent(entry.ci95[0])} to {percent(entry.ci95[1])}), "
             f"{entry.held_out_trials} held-out trials",
         )
         for entry in report.reductions
@@ -106,7 +106,7 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     )
     sections.append(Section("How it was computed", how))
     sections.append(Section("Data quality", "", [("note", note) for note in report.notes] or [("note", "none")]))
-    lead = f"{report.log}, {report.trials} pushes"
+    lead = ", ".join(filter(None, (report.log, f"{report.trials} pushes")))
     values = {"title": title, "lead": lead, "sections": sections}
     seen = _rows_of_loads(report) if report.residuals else _rows_of_final_poses(report)
     if not seen.rows:

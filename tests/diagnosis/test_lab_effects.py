@@ -156,3 +156,19 @@ def test_what_a_lab_writes_wrongly_is_named(clean):
     samples = {key: column for key, column in clean.samples.items() if key not in ("fx", "fy", "tau")}
     told = sp.diagnose(sp.PushLog(clean.rig, clean.trials, samples), effects=[Humidity()]).notes
     assert any("humidity was not tested" in note for note in told)
+
+
+def test_the_command_line_knows_registered_effects(monkeypatch, tmp_path, capsys):
+    from stablepush.cli import main
+    from stablepush.effects import lab
+
+    monkeypatch.setattr(lab, "plugin_names", lambda group: ["humidity"])
+    monkeypatch.setattr(lab, "load_plugin", lambda group, name: Humidity)
+    assert main(["effects"]) == 0
+    assert "humidity: support friction follows the humidity of the room (of an installed package)" in capsys.readouterr().out
+    assert main(["effects", "humidity"]) == 0
+    shown = capsys.readouterr().out
+    assert "slope [1 per %]: no effect at 0; from -0.02 to 0.02" in shown and "a log needs a column humidity" in shown
+    arguments = ["simulate", str(tmp_path / "scene.json"), str(tmp_path / "plan.json"), "-o", str(tmp_path / "log")]
+    assert main([*arguments, "--effect", "humidity:slope=0.01"]) == 2
+    assert "those of a lab are diagnosed, not simulated" in capsys.readouterr().err

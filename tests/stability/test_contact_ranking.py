@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import shapely
 from conftest import surface_zoo, three_feet, triangle
 
 import stablepush as sp
@@ -105,3 +106,25 @@ def test_pictures_go_into_axes_that_are_given():
     assert list(plot_twist_sphere(regions, ax=pair)) == list(pair)
     with pytest.raises(sp.InputError, match="ax: expected 2 axes, got 1"):
         plot_twist_sphere(regions, ax=left)
+
+
+def test_fingers_that_have_no_room_are_left_out():
+    """Against discs cut with the outline: an L whose inner corner is nearer than a finger is thick."""
+    slider = sp.Slider.centered([(0, 0), (0.16, 0), (0.16, 0.05), (0.05, 0.05), (0.05, 0.13), (0, 0.13)])
+    surface, radius = sp.IdealLimitSurface(sp.SupportDistribution(slider.vertices, np.ones(6)), 5.0), 0.01
+    ranked = sp.rank_contacts(slider, surface, 0.6, widths=(0.015, 0.03), places=7)
+    thick = sp.rank_contacts(slider, surface, 0.6, widths=(0.015, 0.03), places=7, finger_radius=radius)
+
+    def has_room(one):
+        discs = [shapely.Point(*center).buffer(radius, 64) for center in one.contact.points - radius * one.contact.normals]
+        return (
+            all(disc.intersection(slider.polygon).area < 1e-6 for disc in discs) and discs[0].intersection(discs[1]).area < 1e-6
+        )
+
+    expected = [(one.edge, one.center, one.width) for one in ranked if has_room(one)]
+    assert [(one.edge, one.center, one.width) for one in thick] == expected
+    assert 0 < len(thick) < len(ranked) and {one.width for one in thick} == {0.03}
+    # fingers beside the inner corner are among those that are left out
+    assert any(one.edge in (2, 3) and one.width == 0.03 for one in ranked if (one.edge, one.center, one.width) not in expected)
+    with pytest.raises(sp.InputError, match="finger_radius"):
+        sp.rank_contacts(slider, surface, 0.6, finger_radius=0.1)
