@@ -22,7 +22,7 @@ def effects(
     from stablepush.core import check_choice
     from stablepush.effects import CATALOGUE, lab_effects
 
-    own = lab_effects()
+    own = {} if effect in CATALOGUE else lab_effects()
     if effect is not None:
         check_choice(effect, "effect", (*CATALOGUE, *own))
     chosen = [asdict(kind) for kind in CATALOGUE.values() if effect in (None, kind.id)]

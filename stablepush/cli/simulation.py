@@ -84,7 +84,7 @@ def simulate(
 ) -> None:
     """Execute a plan, or a list of pushes, on a simulated rig with unmodelled effects, and log it."""
     from stablepush.core import check_number, note_finger, note_friction, note_noise
-    from stablepush.effects import lab_effects, parse_effect
+    from stablepush.effects import CATALOGUE, lab_effects, parse_effect
     from stablepush.io import Noise, write_pushlog
     from stablepush.mechanics import Pusher
     from stablepush.planning import load_plan, load_scene
@@ -97,7 +97,8 @@ def simulate(
         note_finger(check_number(finger_radius, "--finger-radius", at_least=0.0), "--finger-radius")
     note_friction(mu or 0.0, "--support-mu")
     note_noise(deviations[1], deviations[2], "--noise")
-    of_lab = [text for text in effect or [] if text.partition(":")[0] in lab_effects()]
+    unknown = [text for text in effect or [] if text.partition(":")[0] not in CATALOGUE]
+    of_lab = [text for text in unknown if text.partition(":")[0] in lab_effects()]
     if of_lab:
         raise InputError(
             "--effect", "expected an effect of the catalogue: those of a lab are diagnosed, not simulated", of_lab[0]

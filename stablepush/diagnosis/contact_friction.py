@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.stats import binom, norm, t as student
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.equations import Fitted
@@ -20,6 +20,8 @@ _NORMAL = 1.96
 #: Fingers creep if they slip by this share of the way of a push. Trials give the same friction if none is off by the other share,
 #: and so many are needed.
 _CREEP, _SAME, _FEWEST_TRIALS = 0.02, 0.15, 3
+#: A force is steeper than friction allows by so many standard errors, of which this is the angle (rad) by which normals are off.
+_STEEPER, _TURNED = 4.0, 0.01
 #: Contact friction is off if it differs by at least this much, with so small a p-value.
 _MU, P_SLIP = 0.03, 1e-3
 
@@ -59,12 +61,29 @@ def slip_friction(system: System, fitted: Fitted) -> ContactFriction | None:
         found = _of_ratios(ratios, nominal)
     elif slip.agree and len(slip.ratios) >= _FEWEST_TRIALS:
         found = _of_ratios(np.array(list(slip.ratios.values())), nominal)
-    if nominal is not None and (found is None or found.p_value > P_SLIP):
-        steepest = slip.steepest
-        if len(steepest) >= _FEWEST_TRIALS and steepest.min() > nominal:
-            higher = _of_ratios(steepest, nominal)
-            return higher if higher.p_value < P_SLIP else found
+    # forces of a median that agrees with the rig speak against it
+    if nominal is not None and (found is None or (found.p_value > P_SLIP and found.interval[0] > nominal)):
+        return _steeper(slip, nominal) or found
     return found
+
+
+def _steeper(slip: Slip, nominal: float) -> ContactFriction | None:
+    """Friction from forces that are steeper than the rig's friction allows, each clearly by its own error; None if too few are.
+
+    The p-value is that of so many among all trials that slip.
+    """
+    trials = list(slip.ratios)
+    clear = [k for k in trials if slip.ratios[k] - nominal > _STEEPER * slip.errors[k]]
+    ratios = np.array([slip.ratios[k] for k in clear])
+    if len(clear) < _FEWEST_TRIALS or slip.most > (1 + _SAME) * float(np.median(ratios)):
+        return None
+    # those that are not clear may creep without slipping
+    top = ratios[ratios > (1 - _SAME) * ratios.max()]
+    if len(top) < _FEWEST_TRIALS:
+        return None
+    p = float(binom.sf(len(clear) - 1, len(trials), norm.sf(_STEEPER)))
+    found = _of_ratios(top, nominal)
+    return replace(found, p_value=p) if found.p_value < 1 else None
 
 
 def _of_ratios(ratios: FloatArray, nominal: float | None) -> ContactFriction:
@@ -80,22 +99,16 @@ def _of_ratios(ratios: FloatArray, nominal: float | None) -> ContactFriction:
 @dataclass(frozen=True, slots=True, eq=False)
 class Slip:
     """Friction by trial where fingers slip: ``fast`` in single rows, ``creeping`` in a whole push; ``most``: of the other trials,
-    the greatest median of the tangential over the normal force."""
+    the greatest median of the tangential over the normal force; ``errors``: standard errors of the former, by trial."""
 
     fast: dict[int, float]
     creeping: dict[int, float]
     most: float
+    errors: dict[int, float]
 
     @property
     def ratios(self) -> dict[int, float]:
         return {**self.creeping, **self.fast}
-
-    @property
-    def steepest(self) -> FloatArray:
-        """The ratios (k,) of the trials that slip at about the greatest of all; none if sticking trials have a greater one."""
-        ratios = np.array(list(self.ratios.values()))
-        top = ratios[ratios > (1 - _SAME) * ratios.max(initial=0.0)]
-        return top if len(top) and self.most < (1 + _SAME) * float(np.median(top)) else np.zeros(0)
 
     @property
     def agree(self) -> bool:
@@ -103,6 +116,12 @@ class Slip:
         ratios = np.array(list(self.ratios.values()))
         middle = float(np.median(ratios)) if len(ratios) else 0.0
         return bool(middle > 0 and (np.abs(ratios - middle) < _SAME * middle).all() and self.most < (1 + _SAME) * middle)
+
+
+def _of_median(errors: FloatArray, slopes: FloatArray) -> float:
+    """Standard error of the median of ratios (n,), with what their normals are off alike."""
+    scatter = 1.2533 * float(np.sqrt((errors**2).mean() / len(errors)))
+    return math.hypot(scatter, _TURNED * float((slopes**2).mean()))
 
 
 def slipping(system: System, fitted: Fitted) -> Slip | None:
@@ -131,17 +150,22 @@ def slipping(system: System, fitted: Fitted) -> Slip | None:
     if not pressed.any():
         return None
     ratio = np.where(pressed, across / np.where(pressed, along, 1.0), 0.0)
-    found, most = Slip({}, {}, 0.0), 0.0
+    # noise of the force turns it, noise of the heading the normal
+    slope = np.hypot(1.0, ratio)
+    error = np.hypot(slope * system.noise.force / np.where(pressed, along, 1.0), slope**2 * system.noise.angle)
+    found, most = Slip({}, {}, 0.0, {}), 0.0
     for trial in np.unique(o.trial[pressed]):
         rows = np.flatnonzero((o.trial == trial) & pressed)
         fast = rows[fast_rows[rows]]
         if len(fast):
             found.fast[int(trial)] = float(np.median(-np.sign(o.slip[fast]) * ratio[fast]))
+            found.errors[int(trial)] = _of_median(error[fast], slope[fast])
             continue
         crept, way = float((o.slip[rows] * o.span[rows]).sum()), float((o.speed[rows] * o.span[rows]).sum())
         # steps from row to row add up to the first and the last place
         if len(rows) > 2 and abs(crept) > max(_SLIPS * math.sqrt(2) * float(jitter[rows].max()), _CREEP * way):
             found.creeping[int(trial)] = float(np.median(-np.sign(crept) * ratio[rows]))
+            found.errors[int(trial)] = _of_median(error[rows], slope[rows])
         else:
             most = max(most, float(abs(np.median(ratio[rows]))))
     return replace(found, most=most) if found.ratios else None

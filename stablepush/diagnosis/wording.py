@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import robust_variance
-from stablepush.diagnosis.results import ChannelGap, GapReduction, RankedEffect, readable
+from stablepush.diagnosis.results import ChannelGap, GapReduction, ParameterEstimate, RankedEffect, readable
 from stablepush.diagnosis.system import System
-from stablepush.effects import CATALOGUE
+from stablepush.effects import CATALOGUE, EffectKind, Parameter
 from stablepush.io import PushLog
 
 #: Effects that are another in each log.
@@ -25,6 +26,21 @@ _OUTLIER, _FEW = 6.0, 0.1
 _REPORTED = 0.05
 #: And if the gap itself becomes smaller by this factor: where it is within the noise its share is anything.
 _NEARER = 1.02
+#: What a correction leaves is told from so many times the noise.
+_LEFT = 2.0
+#: A power of ten that rounding has just missed is one.
+_LAST_BIT = 1e-9
+#: Channels as a sentence has them.
+_ERRORS_OF = {
+    "wrench": "the error of the wrench", "twist": "the error of the direction of motion", "pose": "the error of the final pose",
+    "stability": "the share of wrong labels of stability",
+}  # fmt: skip
+#: Units of parameters as people say them: factor and unit.
+_SHOWN = {
+    "m": (1e3, " mm"), "rad": (180 / math.pi, " deg"), "s": (1e3, " ms"), "kg": (1.0, " kg"), "N": (1.0, " N"), "1": (1.0, ""),
+    "1/m": (100.0, " % per m"), "1 per e-fold of speed": (100.0, " %"), "1, first to last trial": (100.0, " %"),
+    "support": (1.0, " points"), "degree": (1.0, ""),
+}  # fmt: skip
 
 
 def sentence_of(
@@ -36,30 +52,10 @@ def sentence_of(
     touch: float,
     noise: bool,
 ) -> str:
-    forces = system.has_wrench
-    # of the first channel that comes nearer: a cause need not show in all
-    shares = {f"the {e.channel}": e.closed for e in reductions if e.before > _NEARER * e.after} | {"how fingers touch": touch}
-    sizes = {f"the {entry.channel}": entry for entry in reductions}
-    nearer = [(channel, share) for channel, share in shares.items() if share > _REPORTED]
-    if effects and all(id in CATALOGUE and CATALOGUE[id].acts == "contact" for id in effects):
-        # what the fingers do decides where the object goes
-        nearer.sort(key=lambda entry: entry[0] != "the pose")
-    how = ""
-    if nearer:
-        channel, share = nearer[0]
-        how = f"; {100 * share:.0f} % of the mean square gap in {channel} is explained on held-out trials"
-        if channel in sizes:
-            entry = sizes[channel]
-            # final poses in mm, the rest as it is
-            factor, unit = (1000, " mm") if entry.unit == "m" else (1, "" if entry.unit == "1" else f" {entry.unit}")
-            before, after, floor = (f"{factor * size:.3g}" for size in (entry.before, entry.after, entry.floor))
-            how += f": the root mean square falls from {before} to {after}{unit}, the noise floor is {floor}"
+    """The answer in a sentence: what acts, with its numbers, and how far the gap falls once that is corrected."""
+    forces, nearer = system.has_wrench, _nearer(effects, reductions, touch)
     known = {entry.effect: entry for entry in ranking}
-    words = []
-    for id in effects:
-        what = system.own[id].what if id in system.own else CATALOGUE[id].what
-        numbers = "; ".join(f"{name} {value}" for name, value in known[id].parameters.items())
-        words.append(f"{id} ({what}{f': {numbers}' if numbers else ''})")
+    causes = [_cause(system, known[id]) for id in effects]
     if verdict == "none":
         if not forces:
             carried = any(entry.channel in ("stability", "pose") for entry in reductions)
@@ -71,12 +67,77 @@ def sentence_of(
             )
         return "The nominal simulation fits within the noise."
     if verdict == "absorbed":
-        return f"The surface and friction differ from the nominal ones, and no other cause stands out{how}."
+        return f"The surface and friction differ from the nominal ones, and no other cause stands out{nearer}."
     if verdict == "named":
-        return f"{'; '.join(words)}{how}."
+        return f"{'; '.join(causes)}{nearer}."
     if verdict == "ambiguous":
-        return f"In this log {' and '.join(effects)} are confounded{how}."
+        numbered = "; ".join(f"({number}) {words}" for number, words in enumerate(causes, 1))
+        return f"This log cannot tell {' from '.join(effects)}; one alone would explain it: {numbered}{nearer}."
     raise AssertionError(verdict)
+
+
+def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: float) -> str:
+    """How far the correction reduces the gap, of the first channel that comes nearer: a cause need not show in all."""
+    shares = [(e.channel, e.closed) for e in reductions if e.before > _NEARER * e.after] + [("touch", touch)]
+    shares = [(channel, share) for channel, share in shares if share > _REPORTED]
+    if effects and all(id in CATALOGUE and CATALOGUE[id].acts == "contact" for id in effects):
+        # what the fingers do decides where the object goes
+        shares.sort(key=lambda entry: entry[0] != "pose")
+    if not shares:
+        return ""
+    channel, share = shares[0]
+    explained = f"{100 * share:.0f} % of the mean square gap"
+    if channel == "touch":
+        return f"; so corrected, {explained} in how fingers touch is explained"
+    entry = next(e for e in reductions if e.channel == channel)
+    # final poses in mm, the rest as it is
+    factor, unit = (1000, " mm") if entry.unit == "m" else (1, "" if entry.unit == "1" else f" {entry.unit}")
+    before, after, floor = (f"{factor * size:.3g}" for size in (entry.before, entry.after, entry.floor))
+    left = entry.after / entry.floor if entry.floor > 0 else 0.0
+    more = f", what is left is {left:.0f} times the noise" if left > _LEFT else ""
+    return (
+        f"; so corrected, {_ERRORS_OF[channel]} on pushes left out of the fit falls from {before} to {after}{unit} rms "
+        f"(noise {floor}{unit}): {explained} is explained{more}"
+    )
+
+
+def _cause(system: System, entry: RankedEffect) -> str:
+    """What acts, with the numbers of its parameters."""
+    id = entry.effect
+    if id in system.own:
+        numbers = "; ".join(f"{name} {value}" for name, value in entry.parameters.items())
+        return f"{id} ({system.own[id].what}{f': {numbers}' if numbers else ''})"
+    kind = CATALOGUE[id]
+    if not entry.parameters or (entry.form is not None and _may_be_nominal(kind, entry)):
+        # the terms of its family say what its own form does not
+        form = ", in a form that the catalogue does not have" if entry.form is not None else ""
+        return f"{id}: {kind.what}{form}"
+    words = kind.says.format(**{p.name: _in_words(p, entry.parameters[p.name]) for p in kind.parameters})
+    believed = {"contact-friction": system.rig.contact_friction, "contact-geometry": system.rig.finger_radius}.get(id)
+    if believed is not None:
+        factor, unit = _SHOWN[kind.parameters[0].unit.partition(" ")[0]]
+        words += f", where the rig has {factor * believed:.3g}{unit}"
+    return f"{id}: {words[0].lower()}{words[1:]}"
+
+
+def _may_be_nominal(kind: EffectKind, entry: RankedEffect) -> bool:
+    """Whether an effect's own parameter may be what it is without the effect."""
+    first = kind.parameters[0]
+    bounds = np.reshape(entry.parameters[first.name].ci95, (-1, 2))
+    return first.nominal is not None and bool(((bounds[:, 0] <= first.nominal) & (bounds[:, 1] >= first.nominal)).all())
+
+
+def _in_words(parameter: Parameter, found: ParameterEstimate) -> str:
+    """Estimates with the half width of their 95 % intervals, in the unit that people use."""
+    factor, unit = _SHOWN.get(parameter.unit) or _SHOWN[parameter.unit.partition(" ")[0]]
+    values = factor * np.atleast_1d(np.asarray(found.estimate, dtype=np.float64))
+    halves = factor * np.ptp(np.reshape(found.ci95, (-1, 2)), axis=1) / 2
+    half = float(halves.max())
+    # as many decimals as two digits of the uncertainty have
+    decimals = int(np.clip(1 - math.floor(math.log10(half) + _LAST_BIT), 0, 6)) if half > 0 else 3
+    numbers = [f"{value:.{decimals}f}" for value in values]
+    middle = numbers[0] if len(numbers) == 1 else f"({', '.join(numbers)})"
+    return f"{middle} ± {half:.{decimals}f}{unit} (95 %)"
 
 
 def unexplained(
@@ -88,7 +149,7 @@ def unexplained(
         + (
             f"noise explains {readable(entry.noise_floor)}"
             if entry.nominal > _LARGER * entry.noise_floor
-            else f"in whole pushes by more than noise explains (p {entry.p_lack_of_fit:.1g})"
+            else f"which noise may explain in a row, but not in the means of pushes (p {max(entry.p_lack_of_fit, 1e-6):.1g})"
         )
         for entry in off
     ]
@@ -102,7 +163,11 @@ def unexplained(
     if likely:
         words.append(f"most likely {', '.join(likely)}")
     else:
-        words.append("wrong friction of the fingers or a misplaced contact is likely" if slipping else "no effect is likely")
+        words.append(
+            "wrong friction of the fingers or a misplaced contact is likely"
+            if slipping
+            else f"no effect of the catalogue has a probability above {100 * _LIKELY:g} %"
+        )
     return "; ".join(words) + (". The pushes of the next experiment would tell." if tells else ".")
 
 
@@ -132,8 +197,8 @@ def notes_on(
     if far.any():
         pushes = len(np.unique(system.observations.trial[far]))
         notes.append(
-            f"forces of {np.count_nonzero(far)} of {far.size} rows, in {pushes} of {len(log)} pushes, are off by more than "
-            f"{_OUTLIER:g} times their noise: look at them before anything else, they may be outliers of the sensor"
+            f"forces of {np.count_nonzero(far)} of {far.size} rows, in {pushes} of {len(log)} pushes, miss the fit by more than "
+            f"{_OUTLIER:g} times the usual residual: look at them first, they may be outliers of the sensor"
         )
     if not any(system.observations.group):
         notes.append("no repeated pushes: the repeatability is unknown")

@@ -52,13 +52,14 @@ class Parameter:
 @dataclass(frozen=True, slots=True)
 class EffectKind:
     """An entry of the catalogue; ``acts`` is ``"support"``, ``"inertia"``, ``"contact"`` or ``"sensing"``; ``needs``: what a log
-    must hold to show it; ``remedy``: what to do once it is named."""
+    must hold to show it; ``remedy``: what to do once it is named; ``says``: a sentence about its parameters, by name."""
 
     id: str
     what: str
     acts: str
     needs: str
     remedy: str
+    says: str
     parameters: tuple[Parameter, ...]
 
 
@@ -72,6 +73,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support",
             "headings of the slider over the table that vary, and forces, or pushes that slip",
             "stablepush correct, then plan again: plans reckon with it at every heading; or plan along the grain of the table",
+            "Support friction is {ratio} times as large along {direction} of the table as across it",
             (ratio, Parameter("direction", "rad in W", 0.0, -half, half)),
         ),
         EffectKind(
@@ -80,6 +82,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support",
             "pushes in many directions of the slider, and forces, or pushes that slip",
             "stablepush correct, then plan again; look at the feet for a worn or ribbed one",
+            "Support friction is {ratio} times as large along {direction} of the slider as across it",
             (ratio, Parameter("direction", "rad in B", 0.0, -half, half)),
         ),
         EffectKind(
@@ -88,6 +91,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support",
             "forces at speeds that vary by a factor of three or more",
             "push at the speed of the pokes; or stablepush correct, then plan again",
+            "Support friction changes by {slope} for each e-fold of speed",
             (Parameter("slope", "1 per e-fold of speed", 0.0, -0.15, 0.15),),
         ),
         EffectKind(
@@ -96,6 +100,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support",
             "places on the table that vary, and forces",
             "clean the table; or stablepush correct, then plan again within the bounds",
+            "Support friction rises by {gradient} along x and y of the table",
             (Parameter("gradient", "1/m in W", 0.0, -1.0, 1.0, 2),),
         ),
         EffectKind(
@@ -104,6 +109,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support",
             "forces over many trials, in random order",
             "wait until the surfaces have worn in, then poke again before planning",
+            "Support friction changes by {rate} from the first to the last push",
             (Parameter("rate", "1, first to last trial", 0.0, -0.3, 0.3, least=-1.0, above=True),),
         ),
         EffectKind(
@@ -112,6 +118,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support",
             "pushes beside the centre of mass, with forces or motions of the slider",
             "stablepush correct, then plan again: the corrected surface has it",
+            "The centre of pressure lies {offset} along x and y of the slider from the nominal one",
             (Parameter("offset", "m in B", 0.0, -0.01, 0.01, 2),),
         ),
         EffectKind(
@@ -120,6 +127,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support",
             "turns and straight pushes, with forces or motions of the slider",
             "stablepush correct, then plan again: the corrected surface has it",
+            "The pressure is {scale} times as wide as the nominal one",
             (Parameter("scale", "1", 1.0, 0.7, 1.4, least=0.0, above=True),),
         ),
         EffectKind(
@@ -128,6 +136,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support",
             "headings that vary, forces, and rows at rest to separate it from a sensor bias",
             "level the table (the slope points downhill, 0.017 rad is one degree); or correct the scene and plan with the tilt",
+            "The table falls by {slope} along x and y (negative: it rises)",
             (Parameter("slope", "rad in W", 0.0, -0.05, 0.05, 2, least=-0.5, most=0.5),),
         ),
         EffectKind(
@@ -136,6 +145,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "inertia",
             "forces while pushes speed up or slow down",
             "push slower, or with less acceleration (stablepush trajectory --acceleration)",
+            "Pushes are not quasi-static: a mass of {mass} resists",
             (Parameter("mass", "kg", 0.0, 0.0, 3.0, least=0.0),),
         ),
         EffectKind(
@@ -144,6 +154,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "contact",
             "pushes that slip along the face, with poses of the pusher",
             "stablepush correct, then plan again; or use rougher fingers",
+            "The friction of the fingers is {mu}",
             (Parameter("mu", "1", None, 0.0, 1.2, least=0.0),),
         ),
         EffectKind(
@@ -152,6 +163,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "contact",
             "poses of the pusher and the slider in contact, from several sides",
             "measure the fingers; stablepush correct has the radius",
+            "The fingers act as if their radius were {radius}",
             (Parameter("radius", "m", None, 0.0, 0.02, least=0.0, most=1.0),),
         ),
         EffectKind(
@@ -160,6 +172,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "sensing",
             "forces at headings that vary, and rows at rest",
             "zero the force sensor before each push; plans stay as they are",
+            "The force sensor has an offset of {force} along x and y of the table; subtract it",
             (Parameter("force", "N in W", 0.0, -1.0, 1.0, 2),),
         ),
         EffectKind(
@@ -168,6 +181,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "sensing",
             "forces in many directions, and motions of the slider",
             "turn the readings of the force sensor back by the angle; plans stay as they are",
+            "The force sensor is turned by {angle}",
             (Parameter("angle", "rad", 0.0, -0.3, 0.3),),
         ),
         EffectKind(
@@ -176,6 +190,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "sensing",
             "forces with moments, or poses of a slider that turns",
             "move the tracked origin back by the offset, or plan with stablepush correct, which moves start and goal; not both",
+            "The tracked origin lies {offset} along x and y of the slider from the centre of mass",
             (Parameter("offset", "m in B", 0.0, -0.01, 0.01, 2),),
         ),
         EffectKind(
@@ -184,6 +199,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "sensing",
             "poses of pusher and slider at speeds that vary",
             "shift the time stamps of the poses by the delay; plans stay as they are",
+            "The slider's poses lag the forces and the pusher by {delay}",
             (Parameter("delay", "s", 0.0, 0.0, 0.3, least=0.0),),
         ),
         EffectKind(
@@ -192,6 +208,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support",
             "forces and motions of many different pushes",
             "fit a surface to more pokes",
+            "The nominal surface cannot take the measured shape",
             (
                 Parameter("facets", "support points", None, 3.0, 8.0, least=3.0, most=1000.0, whole=True),
                 Parameter("degree", "degree of the polynomial", None, 2.0, 6.0, least=2.0, most=6.0, whole=True),

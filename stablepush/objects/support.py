@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike
 
 from stablepush.core import LEAST_POSITIVE, FloatArray, InputError, check_array, check_number, read_only
 
+#: Points that a repr lists at most.
+_SHOWN = 8
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SupportDistribution:
@@ -25,6 +28,12 @@ class SupportDistribution:
 
     points: FloatArray
     weights: FloatArray
+
+    def __repr__(self) -> str:
+        if len(self.points) > _SHOWN:
+            x, y = self.center
+            return f"SupportDistribution({len(self.points)} points, centre ({x:.4g}, {y:.4g}) m)"
+        return f"SupportDistribution(points={self.points.tolist()}, weights={self.weights.tolist()})"
 
     def __init__(self, points: ArrayLike, weights: ArrayLike) -> None:
         p = check_array(points, "support.points", (None, 2))

@@ -26,6 +26,8 @@ from stablepush.views.plot.gaps import (
 
 #: Rows that a page has, at most.
 _MOST_ROWS = 2000
+#: Arrows may make a picture larger by this share of its extent, on each side.
+_CUT = 0.3
 #: Length of a large arrow over the extent of the table.
 _ARROW = 0.12
 #: Covariates that every row has.
@@ -131,8 +133,16 @@ class _Seen:
 
     def data(self, slider: Slider) -> str:
         """The JSON that the page's script reads."""
-        poses = np.array([row["at"] for row in self.rows])
-        low, high = poses[:, :2].min(axis=0) - slider.radius, poses[:, :2].max(axis=0) + slider.radius
+        places = np.array([row["at"][:2] for row in self.rows])
+        arrows = np.array([[row["arrow"][key] for key in row["arrow"]] for row in self.rows])
+        tips = places[:, None] + (-self.scale if self.behind else self.scale) * arrows
+        low, high = places.min(axis=0) - slider.radius, places.max(axis=0) + slider.radius
+        # a few arrows that are far longer than the others are cut off
+        room = _CUT * float((high - low).max())
+        low, high = (
+            np.minimum(low, np.maximum(tips.min(axis=(0, 1)), low - room)),
+            np.maximum(high, np.minimum(tips.max(axis=(0, 1)), high + room)),
+        )
         return script(
             {
                 "rows": self.rows,

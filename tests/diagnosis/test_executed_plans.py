@@ -166,8 +166,8 @@ def test_friction_of_few_trials_has_an_interval():
     for trials, readings in ((1, "forces and final poses"), (2, "final poses"), (5, "forces")):
         low, high = ContactFriction(0.3, 0.015, trials, 1e-6, readings).interval
         assert 0 <= low < 0.3 < high < 0.45
-    assert Slip({}, {1: 0.3, 2: 0.31}, 0.29).agree and not Slip({}, {1: 0.3, 2: 0.31}, 0.5).agree
-    assert not Slip({1: 0.3}, {2: 0.5}, 0.0).agree and not Slip({}, {1: -0.3}, 0.0).agree
+    assert Slip({}, {1: 0.3, 2: 0.31}, 0.29, {}).agree and not Slip({}, {1: 0.3, 2: 0.31}, 0.5, {}).agree
+    assert not Slip({1: 0.3}, {2: 0.5}, 0.0, {}).agree and not Slip({}, {1: -0.3}, 0.0, {}).agree
 
 
 def test_few_trials_have_no_small_p_value():

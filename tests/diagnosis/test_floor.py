@@ -6,6 +6,7 @@ from conftest import edited, make_log
 
 import stablepush as sp
 from stablepush.diagnosis import gap_reduction
+from stablepush.diagnosis.contact_friction import Slip, _steeper
 from stablepush.diagnosis.gap_reduction import stands_clear
 
 NOISE = sp.Noise(0.05, 5e-5, 5e-4)
@@ -59,3 +60,47 @@ def test_noise_that_is_larger_than_said_is_not_none():
     report = sp.diagnose(edited(log, noise=NOISE))
     assert report.verdict == "unknown" or any("leaves more of the wrench than noise" in note for note in report.notes)
     assert not report.named
+
+
+def test_steep_forces_of_noise_are_no_friction():
+    """Friction as the rig has it, its ratios as noisy as their errors say: in thousands of logs none is steeper."""
+    rng, alarms = np.random.default_rng(0), 0
+    for count in (20, 80):
+        for _ in range(2000):
+            errors = rng.uniform(0.015, 0.1, count)
+            ratios = 0.5 + errors * rng.normal(size=count)
+            slip = Slip({}, dict(enumerate(ratios)), 0.3, dict(enumerate(errors)))
+            alarms += _steeper(slip, 0.5) is not None
+    assert alarms == 0
+    # three pushes at a higher friction, beside fingers that creep without slipping
+    ratios = {0: 0.66, 1: 0.67, 2: 0.665, 3: 0.3, 4: 0.45}
+    found = _steeper(Slip({}, ratios, 0.6, dict.fromkeys(ratios, 0.02)), 0.5)
+    assert found is not None and found.estimate == pytest.approx(0.665) and found.p_value < 1e-9
+    # a finger that sticks at a steeper force still
+    assert _steeper(Slip({}, ratios, 0.8, dict.fromkeys(ratios, 0.02)), 0.5) is None
+
+
+def test_noise_of_a_weak_sensor_is_no_friction():
+    for seed in (5, 7):
+        report = sp.diagnose(make_log(noise=sp.Noise(0.3, 5e-5, 5e-4), count=64, seed=seed))
+        assert "contact-friction" not in report.named and report.verdict in ("none", "absorbed"), report.sentence
+
+
+def test_a_precise_rig_with_few_pushes_is_none():
+    """Rows that turn about a support point have large covariances of their own."""
+    log = make_log(noise=sp.Noise(0.002, 2e-6, 2e-5), count=16)
+    few = set(log.trials["trial"][:6])
+    kept = np.array([name in few for name in log.samples["trial"]])
+    report = sp.diagnose(
+        sp.PushLog(log.rig, {k: v[:6] for k, v in log.trials.items()}, {k: v[kept] for k, v in log.samples.items()})
+    )
+    assert report.verdict in ("none", "absorbed"), report.sentence
+
+
+def test_pushes_that_slip_against_the_prediction_are_not_none():
+    log = make_log(noise=NOISE, two=True, count=24)
+    stable = np.array(log.trials["stable"], dtype=float)
+    wrong = np.flatnonzero((stable == 1) & np.isfinite(np.asarray(log.trials["cor_x"], dtype=float)))[:2]
+    stable[wrong] = 0.0
+    report = sp.diagnose(sp.PushLog(log.rig, {**log.trials, "stable": stable}, log.samples))
+    assert report.verdict == "unknown" and "fingers slipped in" in report.sentence

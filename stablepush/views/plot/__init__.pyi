@@ -8,6 +8,7 @@ from .gaps import (
     plot_residuals as plot_residuals,
     plot_residuals_against as plot_residuals_against,
 )
+from .headings import plot_headings as plot_headings
 from .motions import plot_push as plot_push, plot_slide as plot_slide, plot_wrench_paths as plot_wrench_paths
 from .plans import plot_plan as plot_plan
 from .regions import (

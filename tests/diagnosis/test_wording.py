@@ -1,0 +1,46 @@
+import string
+
+import pytest
+from conftest import make_log
+
+import stablepush as sp
+from stablepush.diagnosis.results import ParameterEstimate
+from stablepush.diagnosis.wording import _in_words
+from stablepush.effects import CATALOGUE, Parameter
+
+
+@pytest.mark.parametrize(
+    ("unit", "estimate", "interval", "words"),
+    (
+        ("s", 0.0797, [0.0781, 0.0813], "79.7 ± 1.6 ms (95 %)"),
+        ("m in B", [0.0051, -0.0007], [[0.0049, 0.0053], [-0.0010, -0.0004]], "(5.10, -0.70) ± 0.30 mm (95 %)"),
+        ("rad in W", [0.02, -0.01], [[0.0195, 0.0205], [-0.0105, -0.0095]], "(1.146, -0.573) ± 0.029 deg (95 %)"),
+        ("1, first to last trial", -0.2, [-0.21, -0.19], "-20.0 ± 1.0 % (95 %)"),
+        # each of two logs has its own
+        ("1, first to last trial", [-0.3, 0.1], [[-0.32, -0.28], [0.09, 0.11]], "(-30.0, 10.0) ± 2.0 % (95 %)"),
+        ("1", 0.3, [0.3, 0.3], "0.300 ± 0.000 (95 %)"),
+        ("kg", 1.2, [0.0, 26.0], "1 ± 13 kg (95 %)"),
+    ),
+)
+def test_numbers_are_told_with_their_uncertainty(unit, estimate, interval, words):
+    assert _in_words(Parameter("p", unit, 0.0, 0.0, 1.0), ParameterEstimate(estimate, interval, unit)) == words
+
+
+@pytest.mark.parametrize("kind", CATALOGUE.values(), ids=list(CATALOGUE))
+def test_every_effect_has_a_sentence_about_its_parameters(kind):
+    named = {field for _, field, _, _ in string.Formatter().parse(kind.says) if field}
+    assert named == ({p.name for p in kind.parameters} if kind.id != "model-capacity" else set())
+    for parameter in kind.parameters:
+        numbers = [0.5] * parameter.size if parameter.size > 1 else 0.5
+        interval = [[0.4, 0.6]] * parameter.size if parameter.size > 1 else [0.4, 0.6]
+        assert "±" in _in_words(parameter, ParameterEstimate(numbers, interval, parameter.unit))
+
+
+def test_the_sentence_says_what_acts_and_what_the_correction_does():
+    report = sp.diagnose(make_log("latency:delay=0.08"))
+    delay = report.ranking[0].parameters["delay"]
+    half = 1000 * (delay.ci95[1] - delay.ci95[0]) / 2
+    lag = f"{1000 * delay.estimate:.1f} ± {half:.1f} ms (95 %)"
+    assert report.sentence.startswith(f"latency: the slider's poses lag the forces and the pusher by {lag}; so corrected, ")
+    first = report.reductions[0]
+    assert f"on pushes left out of the fit falls from {first.before:.3g} to {first.after:.3g} {first.unit} rms" in report.sentence
