@@ -134,7 +134,7 @@ def test_the_page_of_effects_is_that_of_the_catalogue():
 def blocks(page, folder):
     """Output of the Python blocks of a page, one after the other."""
     text = (ROOT / page).read_text(encoding="utf-8")
-    found = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    found = re.findall(r"```(?:python|\{code-cell\} ipython3)\n(.*?)```", text, flags=re.DOTALL)
     assert found
     (folder / "block.py").write_text("\n".join(found), encoding="utf-8")
     return run(folder / "block.py", [], folder)

@@ -22,7 +22,8 @@ slope = KnownEffect(sp.Effect("tilt", {"slope": (math.tan(math.radians(4)), 0.0)
 problem = sp.PlanningProblem(
     slider, surface, [contact], start=(0.3, 0.3, 0.0), goal=(1.0, 0.6, 1.0), bounds=(0, 0, 1.5, 1.0), effects=[slope]
 )
-save_figure(plot_headings(problem, headings=8), "slope.png")
+figure = plot_headings(problem, headings=8)[0, 0].figure
+save_figure(figure, "slope.png")
 
 result = sp.plan(problem)
 print(result.status, f"{result.duration:.1f} s, stable throughout with probability {result.success_probability:.3f}")
