@@ -11,12 +11,10 @@ from scipy.stats import chi2, t as student
 
 from stablepush.core import ConvergenceError, FloatArray, InputError
 from stablepush.diagnosis.attribution import FOLDS, Attribution, folds_of
-from stablepush.diagnosis.equations import OF_PRESSURE, Values
-from stablepush.diagnosis.forward import PARAMETERS
+from stablepush.diagnosis.equations import Values
 from stablepush.diagnosis.replay import Replay, first_contacts
 from stablepush.diagnosis.results import ChannelGap, GapReduction
 from stablepush.diagnosis.system import IN_CLEARANCES, System
-from stablepush.effects import CATALOGUE
 from stablepush.geometry import angle_between, twist_from_cor
 from stablepush.io import PushLog
 from stablepush.objects import PushContact
@@ -29,17 +27,9 @@ _RESAMPLES = 500
 _SMOOTH = 0.2
 #: Draws of the noise behind the floor of the directions of motion.
 _DRAWS = 4
-#: Pose errors are significant if they are so many times those that noise would leave, with so small a p-value.
-_OFF, _SIGNIFICANT = 2.0, 0.01
-#: A channel stands clear of its floor with a p-value that is :data:`_SIGNIFICANT`, or so many times as large in a few pushes.
-_FAR = 3.0
-#: A refit that leaves so many times the noise is no fit.
-_MISFIT = 1.5
 #: What a simulation with rigid bodies errs by itself, since fingers and feet give: of a load over its size, of a final pose over
 #: the radius of the slider.
 _RIGID = 0.01
-#: Shares of a gap that effects may leave of what a refit without them leaves, and of what the nominal simulation leaves.
-_LEAVES_OF_REFIT, _LEAVES = 0.5, 0.1
 _FITS = ("before", "refit", "after")
 
 
@@ -224,29 +214,6 @@ def clearance_reduction(held: HeldOut) -> float:
     return float(_reduction("touch", "m", held.trials["touch"], held.squares["touch"], held.floors["touch"]).closed)
 
 
-def explains_most(held: HeldOut, effects: Sequence[str]) -> bool:
-    """Return whether the corrected simulation explains most of the gap of the wrench.
-
-    Effects that a refitted pressure cannot explain must reduce the gap that a refit without effects leaves to a half. A smaller
-    reduction may come from a cause outside of the catalogue that they fit in part; a larger one is not asked, as an effect whose
-    form differs from the catalogue's leaves a gap, too. The other effects act like a refit: they must leave a tenth of the gap
-    of the nominal simulation or less.
-    """
-    beyond = any(id not in CATALOGUE or (id in PARAMETERS and id not in OF_PRESSURE) for id in effects)
-    base, most = ("refit", _LEAVES_OF_REFIT) if beyond else ("before", _LEAVES)
-    gap, after = (float(held.squares["wrench"][k].mean()) for k in (base, "after"))
-    floor = min(held.floors["wrench"], after)
-    return bool((after - floor) < most * (gap - floor))
-
-
-def pose_errors_are_significant(held: HeldOut) -> bool:
-    """Return whether the pose errors of the corrected simulation are far larger than noise, and not in a few pushes only."""
-    if "pose" not in held.squares:
-        return False
-    left, floor = held.squares["pose"]["after"], held.floors["pose"]
-    return bool(left.mean() > _OFF**2 * floor) and _above(left, held.trials["pose"], floor) < _SIGNIFICANT
-
-
 def _twists(surface: IdealLimitSurface, wrenches: FloatArray) -> FloatArray:
     """Slip twists (n, 3); NaN where they cannot be found."""
     try:
@@ -360,9 +327,9 @@ def gap(system: System, held: HeldOut) -> list[ChannelGap]:
         if channel not in held.squares:
             continue
         if channel == "wrench":
-            p = _wrenches_lack_of_fit(system, held.wrenches["before"])
+            p = wrenches_lack_of_fit(system, held.wrenches["before"])
         else:
-            p = _above(held.squares[channel]["before"], held.trials[channel], held.floors[channel])
+            p = above_floor(held.squares[channel]["before"], held.trials[channel], held.floors[channel])
         squares = held.squares[channel]
         entries.append(
             ChannelGap(
@@ -377,61 +344,8 @@ def gap(system: System, held: HeldOut) -> list[ChannelGap]:
     return entries
 
 
-def stands_clear(entry: ChannelGap) -> bool:
-    """Return whether what the nominal simulation leaves of a channel is more than its floor.
-
-    Its p-value says so; or the size of poses and directions of motion, where a few pushes are far off. Labels of stability have
-    no floor: :func:`slipping_unexpectedly` counts those that are wrong.
-    """
-    if entry.channel == "stability":
-        return False
-    far = entry.channel != "wrench" and 0 < _FAR * entry.noise_floor < entry.nominal
-    return far or entry.p_lack_of_fit < _SIGNIFICANT
-
-
-def refit_leaves_noise(system: System, held: HeldOut) -> bool:
-    """Return whether a refitted surface leaves no more of the wrenches that it is fitted to than noise, and of the directions
-    of motion of other pushes."""
-    if not system.has_wrench:
-        return False
-    if _above(held.squares["twist"]["refit"], held.trials["twist"], held.floors["twist"]) < _SIGNIFICANT:
-        return False
-    fit = system.fit([], True)
-    left = fit.residual[: 3 * len(system.observations.time)]
-    predicted = system.model.predict(fit.loads, system.of_wrench(fit.values))
-    return bool(np.sqrt(np.mean(left**2)) < _MISFIT and _wrenches_lack_of_fit(system, predicted) > _SIGNIFICANT)
-
-
-def correction_leaves_more(system: System, held: HeldOut) -> bool:
-    """Return whether the corrected simulation leaves more of the wrenches of other pushes than their floor."""
-    return system.has_wrench and _wrenches_lack_of_fit(system, held.wrenches["after"]) < _SIGNIFICANT
-
-
-def refit_leaves_poses_off(held: HeldOut) -> bool:
-    """Return whether pushes that a refitted surface was not fitted to end clearly elsewhere than it has them."""
-    if "pose" not in held.squares:
-        return False
-    left, floor = held.squares["pose"]["refit"], held.floors["pose"]
-    size = float(np.sqrt(left.mean() / floor))
-    return size > _FAR or (size > _MISFIT and _above(left, held.trials["pose"], floor) < _SIGNIFICANT)
-
-
-def slipping_unexpectedly(system: System, held: HeldOut, log: PushLog) -> list[int]:
-    """Return the numbers of the trials whose fingers slipped although the nominal simulation calls them stable.
-
-    Both fingers must be seen to touch at once: one that never met the slider is no slip.
-    """
-    if "stability" not in held.squares:
-        return []
-    stable = np.asarray(log.trials["stable"], dtype=np.float64)
-    wrong = held.squares["stability"]["before"] > 0
-    o = system.observations
-    both = set(o.trial[np.isfinite(o.normal).all(axis=(1, 2))].tolist())
-    return [int(trial) for trial in held.trials["stability"][wrong] if stable[trial] == 0 and trial in both]
-
-
-def _wrenches_lack_of_fit(system: System, predicted: FloatArray) -> float:
-    """p-value of mean residuals of the wrench over trials that are larger than noise and the simulation's own error leave.
+def wrenches_lack_of_fit(system: System, predicted: FloatArray) -> float:
+    """Return the p-value of mean residuals of the wrench over trials: larger than noise and the simulation's own error leave.
 
     The mean ``z`` of a trial's n whitened residuals has the covariance ``I/n + A Aᵀ``: the noise of the rows, and an error of
     all of them alike that is :data:`_RIGID` of the load in each component. ``zᵀ (I/n + A Aᵀ)⁻¹ z`` is chi-squared with three
@@ -449,8 +363,8 @@ def _wrenches_lack_of_fit(system: System, predicted: FloatArray) -> float:
     return float(chi2.sf(statistic, 3 * len(names)))
 
 
-def _above(squares: FloatArray, trial: np.ndarray, floor: float) -> float:
-    """p-value of trials whose mean squares lie above a floor, by a one-sided t-test."""
+def above_floor(squares: FloatArray, trial: np.ndarray, floor: float) -> float:
+    """Return the p-value of trials whose mean squares lie above a floor, by a one-sided t-test."""
     names, rows = np.unique(trial, return_inverse=True)
     means = np.bincount(rows, squares) / np.bincount(rows)
     error = means.std(ddof=1) / np.sqrt(len(names)) if len(names) > 1 else 0.0

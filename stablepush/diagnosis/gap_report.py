@@ -9,24 +9,12 @@ from types import MappingProxyType
 import numpy as np
 
 from stablepush.core import InputError
-from stablepush.diagnosis.attribution import Attribution, attribute, folds_of, held_out
+from stablepush.diagnosis.attribution import Attribution, attribute
 from stablepush.diagnosis.contact_friction import slip_friction
 from stablepush.diagnosis.corrected import corrections, in_own_forms, of_last_log
-from stablepush.diagnosis.equations import SIZES, robust_variance
+from stablepush.diagnosis.equations import SIZES
 from stablepush.diagnosis.evidence import evidence
-from stablepush.diagnosis.gap_reduction import (
-    clearance_reduction,
-    correction_leaves_more,
-    explains_most,
-    gap,
-    hold_out,
-    pose_errors_are_significant,
-    reductions,
-    refit_leaves_noise,
-    refit_leaves_poses_off,
-    slipping_unexpectedly,
-    stands_clear,
-)
+from stablepush.diagnosis.gap_reduction import hold_out, reductions
 from stablepush.diagnosis.motions import Motions, motions_of
 from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
@@ -34,25 +22,17 @@ from stablepush.diagnosis.replay import Replay, replays
 from stablepush.diagnosis.report import GapReport, without_causes
 from stablepush.diagnosis.results import GapReduction, NextExperiment, RankedEffect, Verdict
 from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
-from stablepush.diagnosis.slip import friction_from_poses, lost_pushes, without_contradiction
+from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
 from stablepush.diagnosis.system import System, log_rows, system_of
 from stablepush.diagnosis.together import join, observe_each, together_of
-from stablepush.diagnosis.where import flexible_share, localise, repeats_share, residuals
+from stablepush.diagnosis.verdicts import judge, refit_leaves_noise, stands_clear
+from stablepush.diagnosis.where import localise, residuals
 from stablepush.diagnosis.wording import notes_on, sentence_of, slipping_note, unexplained
 from stablepush.effects import CATALOGUE, LabEffect, applicable, lab_effects
 from stablepush.io import PushLog, Rig
 
-#: The verdict is "unknown" if place, heading, order or speed explain so much of the residuals, with so small a p-value, and the
-#: residuals are so many times the noise.
-_UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
 #: A share below this goes without saying.
 _TOLD_SHARE = 0.05
-#: So many pushes whose fingers slip though the nominal simulation calls them stable are not "none".
-_SLIPPING = 2
-#: Residuals so many times the noise are no fit, whatever they depend on.
-_MISFIT = 4.0
-#: Nor are means of trials so large over the noise, in mean square, if repeats of a push share them with so small a p-value.
-_COMMON, _P_COMMON = 8.0, 1e-3
 
 
 def diagnose(
@@ -149,7 +129,6 @@ def _diagnose(
     observations = observe(log) if number is None else observe_each(log, number)
     if len(np.unique(observations.trial)) < 2:
         return _too_little(log, name) if comparison is None else _only_compared(log, name, comparison)
-    forces = bool(observations.has_wrench.any())
     own = applicable(lab_effects(effects), log_rows(observations), [effect.id for effect in effects])
     system, pushes, left_out = _equations(log, observations, own, comparison, number)
     if comparison is not None and not system.has_wrench and not pushes:
@@ -159,65 +138,15 @@ def _diagnose(
     if "contact-friction" not in found.named:
         found = replace(found, contact=friction_from_poses(system, found, pushes) or found.contact)
     progress("gap reduction")
-    named = found.named
     held = hold_out(system, found, log, pushes)
-    share, p_share, size, common, p_common = 0.0, 1.0, 0.0, 0.0, 1.0
-    if system.has_wrench:
-        left = system.observations.wrench - held.wrenches["after"]
-        white = system.white(left).reshape(-1, 3)
-        size = float(np.sqrt(robust_variance(white**2)))
-        share, p_share = flexible_share(system, white)
-        common, p_common = repeats_share(system, found.final.residual[: white.size].reshape(-1, 3))
-    reduced = reductions(held)
-    unknown = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
-    # a cause that brings no channel nearer on trials that it was not fitted to explains nothing
-    touch = clearance_reduction(held)
-    worse = bool(named and reduced) and max(touch, *(entry.closed for entry in reduced)) <= 0
-    if worse and found.chosen and found.scores:
-        # a few uninformative rows may hide it from the mean square
-        folds = folds_of(system)
-        worse = not system.significantly_better(
-            held_out(system, found.chosen, found.free, folds), held_out(system, [], found.free, folds)
-        )
-    if worse or (unknown and not explains_most(held, named)):
-        verdict, reported = "unknown", []
-    elif found.confounded:
-        verdict, reported = (
-            "ambiguous",
-            [found.confounded_with, *found.confounded, *(id for id in named if id != found.confounded_with)],
-        )
-    elif named:
-        verdict, reported = "named", named
-    else:
-        verdict, reported = ("absorbed" if found.recalibrated else "none"), []
-        # residuals that no model fits, not only in a few rows; residuals that repeats of a push share; large pose errors in many
-        # pushes
-        no_fit = size > _MISFIT or (common > _COMMON and p_common < _P_COMMON)
-        # precise sensors see what a simulation of rigid bodies errs by itself
-        no_fit = no_fit and correction_leaves_more(system, held)
-        if no_fit or (not forces and pose_errors_are_significant(held)):
-            verdict = "unknown"
-    gaps = gap(system, held)
-    clear = [entry for entry in gaps if stands_clear(entry)]
-    if verdict == "none" and clear:
-        # few trials do not show that a refit predicts others better, but it may fit all of them
-        of_pose = any(entry.channel == "pose" for entry in clear)
-        verdict = "absorbed" if not of_pose and refit_leaves_noise(system, held) else "unknown"
-    lost = lost_pushes(system, pushes)
-    slipping = slipping_unexpectedly(system, held, log)
-    if verdict in ("none", "absorbed") and (lost or (verdict == "none" and len(slipping) >= _SLIPPING)):
-        verdict = "unknown"
-    if verdict == "none" and comparison is not None and comparison.is_off and not pushes:
-        verdict = "unknown"
-    if verdict == "absorbed" and refit_leaves_poses_off(held):
-        # a refit that leaves pushes where they were absorbs nothing of that
-        verdict = "unknown"
+    judged = judge(system, found, held, log, pushes, comparison is not None and comparison.is_off)
+    verdict, reported = judged.verdict, judged.effects
     # a change of all friction alike leaves the surface's shape as it is
     fits = found.scores
     reshaped = verdict == "absorbed" or ("free" in fits and system.significantly_better(fits["free"], fits["scaled"]))
     why = (
         "it does not reduce the residuals of held-out pushes"
-        if worse
+        if judged.worse
         else "the remaining residuals still depend on place, heading, order or speed"
     )
     progress("where the gap lies")
@@ -228,7 +157,7 @@ def _diagnose(
     sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
     surface = system.surface(found.final.loads) if sized else None
     # a rig has fingers of one radius
-    of_rig = [id for id in named if id != "contact-geometry" or all(observations.off)]
+    of_rig = [id for id in found.named if id != "contact-geometry" or all(observations.off)]
     simulated_as = in_own_forms(system, found, ranking, reported)
     dropped = set(reported) - set(simulated_as[2])
     report_effects = {
@@ -236,7 +165,7 @@ def _diagnose(
         for entry in simulated_as[1]
         if entry.effect in of_rig and entry.effect in CATALOGUE and entry.effect not in dropped
     }
-    notes = notes_on(log, system, found, reported, share, p_share, left_out)
+    notes = notes_on(log, system, found, reported, judged.share, judged.p_share, left_out)
     untested = [effect.id for effect in effects if not system.has_wrench]
     if untested:
         notes.append(f"effects of the lab's own need forces: {', '.join(untested)} was not tested")
@@ -244,37 +173,30 @@ def _diagnose(
         notes = [*comparison.notes(), *notes]
     if verdict == "absorbed" and system.has_wrench and not refit_leaves_noise(system, held):
         notes.append("a refitted surface leaves more of the wrench than noise: it is nearer, but not all of the gap")
-    unexplained_wrench = any(entry.channel == "wrench" for entry in clear)
-    if verdict == "unknown" and unexplained_wrench and not any(observations.group) and share < _TOLD_SHARE:
+    unexplained_wrench = any(entry.channel == "wrench" for entry in judged.clear)
+    if verdict == "unknown" and unexplained_wrench and not any(observations.group) and judged.share < _TOLD_SHARE:
         notes.append(
             "no dependence on place, heading, order or speed was found: repeat three pushes five times each; if they scatter, "
             "state more noise in rig.json, if they agree, an effect is missing"
         )
     after = _next(system, found, reported, ranking)
-    if slipping:
-        notes.append(slipping_note([observations.names[k] for k in slipping], len(log)))
+    if judged.slipping:
+        notes.append(slipping_note([observations.names[k] for k in judged.slipping], len(log)))
     return GapReport(
         log=name,
         trials=len(log),
-        channels=[entry.channel for entry in reduced],
-        verdict=Verdict(verdict),
+        channels=[entry.channel for entry in judged.reductions],
+        verdict=verdict,
         named=reported,
-        gap=gaps,
+        gap=judged.gaps,
         where=where,
         ranking=ranking,
-        reductions=reduced,
-        worse=[entry.channel for entry in reduced if entry.after > 1.02 * entry.before],
+        reductions=judged.reductions,
+        worse=[entry.channel for entry in judged.reductions if entry.after > 1.02 * entry.before],
         next_experiment=after,
-        sentence=unexplained(
-            clear,
-            ranking,
-            len(slipping),
-            len(log),
-            bool(after.pushes),
-            lost,
-        )
+        sentence=unexplained(judged.clear, ranking, len(judged.slipping), len(log), bool(after.pushes), judged.lost)
         if verdict == "unknown"
-        else sentence_of(system, verdict, reported, ranking, reduced, touch, log.rig.noise is not None),
+        else sentence_of(system, verdict, reported, ranking, judged.reductions, judged.touch, log.rig.noise is not None),
         notes=notes,
         rig=_completed(log.rig, system, found),
         surface=surface if comparison is None else None,

@@ -12,9 +12,10 @@ from stablepush.cli import main
 from stablepush.diagnosis.attribution import _as_good_as_free, family_wise_p_values
 from stablepush.diagnosis.equations import SIZES, ScoreTest, statistics
 from stablepush.diagnosis.forward import ForwardModel
-from stablepush.diagnosis.gap_reduction import HeldOut, explains_most
+from stablepush.diagnosis.gap_reduction import HeldOut
 from stablepush.diagnosis.observations import _rates, observe
 from stablepush.diagnosis.system import System, pushes_of
+from stablepush.diagnosis.verdicts import explains_most
 from stablepush.diagnosis.where import repeats_share
 from stablepush.effects.catalogue import CATALOGUE
 from stablepush.geometry.planar import point_velocity, twist_from_cor

@@ -7,7 +7,7 @@ from conftest import edited, make_log
 import stablepush as sp
 from stablepush.diagnosis import gap_reduction
 from stablepush.diagnosis.contact_friction import Slip, _steeper
-from stablepush.diagnosis.gap_reduction import stands_clear
+from stablepush.diagnosis.verdicts import stands_clear
 
 NOISE = sp.Noise(0.05, 5e-5, 5e-4)
 

@@ -1,0 +1,221 @@
+"""The verdict on a log: whether what was found explains the gap, or whether anything is left to be explained."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stablepush.diagnosis.attribution import Attribution, folds_of, held_out
+from stablepush.diagnosis.equations import OF_PRESSURE, robust_variance
+from stablepush.diagnosis.forward import PARAMETERS
+from stablepush.diagnosis.gap_reduction import (
+    HeldOut,
+    above_floor,
+    clearance_reduction,
+    gap,
+    reductions,
+    wrenches_lack_of_fit,
+)
+from stablepush.diagnosis.replay import Replay
+from stablepush.diagnosis.results import ChannelGap, GapReduction, Verdict
+from stablepush.diagnosis.slip import lost_pushes
+from stablepush.diagnosis.system import System
+from stablepush.diagnosis.where import flexible_share, repeats_share
+from stablepush.effects import CATALOGUE
+from stablepush.io import PushLog
+
+#: The verdict is "unknown" if place, heading, order or speed explain so much of the residuals, with so small a p-value, and the
+#: residuals are so many times the noise.
+_UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
+#: Residuals so many times the noise are no fit, whatever they depend on.
+_NO_FIT = 4.0
+#: Nor are means of trials so large over the noise, in mean square, if repeats of a push share them with so small a p-value.
+_COMMON, _P_COMMON = 8.0, 1e-3
+#: So many pushes whose fingers slip though the nominal simulation calls them stable are not "none".
+_SLIPPING = 2
+#: A p-value as small is significant. Pose errors are if they are also so many times their floor.
+_SIGNIFICANT, _OFF = 0.01, 2.0
+#: A channel stands clear of its floor if that is significant, or if it is so many times as large because of a few pushes.
+_FAR = 3.0
+#: A refit that leaves so many times the noise is no fit.
+_MISFIT = 1.5
+#: Shares of a gap that effects may leave of what a refit without them leaves, and of what the nominal simulation leaves.
+_LEAVES_OF_REFIT, _LEAVES = 0.5, 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judgement:
+    """A verdict, and what it rests on.
+
+    ``effects`` that are named or confounded; ``gaps`` by channel, ``clear``: those that stand clear of their floor;
+    ``reductions``: how far the correction reduces them, ``touch``: in how fingers touch; ``lost``: pushes that ended far from
+    where the nominal simulation has them, by trial, and how far (m); ``slipping``: trials whose fingers slipped though they
+    should not; ``share`` of the residuals that place, heading, order and speed could explain, with its p-value; ``worse``: what
+    was found brings no channel nearer on pushes that it was not fitted to.
+    """
+
+    verdict: Verdict
+    effects: list[str]
+    gaps: list[ChannelGap]
+    clear: list[ChannelGap]
+    reductions: list[GapReduction]
+    touch: float
+    lost: Mapping[int, float]
+    slipping: list[int]
+    share: float
+    p_share: float
+    worse: bool
+
+
+def judge(
+    system: System, found: Attribution, held: HeldOut, log: PushLog, pushes: Sequence[Replay], simulator_is_off: bool
+) -> Judgement:
+    """Return the verdict. ``simulator_is_off``: another simulator's log, as the nominal simulation, clearly differs."""
+    share, p_share, size, shared = _left(system, found, held)
+    reduced, touch, gaps = reductions(held), clearance_reduction(held), gap(system, held)
+    clear = [entry for entry in gaps if stands_clear(entry)]
+    lost, slipping = lost_pushes(system, pushes), slipping_unexpectedly(system, held, log)
+    worse = _brings_nothing_nearer(system, found, reduced, touch)
+    patterned = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
+    if worse or (patterned and not explains_most(held, found.named)):
+        verdict, effects = Verdict.UNKNOWN, []
+    elif found.confounded:
+        verdict = Verdict.AMBIGUOUS
+        effects = [found.confounded_with, *found.confounded, *(id for id in found.named if id != found.confounded_with)]
+    elif found.named:
+        verdict, effects = Verdict.NAMED, found.named
+    else:
+        no_fit = _fits_nothing(system, held, size, shared) or bool(lost)
+        unpredicted = bool(clear) or len(slipping) >= _SLIPPING or (simulator_is_off and not pushes)
+        verdict, effects = _without_names(system, found, held, no_fit, unpredicted, clear), []
+    return Judgement(verdict, effects, gaps, clear, reduced, touch, lost, slipping, share, p_share, worse)
+
+
+def _fits_nothing(system: System, held: HeldOut, size: float, shared: bool) -> bool:
+    """Whether residuals are such that no model here fits: not only in a few rows, or shared by repeats of a push; without forces,
+    if many pushes end far off."""
+    if not system.has_wrench:
+        return pose_errors_are_significant(held)
+    # precise sensors see what a simulation of rigid bodies errs by itself: that is no gap
+    return (size > _NO_FIT or shared) and correction_leaves_more(system, held)
+
+
+def _without_names(
+    system: System, found: Attribution, held: HeldOut, no_fit: bool, unpredicted: bool, clear: Sequence[ChannelGap]
+) -> Verdict:
+    """The verdict where no effect is named."""
+    if no_fit:
+        return Verdict.UNKNOWN
+    if not (found.recalibrated or unpredicted):
+        return Verdict.NONE
+    # a refit that leaves pushes where they were absorbs nothing of that
+    absorbed = (found.recalibrated or _refit_may_absorb(system, held, clear)) and not refit_leaves_poses_off(held)
+    return Verdict.ABSORBED if absorbed else Verdict.UNKNOWN
+
+
+def _left(system: System, found: Attribution, held: HeldOut) -> tuple[float, float, float, bool]:
+    """What the corrected simulation leaves of wrenches: the share that covariates could explain and its p-value, the size over
+    the noise, and whether repeats of a push share it."""
+    if not system.has_wrench:
+        return 0.0, 1.0, 0.0, False
+    white = system.white(system.observations.wrench - held.wrenches["after"]).reshape(-1, 3)
+    share, p_share = flexible_share(system, white)
+    common, p_common = repeats_share(system, found.final.residual[: white.size].reshape(-1, 3))
+    return share, p_share, float(np.sqrt(robust_variance(white**2))), common > _COMMON and p_common < _P_COMMON
+
+
+def _brings_nothing_nearer(system: System, found: Attribution, reduced: Sequence[GapReduction], touch: float) -> bool:
+    """Whether what was found reduces no channel on trials that it was not fitted to: then it explains nothing."""
+    if not (found.named and reduced) or max(touch, *(entry.closed for entry in reduced)) > 0:
+        return False
+    if not (found.chosen and found.scores):
+        return True
+    # a few uninformative rows may hide it from the mean square
+    folds = folds_of(system)
+    return not system.significantly_better(
+        held_out(system, found.chosen, found.free, folds), held_out(system, [], found.free, folds)
+    )
+
+
+def _refit_may_absorb(system: System, held: HeldOut, clear: Sequence[ChannelGap]) -> bool:
+    """Whether a refit fits what stands clear, though few trials do not show that it predicts others better."""
+    of_forces = bool(clear) and all(entry.channel in ("wrench", "twist") for entry in clear)
+    return of_forces and refit_leaves_noise(system, held)
+
+
+def explains_most(held: HeldOut, effects: Sequence[str]) -> bool:
+    """Return whether the corrected simulation explains most of the gap of the wrench.
+
+    Effects that a refitted pressure cannot explain must reduce the gap that a refit without effects leaves to a half. A smaller
+    reduction may come from a cause outside of the catalogue that they fit in part; a larger one is not asked, as an effect whose
+    form differs from the catalogue's leaves a gap, too. The other effects act like a refit: they must leave a tenth of the gap
+    of the nominal simulation or less.
+    """
+    beyond = any(id not in CATALOGUE or (id in PARAMETERS and id not in OF_PRESSURE) for id in effects)
+    base, most = ("refit", _LEAVES_OF_REFIT) if beyond else ("before", _LEAVES)
+    gap, after = (float(held.squares["wrench"][k].mean()) for k in (base, "after"))
+    floor = min(held.floors["wrench"], after)
+    return bool((after - floor) < most * (gap - floor))
+
+
+def pose_errors_are_significant(held: HeldOut) -> bool:
+    """Return whether the pose errors of the corrected simulation are far larger than noise, and not in a few pushes only."""
+    if "pose" not in held.squares:
+        return False
+    left, floor = held.squares["pose"]["after"], held.floors["pose"]
+    return bool(left.mean() > _OFF**2 * floor) and above_floor(left, held.trials["pose"], floor) < _SIGNIFICANT
+
+
+def stands_clear(entry: ChannelGap) -> bool:
+    """Return whether what the nominal simulation leaves of a channel is more than its floor.
+
+    Its p-value says so; or the size of poses and directions of motion, where a few pushes are far off. Labels of stability have
+    no floor: :func:`slipping_unexpectedly` counts those that are wrong.
+    """
+    if entry.channel == "stability":
+        return False
+    far = entry.channel != "wrench" and 0 < _FAR * entry.noise_floor < entry.nominal
+    return far or entry.p_lack_of_fit < _SIGNIFICANT
+
+
+def refit_leaves_noise(system: System, held: HeldOut) -> bool:
+    """Return whether a refitted surface leaves no more of the wrenches that it is fitted to than noise, and of the directions
+    of motion of other pushes."""
+    if not system.has_wrench:
+        return False
+    if above_floor(held.squares["twist"]["refit"], held.trials["twist"], held.floors["twist"]) < _SIGNIFICANT:
+        return False
+    fit = system.fit([], True)
+    left = fit.residual[: 3 * len(system.observations.time)]
+    predicted = system.model.predict(fit.loads, system.of_wrench(fit.values))
+    return bool(np.sqrt(np.mean(left**2)) < _MISFIT and wrenches_lack_of_fit(system, predicted) > _SIGNIFICANT)
+
+
+def correction_leaves_more(system: System, held: HeldOut) -> bool:
+    """Return whether the corrected simulation leaves more of the wrenches of other pushes than their floor."""
+    return system.has_wrench and wrenches_lack_of_fit(system, held.wrenches["after"]) < _SIGNIFICANT
+
+
+def refit_leaves_poses_off(held: HeldOut) -> bool:
+    """Return whether pushes that a refitted surface was not fitted to end clearly elsewhere than it has them."""
+    if "pose" not in held.squares:
+        return False
+    left, floor = held.squares["pose"]["refit"], held.floors["pose"]
+    size = float(np.sqrt(left.mean() / floor))
+    return size > _FAR or (size > _MISFIT and above_floor(left, held.trials["pose"], floor) < _SIGNIFICANT)
+
+
+def slipping_unexpectedly(system: System, held: HeldOut, log: PushLog) -> list[int]:
+    """Return the numbers of the trials whose fingers slipped although the nominal simulation calls them stable.
+
+    Both fingers must be seen to touch at once: one that never met the slider is no slip.
+    """
+    if "stability" not in held.squares:
+        return []
+    stable = np.asarray(log.trials["stable"], dtype=np.float64)
+    wrong = held.squares["stability"]["before"] > 0
+    o = system.observations
+    both = set(o.trial[np.isfinite(o.normal).all(axis=(1, 2))].tolist())
+    return [int(trial) for trial in held.trials["stability"][wrong] if stable[trial] == 0 and trial in both]
