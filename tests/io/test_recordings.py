@@ -10,6 +10,7 @@ from recordings import RADIUS, SLIDER, recorded
 
 import stablepush as sp
 from stablepush.cli import main
+from stablepush.geometry import rotate_vectors
 from stablepush.io import slider_to_json
 
 RIG = {"finger_radius": RADIUS, "friction": {"support": None, "contact": 0.5}}
@@ -241,6 +242,55 @@ def test_a_bag_comes_back(tmp_path, capsys, rosbags):
     assert len(log) == 3
 
 
+def test_a_bag_of_ros_1_comes_back(tmp_path, capsys, rosbags):
+    """Poses, and forces of a plate in the table, whose moment is about the plate's origin."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    types, plate = store.types, np.array((0.7, -0.4, 0.9))
+    (t, poses, tips, forces), _, loads = recorded()
+    with Writer(tmp_path / "push.bag") as bag:
+        names = {
+            "/box": "geometry_msgs/msg/PoseStamped",
+            "/tip": "geometry_msgs/msg/PoseStamped",
+            "/plate": "geometry_msgs/msg/WrenchStamped",
+        }
+        links = {topic: bag.add_connection(topic, kind, typestore=store) for topic, kind in names.items()}
+        for k, at in enumerate(t):
+            stamp = types["builtin_interfaces/msg/Time"](sec=int(at), nanosec=round(1e9 * (at % 1)) % 10**9)
+
+            def send(topic, frame, part, at=at, k=k, stamp=stamp):
+                header = types["std_msgs/msg/Header"](seq=k, stamp=stamp, frame_id=frame)
+                message = types[names[topic]](header, part)
+                bag.write(links[topic], round(at * 1e9), store.serialize_ros1(message, names[topic]))
+
+            for topic, (x, y, theta) in (("/box", poses[k]), ("/tip", (*tips[k], poses[k, 2]))):
+                point = types["geometry_msgs/msg/Point"](x=float(x), y=float(y), z=0.0)
+                turn = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=float(np.sin(theta / 2)), w=float(np.cos(theta / 2)))
+                send(topic, "map", types["geometry_msgs/msg/Pose"](point, turn))
+            force = -forces[k]
+            c, s = np.cos(plate[2]), np.sin(plate[2])
+            arm = tips[k] - plate[:2]
+            # the force acts at the tip, and the finger gives no moment
+            moment = arm[0] * force[1] - arm[1] * force[0]
+            vector = types["geometry_msgs/msg/Vector3"]
+            turned = vector(float(c * force[0] + s * force[1]), float(-s * force[0] + c * force[1]), 0.0)
+            send("/plate", "plate", types["geometry_msgs/msg/Wrench"](turned, vector(0.0, 0.0, float(moment))))
+    topics = {"topics": {"pose": "/box", "tip": "/tip", "force": "/plate"}, "frames": {"plate": plate.tolist()}}
+    entries = {**topics, "forces_on": "finger", "largest_gap": 20.0, "moment_about": "frame", "contact_kind": "two-point"}
+    mapping = mapping_file(tmp_path, **entries)
+    imported(capsys, tmp_path / "push.bag", "--kind", "rosbag", "--mapping", mapping, "-o", tmp_path / "log")
+    log = sp.read_pushlog(tmp_path / "log")
+    assert log.columns("x", "y") == pytest.approx(poses[:, :2], abs=1e-8)
+    # about the tip nothing is left of the moment: the load in B is that of a force at the tip's centre
+    pushing = log.samples["phase"] == "push"
+    fx, fy, tau = log.columns("fx", "fy", "tau")[pushing].T
+    place = rotate_vectors(-poses[pushing, 2], tips[pushing] - poses[pushing, :2])
+    assert np.stack((fx, fy), axis=-1)[5:] == pytest.approx(loads[:, :2].repeat(pushing.sum() // 3, axis=0)[5:], abs=1e-6)
+    assert tau == pytest.approx(place[:, 0] * fy - place[:, 1] * fx, abs=1e-8)
+
+
 def test_the_rate_of_the_rows(tmp_path, capsys, rosbags):
     _, loads = write_bag(tmp_path / "bag")
     mapping = mapping_file(tmp_path, **BAG, rate=25.0)
@@ -276,7 +326,7 @@ def test_a_folder_that_is_no_bag_is_one_line(tmp_path, capsys, rosbags):
     (tmp_path / "bag").mkdir()
     (tmp_path / "bag" / "metadata.yaml").write_text("none", encoding="utf-8")
     command = ["import", tmp_path / "bag", "--kind", "rosbag", "--mapping", mapping, "-o", tmp_path / "log"]
-    one_line(capsys, command, "expected a ROS 2 bag")
+    one_line(capsys, command, "expected a bag of ROS 2 or ROS 1")
 
 
 # the MIT data set

@@ -1,4 +1,4 @@
-"""ROS 2 bags without ROS: poses of slider and tip, forces, by a mapping of topics and frames (extra ``ros``)."""
+"""Bags of ROS 2 and ROS 1 without ROS: poses of slider and tip, forces, by a mapping of topics and frames (extra ``ros``)."""
 
 from __future__ import annotations
 
@@ -40,17 +40,20 @@ class _Topic:
 
 
 class RosBags:
-    """Importer of ROS 2 bags: kind ``rosbag``."""
+    """Importer of ROS bags: kind ``rosbag``. Those of ROS 2 are folders, those of ROS 1 files that end in ``.bag``."""
 
     needs_mapping = True
 
     def find(self, root: Path) -> Iterator[Source]:
-        # a file of a bag stands for the whole
-        folders = [root.parent] if root.is_file() else sorted({file.parent for file in root.rglob("metadata.yaml")})
-        return (Source("rosbag", folder, name_of(folder), {}) for folder in folders)
+        if root.is_file():
+            # a file of a bag of ROS 2 stands for the whole
+            bags = [root if root.suffix == ".bag" else root.parent]
+        else:
+            bags = sorted({*(file.parent for file in root.rglob("metadata.yaml")), *root.rglob("*.bag")})
+        return (Source("rosbag", bag, name_of(bag), {}) for bag in bags)
 
     def read(self, source: Source, slider: Slider | None) -> tuple[PushLog, list[str]]:
-        mapping = mapping_of(source, slider, "topics", "world", "frames", "force_axes", "rate", "largest_gap")
+        mapping = mapping_of(source, slider, "topics", "world", "frames", "force_axes", "moment_about", "rate", "largest_gap")
         root = mapping.root
         topics = {name: _wanted(name, root["topics"]) for name in TOPICS if name in root["topics"].object()}
         root["topics"].expect_keys(*TOPICS)
@@ -60,6 +63,7 @@ class RosBags:
         if root.get("frames") is not None:
             frames = {name: root["frames"][name].array(3) for name in root["frames"].object()}
         turned = None if axes is None else axes.text(("world", "tip"))
+        about = None if root.get("moment_about") is None else root["moment_about"].text(("tip", "frame"))
         name_of_world = "map" if world is None else world.text()
         _read(source.file, list(topics.values()))
         streams: dict[str, Stream] = {}
@@ -67,8 +71,10 @@ class RosBags:
             rows = np.array(topic.rows)
             if name != "force":
                 rows = compose(_frame(topic, frames, name_of_world, source.file), rows)
-            elif turned is None:
-                rows[:, :2] = rotate_vectors(_frame(topic, frames, name_of_world, source.file)[2], rows[:, :2])
+            elif turned is None or about == "frame":
+                origin = _frame(topic, frames, name_of_world, source.file)
+                if turned is None:
+                    rows[:, :2] = rotate_vectors(origin[2], rows[:, :2])
             streams[name] = Stream(topic.topic, np.array(topic.times), rows, None if name == "force" else 2)
         with within(source.file):
             t, (poses, tips, loads) = on_one_clock(
@@ -80,6 +86,11 @@ class RosBags:
                     raise InputError("force_axes", "expected the topic tip, in whose axes the forces are", file=root.file)
                 loads[:, :2] = rotate_vectors(tips[:, 2], loads[:, :2])
             forces = None if loads is None else loads[:, :2]
+            if loads is not None and about == "frame":
+                if tips is None:
+                    raise InputError("moment_about", "expected the topic tip, about which the moment is needed", file=root.file)
+                arm = origin[:2] - tips[:, :2]
+                loads[:, 2] += arm[:, 0] * loads[:, 1] - arm[:, 1] * loads[:, 0]
             # a round finger gives no moment: what the sensor reads as one is that of its own place
             moments = None if loads is None or mapping.rig.contact_kind == "point" else loads[:, 2]
             return mapping.log(t, poses, forces, tips, moments=moments), []  # type: ignore[arg-type]
@@ -112,7 +123,7 @@ def _frame(topic: _Topic, frames: dict[str, FloatArray], world: str, file: Path)
     return np.zeros(3)
 
 
-def _read(folder: Path, topics: list[_Topic]) -> None:
+def _read(bag_path: Path, topics: list[_Topic]) -> None:
     """Fill topics from a bag."""
     try:
         from rosbags.highlevel import AnyReader
@@ -121,10 +132,10 @@ def _read(folder: Path, topics: list[_Topic]) -> None:
         raise UnavailableError("rosbag: expected the extra ros: pip install 'stablepush[ros]'") from None
     complaint: InputError | None = None
     try:
-        with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
-            complaint = _read_topics(bag, folder, topics)
+        with AnyReader([bag_path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
+            complaint = _read_topics(bag, bag_path, topics)
     except Exception as error:
-        raise InputError("", f"expected a ROS 2 bag: {' '.join(str(error).split())[:200]}", file=folder) from None
+        raise InputError("", f"expected a bag of ROS 2 or ROS 1: {' '.join(str(error).split())[:200]}", file=bag_path) from None
     if complaint is not None:
         raise complaint
 

@@ -1,0 +1,60 @@
+"""Commands that fit surfaces, through the command line."""
+
+import json
+
+import pytest
+
+import stablepush as sp
+from stablepush.cli import main
+
+
+def test_fit_writes_a_certified_model(rig, capsys):
+    value = json.loads((rig / "model.json").read_text())
+    assert value["format"] == "model/1" and value["kind"] == "polynomial" and value["degree"] == 4
+    assert value["certificate"]["sos_convex"] is True
+    assert value["certificate"]["min_eigenvalue"] > 0
+    assert len(value["exponents"]) == len(value["coefficients"]) == 15
+    assert {"characteristic_length", "covariance", "provenance"} <= value.keys()
+
+
+@pytest.mark.parametrize("model", ("poly4", "quadratic", "poly6-cvx"))
+def test_other_models_are_fitted(rig, tmp_path, model):
+    out = tmp_path / "m.json"
+    assert main(["fit", str(rig / "log"), "--model", model, "--no-slider", "--seed", "3", "-o", str(out)]) == 0
+    assert sp.load_model(out).provenance["model"] == model
+
+
+def test_a_gaussian_process_is_fitted_and_classifies(rig, tmp_path, capsys):
+    out = tmp_path / "gp.json"
+    assert main(["fit", str(rig / "log"), "--model", "gp", "-o", str(out)]) == 0
+    assert "no limit surface" in capsys.readouterr().out
+    arguments = ["--contact", str(rig / "contact.json"), "--cors", str(rig / "cors.csv"), "-o", str(tmp_path / "o.csv")]
+    assert main(["classify", str(out), *arguments]) == 0
+
+
+def test_pages_of_a_surface_and_of_a_map(rig, tmp_path, capsys):
+    surface, region = tmp_path / "s.html", tmp_path / "r.html"
+    assert main(["fit", str(rig / "log"), "--view", str(surface), "-o", str(tmp_path / "m.json")]) == 0
+    contact = ["--contact", str(rig / "contact.json"), "--slider", str(rig / "slider.json")]
+    assert main(["map", str(tmp_path / "m.json"), *contact, "--view", str(region), "-o", str(tmp_path / "m.png")]) == 0
+    assert "pokes, slip" in surface.read_text(encoding="utf-8")
+    assert '"name": "conservative"' in region.read_text(encoding="utf-8")
+    # a page inside the log would be taken for a part of it
+    assert main(["fit", str(rig / "log"), "--view", str(rig / "log" / "s.html"), "-o", str(tmp_path / "m.json")]) == 2
+    assert "outside" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("options", (["--loss", "norm"], ["--loss", "published"], ["--com-tolerance", "0.004"]))
+def test_fits_in_other_ways(rig, tmp_path, options):
+    out = tmp_path / "m.json"
+    assert main(["fit", str(rig / "log"), *options, "-o", str(out)]) == 0
+    assert sp.load_model(out).certificate["sos_convex"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"), ((["--loss", "abs"], "'abs'"), (["--com-tolerance", "-1"], "-1"), (["--com-tolerance", "nan"], "nan"))
+)
+def test_bad_ways_to_fit_are_refused(rig, tmp_path, capsys, options, said):
+    assert main(["fit", str(rig / "log"), *options, "-o", str(tmp_path / "m.json")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and said in error

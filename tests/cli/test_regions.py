@@ -1,0 +1,102 @@
+"""Commands that show which rotation centres are stable, through the command line."""
+
+import json
+
+import numpy as np
+import pytest
+
+import stablepush as sp
+from stablepush.cli import main
+from stablepush.io.json_files import write_json
+from stablepush.io.tables import read_table
+
+
+def test_classify_adds_columns(rig, tmp_path):
+    out = tmp_path / "out.csv"
+    arguments = ["--contact", str(rig / "contact.json"), "--cors", str(rig / "cors.csv"), "-o", str(out)]
+    assert main(["classify", str(rig / "model.json"), *arguments]) == 0
+    table, _ = read_table(out, required=(), numbers=("cor_x", "cor_y", "sense", "stable", "margin"))
+    assert list(table) == ["name", "cor_x", "cor_y", "sense", "stable", "margin", "probability"]
+    assert table["name"].tolist() == ["far", "near", "right"]
+    assert table["stable"].tolist() == [1, 0, 1]
+    assert ((table["margin"] >= 0) == (table["stable"] == 1)).all()
+    probability = table["probability"].astype(float)
+    assert probability[0] > 0.5 > probability[1]
+    oracle = sp.StabilityOracle(sp.load_model(rig / "model.json"), sp.load_contact(rig / "contact.json"))
+    expected = oracle.margin([[0.0, 2.0, 1.0]])[0]
+    assert table["margin"][0] == pytest.approx(expected)
+
+
+def test_classify_without_an_ensemble_leaves_the_probability_blank(rig, tmp_path):
+    assert main(["fit", str(rig / "log"), "--model", "poly4", "-o", str(tmp_path / "m.json")]) == 0
+    arguments = ["--contact", str(rig / "contact.json"), "--cors", str(rig / "cors.csv"), "-o", str(tmp_path / "o.csv")]
+    assert main(["classify", str(tmp_path / "m.json"), *arguments]) == 0
+    table, _ = read_table(tmp_path / "o.csv", required=(), numbers=("margin",))
+    assert set(table["probability"]) == {""}
+
+
+def test_classify_nothing(rig, tmp_path):
+    (tmp_path / "none.csv").write_text("cor_x,cor_y,sense\n")
+    arguments = ["--contact", str(rig / "contact.json"), "--cors", str(tmp_path / "none.csv"), "-o", str(tmp_path / "o.csv")]
+    assert main(["classify", str(rig / "model.json"), *arguments]) == 0
+    assert (tmp_path / "o.csv").read_text() == "cor_x,cor_y,sense,stable,margin,probability\n"
+
+
+def test_map_leaves_a_picture_and_regions(rig, tmp_path):
+    arguments = ["--contact", str(rig / "contact.json"), "--slider", str(rig / "slider.json")]
+    outputs = ["-o", str(tmp_path / "map.png"), "--json", str(tmp_path / "regions.json")]
+    assert main(["map", str(rig / "model.json"), *arguments, *outputs]) == 0
+    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
+    names = [r["name"] for r in json.loads((tmp_path / "regions.json").read_text())["regions"]]
+    assert names == ["model", "all-pressure", "conservative"]
+    assert main(["map", str(rig / "model.json"), *arguments[:2], "-o", str(tmp_path / "bare.png"), "--extent", "0.3"]) == 0
+
+
+def test_map_draws_margins_the_sphere_and_a_chance_region(rig, tmp_path, capsys):
+    arguments = ["--contact", str(rig / "contact.json"), "--slider", str(rig / "slider.json"), "-o", str(tmp_path / "m.png")]
+    more = ["--probability", "0.9", "--margins", str(tmp_path / "margins.png"), "--sphere", str(tmp_path / "sphere.png")]
+    more += ["--com-tolerance", "0.002", "--least-mu", "0.7", "--json", str(tmp_path / "r.json")]
+    assert main(["map", str(rig / "model.json"), *arguments, *more]) == 0
+    for name in ("m.png", "margins.png", "sphere.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+    assert "probability 0.9" in capsys.readouterr().out
+    angles = {r["name"]: r["solid_angle"] for r in json.loads((tmp_path / "r.json").read_text())["regions"]}
+    assert 0 < angles["all-pressure"] < angles["model"] and angles["probability 0.9"] < angles["model"]
+
+
+def test_map_of_one_finger_draws_a_curve(rig, tmp_path, capsys):
+    write_json(tmp_path / "finger.json", {"points": [[0.0, -0.0533]], "normals": [[0, 1]], "mu": 0.5})
+    arguments = ["--contact", str(tmp_path / "finger.json"), "--slider", str(rig / "slider.json"), "-o", str(tmp_path / "m.png")]
+    assert main(["map", str(rig / "model.json"), *arguments, "--json", str(tmp_path / "r.json")]) == 0
+    model = json.loads((tmp_path / "r.json").read_text())["regions"][0]
+    assert model["solid_angle"] == 0 and len(model["curve"]) > 10
+
+
+def test_contacts_leave_a_table_and_a_picture(rig, tmp_path, capsys):
+    arguments = [
+        "--slider",
+        str(rig / "slider.json"),
+        "--contact-mu",
+        "0.5",
+        "--width",
+        "0.03",
+        "--width",
+        "0.06",
+        "--places",
+        "3",
+    ]
+    outputs = ["-o", str(tmp_path / "c.csv"), "--picture", str(tmp_path / "c.png"), "--measure", "margin", "--edge", "1"]
+    assert main(["contacts", str(rig / "model.json"), *arguments, *outputs]) == 0
+    table, _ = read_table(tmp_path / "c.csv", required=(), numbers=("edge", "width", "margin", "area", "tightest_left"))
+    assert len(table["edge"]) == 6 and set(table["edge"]) == {1.0}
+    assert (np.diff(table["margin"]) <= 0).all()
+    assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
+    assert "best by margin: edge 1" in capsys.readouterr().out
+
+
+def test_map_of_a_corner_has_no_conservative_region(rig, tmp_path, capsys):
+    corner = {"points": [[0.0, -0.0533], [-0.0533, 0.0]], "normals": [[0, 1], [1, 0]], "mu": 0.5}
+    write_json(tmp_path / "corner.json", corner)
+    arguments = ["--contact", str(tmp_path / "corner.json"), "--slider", str(rig / "slider.json"), "-o", str(tmp_path / "m.png")]
+    assert main(["map", str(rig / "model.json"), *arguments]) == 0
+    assert "no conservative region" in capsys.readouterr().out
