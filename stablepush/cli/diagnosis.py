@@ -77,7 +77,7 @@ def diagnose(
         print(f"{entry.channel}: {sizes}; explained {percent(entry.closed)} % ({percent(low)} to {percent(high)})")
     for words in report.steps if report.verdict != "none" else ():
         print(f"to do: {words}")
-    if answer is not None and report.corrected and report.verdict in ("absorbed", "named", "ambiguous"):
+    if answer is not None and report.corrected and report.changes_plans:
         print(f"to plan for the rig as it is: stablepush correct SCENE.json {answer} -o SCENE2.json")
 
 

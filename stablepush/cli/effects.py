@@ -45,10 +45,11 @@ def effects(
 def _of_lab(effect: LabEffect) -> dict[str, Any]:
     """An effect that a package registered, as those of the catalogue are shown."""
     parameter = asdict(effect.parameter) | {"nominal": 0.0}
-    remedy = "it is in no corrected rig or scene: mend the rig, or model the effect in your own simulation"
+    from stablepush.effects import LAB_REMEDY
+
     return {
         "id": effect.id, "what": f"{effect.what} (of an installed package)", "acts": effect.acts, "parameters": [parameter],
-        "needs": effect.needs, "remedy": remedy,
+        "needs": effect.needs, "remedy": LAB_REMEDY,
     }  # fmt: skip
 
 

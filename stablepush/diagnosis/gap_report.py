@@ -31,6 +31,8 @@ from stablepush.diagnosis.wording import notes_on, sentence_of, slipping_note, u
 from stablepush.effects import CATALOGUE, LabEffect, applicable, lab_effects
 from stablepush.io import PushLog, Rig
 
+#: Forces are turned round if this share of pushes has forces that oppose the motion, of so many at least.
+_OPPOSED, _FEWEST = 0.8, 3
 #: A share below this goes without saying.
 _TOLD_SHARE = 0.05
 
@@ -129,6 +131,9 @@ def _diagnose(
     observations = observe(log) if number is None else observe_each(log, number)
     if len(np.unique(observations.trial)) < 2:
         return _too_little(log, name) if comparison is None else _only_compared(log, name, comparison)
+    turned = _turned_round(observations)
+    if turned:
+        return without_causes(log, name, Verdict.UNKNOWN, [], [], f"{turned[0].upper()}{turned[1:]}.", [turned], UNSEEN)
     own = applicable(lab_effects(effects), log_rows(observations), [effect.id for effect in effects])
     system, pushes, left_out = _equations(log, observations, own, comparison, number)
     if comparison is not None and not system.has_wrench and not pushes:
@@ -246,6 +251,20 @@ def _equations(
     system = system_of(observations, log.rig, own) if number is None else together_of(observations, log.rig, number, own)
     pushes, system.final_pose_noise = system.predictable(replayed)
     return system, pushes, len(replayed) - len(pushes)
+
+
+def _turned_round(observations: Observations) -> str:
+    """What is to be said of forces that oppose the motion: friction never drives. Blank if most do not."""
+    o = observations
+    power = (o.wrench * o.twist).sum(axis=1)[o.has_wrench]
+    names, rows = np.unique(o.trial[o.has_wrench], return_inverse=True)
+    against = int((np.bincount(rows, power) < 0).sum()) if len(names) else 0
+    if len(names) < _FEWEST or against < _OPPOSED * len(names):
+        return ""
+    return (
+        f"in {against} of {len(names)} pushes the force opposes the motion, as no push does: the sign of the forces seems to be "
+        "turned round (expected: the force on the slider), and no cause is looked for"
+    )
 
 
 def _too_little(log: PushLog, name: str) -> GapReport:

@@ -12,7 +12,7 @@ from stablepush.core import FloatArray, renamed_fields, shown_as
 from stablepush.diagnosis.evidence import Evidence, not_identifiable
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
 from stablepush.diagnosis.where import Finding
-from stablepush.effects import CATALOGUE
+from stablepush.effects import CATALOGUE, LAB_REMEDY
 from stablepush.geometry import rotate_vectors
 from stablepush.io import PushLog, Rig
 from stablepush.planning import Correction
@@ -68,8 +68,16 @@ class GapReport:
     @property
     def steps(self) -> list[str]:
         """What to do, in order: against each named effect, and what the verdict asks for."""
-        found = [f"{id}: {CATALOGUE[id].remedy}" for id in self.named if id in CATALOGUE and self.verdict == "named"]
-        return found or [self.verdict.advice]
+        if self.verdict != "named":
+            return [self.verdict.advice]
+        return [f"{id}: {CATALOGUE[id].remedy if id in CATALOGUE else LAB_REMEDY}" for id in self.named]
+
+    @property
+    def changes_plans(self) -> bool:
+        """Whether plans for the scene that :func:`stablepush.correct` makes differ: effects of sensors change none."""
+        if self.verdict == "named":
+            return any(id == "frame-offset" or (id in CATALOGUE and CATALOGUE[id].acts != "sensing") for id in self.named)
+        return self.verdict in ("absorbed", "ambiguous") and bool(self.corrected)
 
     def pose_errors(self, key: str) -> FloatArray:
         """Return the errors (n, 2) of final positions in W, measured less simulated, in m.

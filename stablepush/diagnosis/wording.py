@@ -77,12 +77,15 @@ def sentence_of(
 
 
 def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: float) -> str:
-    """How far the correction reduces the gap, of the first channel that comes nearer: a cause need not show in all."""
+    """How far the correction reduces the gap, of the channel in which it shows best: a cause need not show in all."""
     shares = [(e.channel, e.closed) for e in reductions if e.before > _NEARER * e.after] + [("touch", touch)]
     shares = [(channel, share) for channel, share in shares if share > _REPORTED]
     if effects and all(id in CATALOGUE and CATALOGUE[id].acts == "contact" for id in effects):
         # what the fingers do decides where the object goes
         shares.sort(key=lambda entry: entry[0] != "pose")
+    else:
+        # the channel in which it shows best; of those that are alike, the first
+        shares.sort(key=lambda entry: -round(entry[1], 1))
     if not shares:
         return ""
     channel, share = shares[0]
@@ -94,10 +97,10 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
     factor, unit = (1000, " mm") if entry.unit == "m" else (1, "" if entry.unit == "1" else f" {entry.unit}")
     before, after, floor = (f"{factor * size:.3g}" for size in (entry.before, entry.after, entry.floor))
     left = entry.after / entry.floor if entry.floor > 0 else 0.0
-    more = f", what is left is {left:.0f} times the noise" if left > _LEFT else ""
+    more = f", what is left is {left:.0f} times the floor" if left > _LEFT else ""
     return (
         f"; so corrected, {_ERRORS_OF[channel]} on pushes left out of the fit falls from {before} to {after}{unit} rms "
-        f"(noise {floor}{unit}): {explained} is explained{more}"
+        f"(floor {floor}{unit}): {explained} is explained{more}"
     )
 
 

@@ -19,5 +19,11 @@ from .families import (
     friction_over_speed as friction_over_speed,
 )
 from .known import KnownEffect as KnownEffect, effects_from_node as effects_from_node
-from .lab import LabEffect as LabEffect, LogRows as LogRows, applicable as applicable, lab_effects as lab_effects
+from .lab import (
+    LAB_REMEDY as LAB_REMEDY,
+    LabEffect as LabEffect,
+    LogRows as LogRows,
+    applicable as applicable,
+    lab_effects as lab_effects,
+)
 from .table import CREEP as CREEP, resting_share as resting_share, table_friction as table_friction

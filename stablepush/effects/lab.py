@@ -15,6 +15,8 @@ import numpy as np
 from stablepush.core import FloatArray, InputError, load_plugin, plugin_names
 from stablepush.effects.catalogue import CATALOGUE, Parameter
 
+#: What to do about an effect of a lab's own.
+LAB_REMEDY = "it is in no corrected rig or scene: mend the rig, or model the effect in your own simulation"
 _GROUP = "stablepush.effects"
 _ACTS = ("support", "sensing")
 

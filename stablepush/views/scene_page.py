@@ -60,11 +60,13 @@ def scene_html(
         "cor": cor,
         "sense": sense,
     }
+    warning = ""
     key = "Green: the slider sticks to the fingers all the way; red: it does not."
     if problem.acting_effects:
-        key += f" Not in this page: {', '.join(problem.acting_effects)}."
+        level = f"The scene has effects that this page does not reckon with: {', '.join(problem.acting_effects)}. "
+        warning = f"{level}Its stability is that of a level, even table; plot_headings draws the true one."
     label = "A slider with its rotation centre, start, goal and obstacles, which can be moved"
-    return render("scene.html", title=title, label=label, key=key, data=script(data))
+    return render("scene.html", title=title, label=label, key=key, warning=warning, data=script(data))
 
 
 def _surface(surface: LimitSurface) -> dict[str, Any]:

@@ -104,3 +104,11 @@ def test_pushes_that_slip_against_the_prediction_are_not_none():
     stable[wrong] = 0.0
     report = sp.diagnose(sp.PushLog(log.rig, {**log.trials, "stable": stable}, log.samples))
     assert report.verdict == "unknown" and "fingers slipped in" in report.sentence
+
+
+def test_forces_on_the_finger_are_said_to_be():
+    log = make_log("latency:delay=0.08", noise=NOISE)
+    turned = changed(log, lambda log, loads, rng: -loads)
+    report = sp.diagnose(turned)
+    assert report.verdict == "unknown" and not report.named
+    assert "n 40 of 40 pushes the force opposes the motion" in report.sentence

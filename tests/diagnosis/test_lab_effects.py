@@ -54,6 +54,7 @@ def test_friction_that_follows_a_column_is_named(clean):
     slope = report.ranking[0].parameters["slope"]
     assert slope.estimate == pytest.approx(0.006, rel=0.1) and slope.ci95[0] < 0.006 < slope.ci95[1]
     assert "humidity of the room" in report.sentence
+    assert "mend the rig" in report.steps[0] and not report.changes_plans
     assert report.reductions[0].closed > 0
     # what no scene can hold is not carried into one
     assert not report.corrected[0].effects and report.to_json()["ranking"][0]["effect"] == "humidity"

@@ -71,6 +71,26 @@ def test_a_table_in_millimetres_and_degrees(tmp_path, capsys):
     assert (log.rig.finger_radius, log.rig.contact_friction) == (RADIUS, 0.5)
 
 
+def test_what_a_table_cannot_be_is_noted(tmp_path, capsys):
+    """Forces on the finger, metres for millimetres, and no rows at rest: one line each, and the log is made."""
+    path, _, _ = table(tmp_path)
+
+    def notes(**entries):
+        mapping = mapping_file(tmp_path, **{"columns": COLUMNS, "units": UNITS, **entries})
+        assert main(["import", str(path), "--kind", "csv", "--mapping", str(mapping), "-o", str(tmp_path / "log")]) == 0
+        return [line for line in capsys.readouterr().err.splitlines() if "note: " in line]
+
+    assert not notes()
+    (turned,) = notes(forces_on="finger")
+    assert "in 3 of 3 pushes the force opposes the motion: is its sign wrong (forces_on)?" in turned
+    assert any("mm from the slider's origin" in note for note in notes(body_pose=[0.5, 0.3, 0.0]))
+    lines = path.read_text().splitlines()
+    # the second before each push is left out
+    moving = [line for k, line in enumerate(lines[1:]) if k % 151 >= 100]
+    path.write_text("\n".join([lines[0], *moving]) + "\n")
+    assert any("have no rows at rest" in note for note in notes())
+
+
 BAD_TABLES = [
     ({"columns": {**COLUMNS, "x": "gone"}}, "table.csv: line 1: column gone: missing column"),
     ({"columns": {**COLUMNS, "x": 3}}, "mapping.yaml: columns.x: expected a string, got 3"),

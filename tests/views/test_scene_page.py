@@ -92,7 +92,7 @@ def test_the_page_holds_the_scene_and_says_what_it_leaves_out(tmp_path, capsys):
     assert "open it in a browser" in capsys.readouterr().out
     assert "http" not in page.read_text(encoding="utf-8").replace("http://www.w3.org/2000/svg", "")
     tilted = problem.with_changes(slider=sp.Slider(problem.slider.vertices, 1.2), effects=[sp.parse_effect("tilt:slope=0.03/0")])
-    assert "Not in this page: tilt" in scene_html(tilted)
+    assert "effects that this page does not reckon with: tilt" in scene_html(tilted)
     one_line(capsys, ["view", at, tmp_path / "none.json", "-o", page], "none.json: cannot read")
     three = problem.with_changes(contacts=[sp.PushContact([(-0.03, -0.05), (0, -0.05), (0.03, -0.05)], [(0, 1)] * 3, 0.5)])
     with pytest.raises(sp.InputError, match=r"contacts\[0\]: expected one or two points"):
