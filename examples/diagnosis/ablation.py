@@ -113,7 +113,7 @@ PARTS: Mapping[str, list[Part]] = {
     ],
     "plausibility off": [
         patch.object(attribution, "_possible", lambda *_: True), patch.object(attribution, "identifiable", lambda *_: True),
-        patch.object(System, "clipped", lambda self, id, value: value),
+        patch.object(System, "clipped", lambda self, id, value: value), patch.object(System, "at_bound", lambda *_: False),
     ],
     "replication off": [patch.object(attribution, "_replicates", lambda *_: True)],
     "surface not refitted": [patch.object(System, "base", lambda self, values, free: _BASE(self, values, False))],

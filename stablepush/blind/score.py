@@ -94,9 +94,12 @@ def score_of(rows: list[Row], refused: dict[int, str], codes: int, seed: int, he
     kinds = {kind: [r for r in rows if r["label"]["kind"] == kind] for kind in ("clean", "trap", "effect", "pair", "outside")}
     detectable = [r for r in kinds["effect"] if r["label"]["applied"][0]["detectable"]]
     lines = [("sets", f"{len(rows)}, seed {seed}{refused_words(refused, codes)}")]
-    for kind in ("clean", "trap"):
-        quiet = sum(outcome(r) != "quiet" for r in kinds[kind])
-        lines.append((f"false alarms, {kind} sets", share(quiet, len(kinds[kind]))))
+    alarms = sum(outcome(r) != "quiet" for r in kinds["clean"])
+    lines.append(("false alarms, clean sets", share(alarms, len(kinds["clean"]))))
+    lines.append(("names in trap sets", share(sum(outcome(r) == "wrong name" for r in kinds["trap"]), len(kinds["trap"]))))
+    # nothing explains these, and they are more than noise
+    bad = [r for r in kinds["trap"] if r["label"]["trap"] != "patch"]
+    lines.append(("outliers and scatter that are called unknown", share(sum(outcome(r) == "unknown" for r in bad), len(bad))))
     exact = [r for r in kinds["clean"] if r["label"]["friction_off"] == 0.0]
     recalibrated = sum(r["answer"]["verdict"] == "absorbed" for r in exact)
     lines.append(("clean sets explained by recalibration though the rig is exact", share(recalibrated, len(exact))))
