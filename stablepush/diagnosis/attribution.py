@@ -34,8 +34,10 @@ _LACK = 4.0
 #: Two effects at once must do so many times what one must.
 _TWO = 2.0
 #: An effect in the body frame does all but as well as the free surface with this share of its gain: that of another form than
-#: the catalogue's has more, a surface that the nominal pressure cannot have leaves a third or less.
-_ALL_BUT = 0.9
+#: the catalogue's has more, a surface that the nominal pressure cannot have leaves half or less.
+_ALL_BUT = 0.75
+#: Where a free surface, of many parameters, gains nothing clear, an effect in the body frame must do so many times what one must.
+_ALONE = 15.0
 #: A further cause must gain this share of what those before it explain: what an effect of another form leaves is not another's.
 _FURTHER = 0.03
 #: Effects whose estimates are more uncertain than this share of half of their range cannot be seen in a log.
@@ -45,7 +47,7 @@ _SHOWS = 6.0
 #: What a term of a family must gain more, and the largest logarithm of the p-value of all of them.
 _CHARGE, _LOG_P = 4.0, math.log(1e-3)
 #: The centre of pressure has moved if it is off by so many standard deviations, and that does this share of what a refit does.
-_MOVED, _MOST_OF = 8.0, 0.6
+_MOVED, _MOST_OF = 8.0, 0.4
 #: What an effect beside a nominal surface that was fitted to pokes must exceed. One that reshapes the surface: a share of half of
 #: its plausible range. All: standard deviations of the surface's ensemble, which is too narrow after few pokes, and standard
 #: errors of their own, for the pushes of a plan are alike and share what the surface cannot take.
@@ -163,24 +165,35 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
         # which base the rest is judged on matters less than what is said: one standard error is enough
         free = system.significantly_better(scores["free"], scores["scaled"], 1.0)
         recalibrated = certain or system.significantly_better(scores["scaled"], scores["nominal"])
-        if certain and not chosen:
-            body = {id: held_out(system, [id], False, folds) for id in OF_BODY}
+        times = 1.0 if certain else _ALONE
+        reshaped = [] if chosen else _reshaping(system, times)
+        if reshaped:
+            body = {id: held_out(system, [id], False, folds) for id in reshaped}
             scores |= body
             # one that is too small to matter stands for something else
             fits = {id: system.fit([id], False) for id in body}
             body = {
                 id: density
                 for id, density in body.items()
-                if _possible(system, id, fits[id].values[id]) and _exceeds_model_error(system, id, fits[id].values[id], fits[id])
+                if _possible(system, id, fits[id].values[id])
+                and _exceeds_model_error(system, id, fits[id].values[id], fits[id])
+                and (certain or system.significantly_better(density, scores["scaled"], times=times))
             }
             named = _as_good_as_free(system, scores, body) if body else []
             if named:
                 chosen, confounded, free = named[:1], named[1:], False
                 confounded_with = named[0]
-            elif "pressure-shift" in body and _center_has_moved(system, scores, body["pressure-shift"]):
+            elif certain and "pressure-shift" in body and _center_has_moved(system, scores, body["pressure-shift"]):
                 # in another form than all of it moved alike: the pressure is fitted freely beside
                 chosen = ["pressure-shift"]
     final = system.fit(chosen, free)
+    small = [] if free else [id for id in chosen if not _possible(system, id, final.values[id])]
+    if small:
+        # what a free surface made of an effect is not there beside the nominal one
+        chosen = [id for id in chosen if id not in small]
+        system.opened -= set(small)
+        confounded = [] if confounded_with in small else confounded
+        final = system.fit(chosen, free)
     tests: dict[str, ScoreTest] = {}
     for id in chosen:
         # beside a free pressure nothing is left of what only moves it
@@ -357,6 +370,14 @@ def _masked(system: System, chosen: list[str], current: Fitted) -> list[tuple[Fi
         if possible and system.significantly_better(both.density, current.density, times=_TWO):
             found.append((both, list(pair)))
     return found
+
+
+def _reshaping(system: System, times: float) -> list[str]:
+    """Effects in the body frame that may do so many times what one must, by one step from the nominal surface; all for once."""
+    if times == 1.0:
+        return list(OF_BODY)
+    tests = system.tests(system.fit([], False), False, OF_BODY)
+    return [id for id, test in tests.items() if test.gain > times * system.demands.density]
 
 
 def _as_good_as_free(system: System, scores: dict[str, FloatArray], body: dict[str, FloatArray]) -> list[str]:

@@ -337,6 +337,10 @@ class Equations(ABC):
         """Columns of the effects of a fit."""
         return [self.columns(id, fitted.loads, fitted.values, len(value)) for id, value in fitted.values.items()]
 
+    def tells(self, id: str) -> BoolArray:
+        """Rows (n,) that count as evidence for an effect; it acts on all."""
+        return np.ones(len(self.trial), dtype=bool)
+
     def tests(self, fitted: Fitted, free: bool, candidates: Sequence[str], whole: bool = False) -> dict[str, ScoreTest]:
         """Test effects by one Gauss-Newton step, loads and the other effects refitted.
 
@@ -355,6 +359,7 @@ class Equations(ABC):
         for id in candidates:
             known = 0 if id in self.nuisance else len(fitted.values.get(id, ()))
             columns = self.columns(id, fitted.loads, fitted.values, self.size(id, whole or known > 0))[:, known:]
+            columns = np.where(self.tells(id)[:, None], columns, 0.0)
             size = columns.shape[1]
             clean = columns - design @ np.linalg.lstsq(hessian, design.T @ (weights[:, None] * columns), rcond=1e-14)[0]
             information = columns.T @ (weights[:, None] * clean)

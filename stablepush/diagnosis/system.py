@@ -16,7 +16,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.optimize import nnls
 
-from stablepush.core import FloatArray, InputError
+from stablepush.core import BoolArray, FloatArray, InputError
 from stablepush.diagnosis.equations import SIZES, Demands, Equations, Fitted, Values, robust_variance
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.nominal import CELLS, nominal_of, unit_loads
@@ -36,6 +36,12 @@ _FORCE, _POSITION, _ANGLE = 0.02, 2e-4, 3e-3
 #: Acceleration that rows with means over parts of a push leave uncertain: share of what its differences to either side differ by,
 #: and of itself.
 _UNSTEADY = (0.25, 0.3)
+#: Change of the friction for each e-fold of speed that a row leaves uncertain whose speed changes: it is of one of its speeds.
+_FRICTION_OF_SPEED = 0.05
+#: Share of its speed that a row may gain or lose whose speed is known.
+_STEADY = 0.3
+#: Noise of a gain of speed, over that of a difference of poses: three times the standard deviation of differences of differences.
+_OF_NOISE = 1.8
 #: How far (in units of the position noise) a rotation centre may be from a support point that it is taken to be at.
 _PIVOT = 4.0
 #: A push does not measure its final pose if noise of its first pose moves that pose so many times as far as noise of its last.
@@ -175,7 +181,9 @@ class System(Equations):
             jolt = jolt / np.maximum(1.0, np.linalg.norm(jolt / (1, 1, self.rho), axis=1, keepdims=True) / most)
             covariance += jolt[:, :, None] * jolt[:, None, :]
         self.covariance = covariance
-        self._w = np.linalg.inv(np.linalg.cholesky(covariance))
+        # nor at which of its speeds a row's friction is: that is no noise, but rows cannot be trusted to more
+        of_speed = (_FRICTION_OF_SPEED * np.log1p(self._gained))[:, None] * self.model.predict(loads, {})
+        self._w = np.linalg.inv(np.linalg.cholesky(covariance + of_speed[:, :, None] * of_speed[:, None, :]))
 
     def _of_readings(self) -> FloatArray:
         """Covariances (n, 3, 3) of the rows' wrenches by the noise of the readings.
@@ -193,6 +201,21 @@ class System(Equations):
         force = (o.wrench[:, :2] ** 2).sum(axis=1)
         covariance[:, 2, 2] += noise.moment**2 + noise.position**2 * force
         return np.asarray(covariance)
+
+    @cached_property
+    def _gained(self) -> FloatArray:
+        """Speed (n,) that each row gains or loses, as a share of its own: what noise of the poses would not show."""
+        o, size = self.observations, np.array((1.0, 1.0, self.rho))
+        own, noise = (np.linalg.norm(rates * size, axis=1) for rates in (o.twist, self.motion_noise))
+        gained = np.linalg.norm(o.acceleration * size, axis=1) * o.span
+        return np.sqrt(np.maximum(0.0, gained**2 - (_OF_NOISE * noise) ** 2)) / np.maximum(own, 1e-12)
+
+    def tells(self, id: str) -> BoolArray:
+        """A row whose speed changes by much is no evidence of what depends on speed: its mean lags in all pushes alike."""
+        known = super().tells(id)
+        if id == "speed-dependence" and self.has_wrench:
+            known[: 3 * len(self._gained)] = np.repeat(self._gained <= _STEADY, 3)
+        return known
 
     def predictable(self, pushes: list[Replay]) -> tuple[list[Replay], FloatArray]:
         """Return the pushes whose final pose does not depend on noise of the first pose, and its noise (n, 3) in m.

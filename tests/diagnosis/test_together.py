@@ -56,7 +56,7 @@ def test_a_shared_cause_is_found_under_objects_on_other_feet():
 
 
 def test_what_two_logs_show_faintly_they_show_together():
-    logs = [make_log("tilt:slope=0.0025/0.0", count=16, seed=k) for k in (1, 2, 3)]
+    logs = [make_log("tilt:slope=0.003/0.0", count=16, seed=k) for k in (1, 2, 3)]
     each = [sp.diagnose(log).named for log in logs]
     together = sp.diagnose(logs)
     assert together.named == ["tilt"], together.sentence
