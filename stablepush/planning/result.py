@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -67,7 +67,7 @@ class Transfer:
     duration: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class PlanResult:
     """What a planner found.
 
@@ -97,11 +97,21 @@ class PlanResult:
     success_interval: tuple[float, float] | None = None
     arrival_probability: float | None = None
     arrival_interval: tuple[float, float] | None = None
-    success: Success | None = field(default=None, repr=False)
+    success: Success | None = None
 
     def __post_init__(self) -> None:
         if self.status in set(PlanStatus):
             object.__setattr__(self, "status", PlanStatus(self.status))
+
+    def __repr__(self) -> str:
+        count, words = len(self.pushes), [f"{self.status}, {self.planner}"]
+        if count:
+            words += [f"{count} push{'es' * (count > 1)}", f"{self.switches} change{'s' * (self.switches != 1)} of contact"]
+            words += [f"{self.duration:.4g} s", f"{self.length:.4g} m", f"least margin {self.min_margin:.3g} rad"]
+        if self.success_probability is not None:
+            words.append(f"success {self.success_probability:.3g}")
+        words.append(f"planned in {self.planning_time:.3g} s")
+        return f"PlanResult({', '.join(words)}{': ' * bool(self.message)}{self.message})"
 
     @classmethod
     def from_segments(

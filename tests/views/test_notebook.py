@@ -22,6 +22,8 @@ def test_a_plan_is_a_table_of_its_pushes_and_an_animation(tmp_path):
     assert (tmp_path / "plan.html").read_text(encoding="utf-8") == page.html
     none = sp.PlanResult("no-path", "hand", message="a <wall> is in the way")
     assert "&lt;wall&gt;" in none._repr_html_()
+    assert repr(none) == "PlanResult(no-path, hand, planned in 0 s: a <wall> is in the way)"
+    assert f"{len(result.pushes)} push" in repr(result) and len(repr(result)) < 300
 
 
 def test_fits_regions_and_reports_show_pictures():
