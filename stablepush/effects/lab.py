@@ -6,13 +6,14 @@ one class, given to :func:`stablepush.diagnose` or registered as an entry point 
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from stablepush.core import FloatArray, InputError, load_plugin, plugin_names
+from stablepush.core import FloatArray, InputError, StablepushWarning, UnavailableError, load_plugin, plugin_names
 from stablepush.effects.catalogue import CATALOGUE, Parameter
 
 #: What to do about an effect of a lab's own.
@@ -92,31 +93,45 @@ class LabEffect(ABC):
 def lab_effects(given: Sequence[LabEffect] = ()) -> dict[str, LabEffect]:
     """Return effects by id: those that packages registered, and those that are given.
 
-    Raises :class:`InputError` for one that is none, has no name of its own, or nothing to be fitted.
+    Raises :class:`InputError` for one that is given and is none, has no name of its own, or nothing to be fitted. One that a
+    package registered is then left out, and so is one that cannot be loaded: a :class:`StablepushWarning` says which.
     """
-    registered = [load_plugin(_GROUP, name) for name in plugin_names(_GROUP)]
     found: dict[str, LabEffect] = {}
-    for number, effect in enumerate((*(entry() if isinstance(entry, type) else entry for entry in registered), *given)):
-        place = f"effects[{number - len(registered)}]" if number >= len(registered) else f"entry point {_GROUP}"
-        if not isinstance(effect, LabEffect):
-            got = "a class, not an object of it" if isinstance(effect, type) else type(effect).__name__
-            raise InputError(place, "expected a LabEffect", got)
-        id = getattr(effect, "id", "")
-        if not id or id in CATALOGUE or id in found:
-            raise InputError(place, "expected an id of its own", repr(id))
-        for name in ("what", "needs"):
-            if not isinstance(getattr(effect, name, None), str):
-                raise InputError(place, f"expected {name}, in words", "none")
-        if not isinstance(getattr(effect, "parameter", None), Parameter):
-            raise InputError(place, "expected a parameter, a stablepush.effects.Parameter", "none")
-        if effect.acts not in _ACTS:
-            raise InputError(place, f"expected acts {' or '.join(_ACTS)}", repr(effect.acts))
-        if not effect.plausible > 0:
-            raise InputError(place, "expected a parameter with a range, low < high")
-        if not effect.parameter.least <= 0 <= effect.parameter.most:
-            raise InputError(place, "expected a parameter that may be 0, which is no effect")
-        found[id] = effect
+    for name in plugin_names(_GROUP):
+        try:
+            entry = load_plugin(_GROUP, name)
+            effect = _checked(entry() if isinstance(entry, type) else entry, name, found)
+        # whatever goes wrong in another's package is its own: other logs, and other effects, are no worse for it
+        except Exception as error:
+            words = str(error) if isinstance(error, (InputError, UnavailableError)) else f"{type(error).__name__}: {error}"
+            warnings.warn(StablepushWarning(f"the registered effect {name} is left out: {words}"), stacklevel=2)
+        else:
+            found[effect.id] = effect
+    for number, effect in enumerate(given):
+        found[effect.id] = _checked(effect, f"effects[{number}]", found)
     return found
+
+
+def _checked(effect: object, place: str, others: Mapping[str, LabEffect]) -> LabEffect:
+    """The effect, if it is one."""
+    if not isinstance(effect, LabEffect):
+        got = "a class, not an object of it" if isinstance(effect, type) else type(effect).__name__
+        raise InputError(place, "expected a LabEffect", got)
+    id = getattr(effect, "id", "")
+    if not id or id in CATALOGUE or id in others:
+        raise InputError(place, "expected an id of its own", repr(id))
+    for name in ("what", "needs"):
+        if not isinstance(getattr(effect, name, None), str):
+            raise InputError(place, f"expected {name}, in words", "none")
+    if not isinstance(getattr(effect, "parameter", None), Parameter):
+        raise InputError(place, "expected a parameter, a stablepush.effects.Parameter", "none")
+    if effect.acts not in _ACTS:
+        raise InputError(place, f"expected acts {' or '.join(_ACTS)}", repr(effect.acts))
+    if not effect.plausible > 0:
+        raise InputError(place, "expected a parameter with a range, low < high")
+    if not effect.parameter.least <= 0 <= effect.parameter.most:
+        raise InputError(place, "expected a parameter that may be 0, which is no effect")
+    return effect
 
 
 def applicable(effects: Mapping[str, LabEffect], rows: LogRows, asked: Sequence[str]) -> dict[str, LabEffect]:

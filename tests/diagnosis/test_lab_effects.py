@@ -126,6 +126,24 @@ def test_packages_register_effects(monkeypatch):
     assert list(lab_effects()) == ["humidity"] and list(lab_effects([Play()])) == ["humidity", "mount-play"]
 
 
+def test_a_registered_effect_that_is_broken_stops_nothing(monkeypatch, clean):
+    from stablepush.effects import lab
+
+    def load(group, name):
+        if name == "torn":
+            raise ZeroDivisionError("in its module")
+        return {"humidity": Humidity, "word": "no effect"}[name]
+
+    monkeypatch.setattr(lab, "plugin_names", lambda group: ["torn", "humidity", "word"])
+    monkeypatch.setattr(lab, "load_plugin", load)
+    with pytest.warns(sp.StablepushWarning) as warned:
+        assert list(lab_effects()) == ["humidity"]
+    assert [str(w.message) for w in warned] == [
+        "the registered effect torn is left out: ZeroDivisionError: in its module",
+        "the registered effect word is left out: word: expected a LabEffect, got str",
+    ]
+
+
 def test_what_a_lab_writes_wrongly_is_named(clean):
     class Always(Humidity):
         def wrench(self, rows, wrench, value):
