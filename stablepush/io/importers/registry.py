@@ -61,14 +61,18 @@ def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path 
         raise InputError("", "cannot read: no such file or folder", file=root)
     wanted = importers() if kind is None else [kind]
     asked = {name: load_plugin(_GROUP, name) for name in wanted}
+    mapped = [name for name, one in asked.items() if getattr(one, "needs_mapping", False)]
     if kind is None:
-        asked = {name: one for name, one in asked.items() if not getattr(one, "needs_mapping", False)}
+        asked = {name: one for name, one in asked.items() if name not in mapped}
     elif mapping is not None and not getattr(asked[kind], "needs_mapping", False):
         raise InputError("mapping", f"expected none, logs of kind {kind} need no mapping", str(mapping))
     found = (importer.find(root) for importer in asked.values())
     sources = sorted((source for several in found for source in several), key=lambda source: source.file)
     if not sources:
-        raise InputError("", f"expected a raw log of kind {' or '.join(asked)}, found none", file=root)
+        words = f"expected a raw log of kind {' or '.join(asked)}, found none"
+        if kind is None:
+            words += f" (those of kind {' or '.join(mapped)} need --kind and --mapping)"
+        raise InputError("", words, file=root)
     if mapping is not None:
         sources = [replace(source, labels={**source.labels, "mapping": str(mapping)}) for source in sources]
     return _named_apart(sources)
