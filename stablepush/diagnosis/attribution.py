@@ -33,9 +33,10 @@ _MOST_PLAUSIBLE = 1.5
 _LACK = 4.0
 #: Two effects at once must do so many times what one must.
 _TWO = 2.0
-#: An effect in the body frame does all but as well as the free surface with this share of its gain: that of another form than
-#: the catalogue's has more, a surface that the nominal pressure cannot have leaves half or less.
-_ALL_BUT = 0.75
+#: An effect in the body frame does all but as well as the free surface with this share of its gain. A change of the pressure in
+#: another form than the catalogue's has the second and more, a surface that the nominal pressure cannot have leaves half or less.
+#: Beside a nominal surface that was fitted to pokes, whose errors look alike, and for a grain it is the first.
+_ALL_BUT, _ALL_BUT_OF_PRESSURE = 0.9, 0.75
 #: Where a free surface, of many parameters, gains nothing clear, an effect in the body frame must do so many times what one must.
 _ALONE = 15.0
 #: A further cause must gain this share of what those before it explain: what an effect of another form leaves is not another's.
@@ -166,7 +167,7 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
         free = system.significantly_better(scores["free"], scores["scaled"], 1.0)
         recalibrated = certain or system.significantly_better(scores["scaled"], scores["nominal"])
         times = 1.0 if certain else _ALONE
-        reshaped = [] if chosen else _reshaping(system, times)
+        reshaped = [] if chosen or not (certain or system.rig.model is None) else _reshaping(system, times)
         if reshaped:
             body = {id: held_out(system, [id], False, folds) for id in reshaped}
             scores |= body
@@ -383,6 +384,7 @@ def _reshaping(system: System, times: float) -> list[str]:
 def _as_good_as_free(system: System, scores: dict[str, FloatArray], body: dict[str, FloatArray]) -> list[str]:
     """Effects in the body frame that predict held-out trials as well as the free surface does, or all but, best first, if the
     best does."""
+    lenient = OF_PRESSURE if system.rig.model is None else ()
     gain = float((scores["free"] - scores["scaled"]).sum())
     enough = [
         id
@@ -390,7 +392,7 @@ def _as_good_as_free(system: System, scores: dict[str, FloatArray], body: dict[s
         if system.significantly_better(density, scores["scaled"])
         and (
             not system.significantly_better(scores["free"], density)
-            or float((density - scores["scaled"]).sum()) > _ALL_BUT * gain
+            or float((density - scores["scaled"]).sum()) > (_ALL_BUT_OF_PRESSURE if id in lenient else _ALL_BUT) * gain
         )
     ]
     enough.sort(key=lambda id: -float(body[id].sum()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import AddContactMaterial, Box, ProximityProperties, Sphere
+from pydrake.geometry import AddContactMaterial, Box, HalfSpace, ProximityProperties, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, DiscreteContactApproximation
 from pydrake.multibody.tree import FixedOffsetFrame, PlanarJoint, PrismaticJoint, SpatialInertia, UnitInertia
@@ -13,7 +13,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from stablepush.engines.executor import FOOT, GRAVITY, HALF, HEAVY, HEIGHT, IN_FEET, Executor, Fingers, SliderOnFeet
-from stablepush.engines.sdf import FLOOR, RELAXATION, STIFF, WALL
+from stablepush.engines.sdf import RELAXATION, STIFF, WALL
 from stablepush.engines.walls import walls
 
 #: Step (s).
@@ -36,9 +36,7 @@ class DrakeExecutor(Executor):
         plant.set_discrete_contact_approximation(DiscreteContactApproximation.kSap)
         plant.mutable_gravity_field().set_gravity_vector((*(GRAVITY * np.asarray(slider.slope)), -GRAVITY))
         table, skin = _material(slider.friction), _material(fingers.friction)
-        plant.RegisterCollisionGeometry(
-            plant.world_body(), RigidTransform((0.0, 0.0, -FLOOR / 2)), Box(6.0, 6.0, FLOOR), "floor", table
-        )
+        plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "floor", table)
         small = (1 - IN_FEET) * slider.mass
         turning = 1e-5 / small
         body = plant.AddRigidBody("slider", SpatialInertia(small, np.zeros(3), UnitInertia(turning, turning, turning)))

@@ -102,6 +102,15 @@ BAD_TABLES = [
     ({"columns": COLUMNS, "body_pose": [0, 0]}, "mapping.yaml: body_pose: expected 3 numbers, got 2"),
     ({"columns": COLUMNS, "slider": "none.json"}, "none.json: cannot read"),
     ({}, "mapping.yaml: columns: missing key"),
+    ({"columns": {**COLUMNS, "trial": "X"}}, "mapping.yaml: columns.trial: expected a column of its own, got 'X'"),
+    (
+        {"columns": {**COLUMNS, "trial": "push"}, "trial_columns": {"start_time": "FY"}},
+        "mapping.yaml: trial_columns.start_time: expected another name",
+    ),
+    (
+        {"columns": {**COLUMNS, "trial": "push"}, "trial_columns": {"cor_x": "push"}},
+        "mapping.yaml: trials: column cor_x: expected numbers",
+    ),
 ]
 
 
@@ -190,8 +199,11 @@ TOPICS = {"pose": {"topic": "/tf", "child": "slider"}, "tip": "/tip", "force": "
 BASE = (0.4, -0.2, 1.1)
 
 
-def write_bag(folder, gap=False, lean=0.0, tip_type="geometry_msgs/msg/PoseStamped", frame="base"):
-    """Poses of the slider as transforms in the base's frame, of the tip in the world, forces in the axes of the tip."""
+def write_bag(folder, gap=False, lean=0.0, down=False, tip_type="geometry_msgs/msg/PoseStamped", frame="base"):
+    """Poses of the slider as transforms in the base's frame, of the tip in the world, forces in the axes of the tip.
+
+    ``down``: the tip's z axis points to the table.
+    """
     from rosbags.rosbag2 import Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -234,9 +246,13 @@ def write_bag(folder, gap=False, lean=0.0, tip_type="geometry_msgs/msg/PoseStamp
             heading = poses[k, 2] + 0.3
             point = types["geometry_msgs/msg/Point"](x=tips[k, 0], y=tips[k, 1], z=0.0)
             if tip_type.endswith("PoseStamped"):
-                pose = types["geometry_msgs/msg/Pose"](point, turn(heading))
+                turned = turn(heading)
+                if down:
+                    # half a turn about its own x axis
+                    turned = types["geometry_msgs/msg/Quaternion"](x=turned.w, y=turned.z, z=-turned.y, w=-turned.x)
+                pose = types["geometry_msgs/msg/Pose"](point, turned)
                 send("/tip", at, types[tip_type](header(at, "map"), pose))
-            fx, fy = rotate_vectors(-heading, -forces[k])
+            fx, fy = rotate_vectors(-heading, -forces[k]) * (1, -1 if down else 1)
             wrench = types["geometry_msgs/msg/Wrench"](vector(float(fx), float(fy), 0.0), vector(0.0, 0.0, 0.0))
             send("/ft", at, types["geometry_msgs/msg/WrenchStamped"](header(at, "tool0"), wrench))
     return poses, loads
@@ -250,8 +266,9 @@ def rosbags():
     return pytest.importorskip("rosbags", reason="rosbags is not installed")
 
 
-def test_a_bag_comes_back(tmp_path, capsys, rosbags):
-    poses, loads = write_bag(tmp_path / "bag")
+@pytest.mark.parametrize("down", (False, True))
+def test_a_bag_comes_back(tmp_path, capsys, rosbags, down):
+    poses, loads = write_bag(tmp_path / "bag", down=down)
     mapping = mapping_file(tmp_path, **BAG)
     imported(capsys, tmp_path / "bag", "--kind", "rosbag", "--mapping", mapping, "-o", tmp_path / "log")
     log = sp.read_pushlog(tmp_path / "log")
@@ -331,6 +348,7 @@ BAD_BAGS = [
     ({"gap": True}, {"largest_gap": 0.25}, "/tf: expected samples at most 0.25 s apart (largest_gap)"),
     ({"lean": 0.6}, {}, "/tf: expected poses about the vertical, got one that leans by 34 deg"),
     ({}, {"topics": {k: v for k, v in TOPICS.items() if k != "tip"}}, "force_axes: expected the topic tip"),
+    ({"lean": 0.6}, {"topics": {**TOPICS, "pose": {"topic": "/tf", "child": "camera"}}}, "leans by 34 deg"),
 ]  # fmt: skip
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from stablepush.core import FloatArray, InputError
 from stablepush.io.importers.mapping import mapping_of
-from stablepush.io.importers.registry import Source, name_of
-from stablepush.io.pushlog import PushLog
+from stablepush.io.importers.registry import Source, name_of, within
+from stablepush.io.pushlog import OF_TRIALS, PushLog
 from stablepush.io.tables import read_table
 from stablepush.objects import Slider
 
@@ -67,6 +67,11 @@ class CsvTables:
         own = {} if own_node is None else {name: own_node[name].text() for name in own_node.object()}
         if own and "trial" not in named:
             node["trial"]
+        for name in own:
+            if name in OF_TRIALS:
+                raise InputError(f"trial_columns.{name}", "expected another name: it is the log's own", file=mapping.root.file)
+        if "trial" in named and named["trial"] in [column for name, column in named.items() if name != "trial"]:
+            raise InputError("columns.trial", "expected a column of its own", repr(named["trial"]), file=mapping.root.file)
         required = [*named.values(), *own.values()]
         table, lines = read_table(source.file, required=required, numbers=numbers, filled=[named["t"]])
 
@@ -97,7 +102,8 @@ class CsvTables:
             return log, []
         first = {name: rows[0] for name, rows in _rows_by_name(trials or []).items()}
         more = {name: [table[column][first[trial]] for trial in log.trials["trial"]] for name, column in own.items()}
-        return PushLog(log.rig, {**log.trials, **{name: _numbers(values) for name, values in more.items()}}, log.samples), []
+        with within(Path(mapping.root.file)):
+            return PushLog(log.rig, {**log.trials, **{name: _numbers(values) for name, values in more.items()}}, log.samples), []
 
 
 TABLES = CsvTables()

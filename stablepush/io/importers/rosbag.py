@@ -27,7 +27,8 @@ _LARGEST_TILT = math.radians(20)
 
 @dataclass(slots=True)
 class _Topic:
-    """A stream as it is read: ``child``: the frame wanted of transforms; what was seen of others."""
+    """A stream as it is read: ``child``: the frame wanted of transforms; what was seen of others. ``down``: the frame's z axis
+    points to the table; ``leans``: words, if it points neither there nor up all the time."""
 
     name: str
     topic: str
@@ -37,6 +38,8 @@ class _Topic:
     rows: list[tuple[float, ...]] = field(default_factory=list)
     frames: set[str] = field(default_factory=set)
     children: set[str] = field(default_factory=set)
+    down: bool = False
+    leans: str = ""
 
 
 class RosBags:
@@ -84,6 +87,11 @@ class RosBags:
             if loads is not None and turned == "tip":
                 if tips is None:
                     raise InputError("force_axes", "expected the topic tip, in whose axes the forces are", file=root.file)
+                if topics["tip"].leans:
+                    raise InputError("force_axes", "expected a tip that looks up or down", topics["tip"].leans, file=root.file)
+                if topics["tip"].down:
+                    # seen from above the y axis of a tool that looks down is turned round, and so is its moment
+                    loads[:, 1:] *= -1
                 loads[:, :2] = rotate_vectors(tips[:, 2], loads[:, :2])
             forces = None if loads is None else loads[:, :2]
             if loads is not None and about == "frame":
@@ -201,7 +209,15 @@ def _take(topic: _Topic, message: Any, kind: str, received: int) -> str | None:
             lean = math.acos(max(-1.0, min(1.0, 1 - 2 * (q.x**2 + q.y**2) / size**2)))
             if topic.name == "pose" and lean > _LARGEST_TILT:
                 return f"one that leans by {math.degrees(lean):.0f} deg at {at:.3f} s"
-            row = (place.x, place.y, 2 * math.atan2(q.z, q.w))
+            if topic.name == "tip":
+                upright = lean <= _LARGEST_TILT
+                if topic.rows and topic.down == upright:
+                    topic.leans = f"one that turns over at {at:.3f} s"
+                topic.down = lean >= math.pi - _LARGEST_TILT
+                if not (upright or topic.down):
+                    topic.leans = f"one that leans by {math.degrees(lean):.0f} deg at {at:.3f} s"
+            # the heading is that of the x axis, seen from above, for tools that look down, too
+            row = (place.x, place.y, math.atan2(2 * (q.x * q.y + q.w * q.z), q.w**2 + q.x**2 - q.y**2 - q.z**2))
         topic.frames.add(part.header.frame_id)
         topic.times.append(at)
         topic.rows.append(row)
