@@ -16,6 +16,7 @@ from .arrays import (
     order_with_ties as order_with_ties,
     read_only as read_only,
 )
+from .brief import brief as brief
 from .compiled import compiled as compiled, inlined as inlined, inner as inner
 from .deadline import Deadline as Deadline, within as within
 from .errors import (

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
-from stablepush.core import Word
+from stablepush.core import Word, brief
 from stablepush.objects import EdgePush
 
 
@@ -113,6 +113,9 @@ class NextExperiment(Record):
     separates: Sequence[str]
     pushes: Sequence[EdgePush]
     why: str
+
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 def readable(value: float) -> str:

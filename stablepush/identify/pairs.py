@@ -8,7 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import LARGEST_MAGNITUDE, LEAST_POSITIVE, FloatArray, InputError, check_number, check_vectors, read_only
+from stablepush.core import (
+    LARGEST_MAGNITUDE,
+    LEAST_POSITIVE,
+    FloatArray,
+    InputError,
+    brief,
+    check_number,
+    check_vectors,
+    read_only,
+)
 from stablepush.geometry import normalize_twist, normalize_wrench, unit
 from stablepush.objects import Slider
 
@@ -38,6 +47,9 @@ class SlipPairs(NamedTuple):
     wrenches: FloatArray
     twists: FloatArray
     trials: list[str]
+
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 def given_pairs(wrenches: ArrayLike | SlipPairs, twists: ArrayLike | None) -> tuple[ArrayLike, ArrayLike]:

@@ -25,7 +25,17 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush.core import BoolArray, FloatArray, InputError, check_array, check_number, in_threads, read_only, renamed_fields
+from stablepush.core import (
+    BoolArray,
+    FloatArray,
+    InputError,
+    brief,
+    check_array,
+    check_number,
+    in_threads,
+    read_only,
+    renamed_fields,
+)
 from stablepush.geometry import compose, inverse, point_velocity, transform_points
 from stablepush.objects import PushContact, Slider
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
@@ -147,6 +157,9 @@ class PushTrace:
     modes: np.ndarray
     forces: FloatArray
     jammed: BoolArray
+
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 @renamed_fields(answers="solutions")

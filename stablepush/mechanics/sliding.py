@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import ConvergenceError, FloatArray, InputError, check_array, check_count, check_number
+from stablepush.core import ConvergenceError, FloatArray, InputError, brief, check_array, check_count, check_number
 from stablepush.geometry import cor_from_twist, unit
 from stablepush.mechanics.kernels.inertia import Body
 from stablepush.objects import Slider
@@ -74,6 +74,9 @@ class Slide:
     direction: FloatArray
     cor: FloatArray
     at_rest: bool
+
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 def simulate_free_sliding(

@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush.core import FloatArray, InputError, check_array, check_number
+from stablepush.core import FloatArray, InputError, brief, check_array, check_number
 from stablepush.geometry import compose, normalize_twist, transform_points, unit, wrap_angle
 from stablepush.io import read_table, table_text, write_atomically
 from stablepush.objects import PushContact
@@ -54,6 +54,9 @@ class Trajectory:
     phase: np.ndarray
     segment: FloatArray
     contact: FloatArray
+
+    def __repr__(self) -> str:
+        return brief(self)
 
     def __post_init__(self) -> None:
         for column in fields(self):

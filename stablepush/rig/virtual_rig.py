@@ -13,6 +13,7 @@ from stablepush.core import (
     EffectError,
     FloatArray,
     InputError,
+    brief,
     check_count,
     check_number,
     check_seed,
@@ -56,6 +57,9 @@ class Execution:
     pushers: list[Pusher]
     plans: int = 1
     stop_reason: str = ""
+
+    def __repr__(self) -> str:
+        return brief(self)
 
     @property
     def final_pose(self) -> FloatArray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from stablepush.core import BoolArray, FloatArray, InputError, check_count, check_number, read_only
+from stablepush.core import BoolArray, FloatArray, InputError, brief, check_count, check_number, read_only
 from stablepush.objects import PushContact
 from stablepush.stability.kernels.chart import (
     SphericalPolygons,
@@ -37,6 +37,9 @@ class ProbabilityMap:
     y: FloatArray
     counter_clockwise: FloatArray
     clockwise: FloatArray
+
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 def probability_map(surface: LimitSurface, contact: PushContact, extent: float, cells: int = 400) -> ProbabilityMap:

@@ -11,7 +11,17 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import ConvergenceError, FloatArray, InputError, Node, check_array, check_number, check_vectors, read_only
+from stablepush.core import (
+    ConvergenceError,
+    FloatArray,
+    InputError,
+    Node,
+    brief,
+    check_array,
+    check_number,
+    check_vectors,
+    read_only,
+)
 from stablepush.geometry import normalize_twist, normalize_wrench, unit
 from stablepush.surfaces.protocol import LimitSurface
 
@@ -62,6 +72,9 @@ class GaussianProcessSurface(LimitSurface):
     mean_size: float
     characteristic_length: float = field()  # or the property of the base would be its default
     provenance: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        return brief(self)
 
     def __init__(
         self,

@@ -37,3 +37,18 @@ def test_fits_regions_and_reports_show_pictures():
     assert "data:image/png;base64," in region._repr_html_() and " deg" in region._repr_html_()
     report = sp.diagnose(make_log())
     assert report._repr_html_().startswith("<iframe srcdoc=")
+
+
+def test_what_holds_long_arrays_is_shown_in_a_line():
+    problem = small_scene()
+    result = sp.plan(problem, refinement_budget=0)
+    trajectory = sp.sample_plan(problem, result)
+    assert f"pusher=<{len(trajectory.t)} x 3 float64>" in repr(trajectory)
+    log = make_log(count=16)
+    pairs = log.pairs()
+    assert repr(pairs).startswith(f"SlipPairs(wrenches=<{len(pairs.trials)} x 3 float64>")
+    assert "<16 str>" in repr(sp.SlipPairs(np.zeros((1, 3)), np.zeros((1, 3)), [f"a long name {k}" for k in range(16)]))
+    rig = sp.VirtualRig(problem.slider, problem.surface, 0.5, sp.Pusher.finger(0.005))
+    done = rig.execute(sp.random_pushes(problem.slider, rig.pusher, 20, seed=0))
+    shown = [trajectory, pairs, done, done.traces[0], sp.fit_limit_surface(pairs, model="gp")]
+    assert all(len(repr(value)) < 600 for value in shown), [len(repr(value)) for value in shown]
