@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush.core import FloatArray, InputError, check_array, check_choice, check_number
+from stablepush.core import FloatArray, InputError, StablepushWarning, check_array, check_choice, check_number
 from stablepush.geometry import compose, nearest_on_outline, point_velocity, rotate_vectors, transform_points
 from stablepush.identify import SlipPairs
 from stablepush.io.pushlog import PushLog, Rig
@@ -77,7 +78,8 @@ def log_from_arrays(
         ``"slider"``: the load on the slider, as the log has it. ``"finger"``: its reaction. ``"power"``: whichever of the two
         does work on the slider, over all rows.
     moments : array-like, shape (n,), optional
-        Moments about the tip, along z (N·m).
+        Moments about the tip, along z (N·m). Two fingers need them: without, where their force acts is unknown, and ``tau`` is
+        left blank with a :class:`StablepushWarning`.
     zero_forces : bool
         Take off what the sensor reads at rest in each trial: the median of its first rows, up to where the force steps to that
         of the push, if the slider does not move yet. There must be three or more such rows; a trial without rest keeps its
@@ -115,6 +117,11 @@ def log_from_arrays(
         raise InputError("tip_positions", "expected the places of the tip with forces, for their moments", "none")
     if turning is not None and world is None:
         raise InputError("moments", "expected forces with them", "none")
+    if world is not None and turning is None and rig.contact_kind == "two-point":
+        warnings.warn(
+            StablepushWarning("two fingers without moments: where their force acts is unknown, tau is blank"), stacklevel=2
+        )
+        turning = np.full(n, np.nan)
     rows, names = _pushes(rig.slider, t, body, window) if trials is None else _named(t, trials)
     if not names:
         raise InputError("poses" if trials is None else "trials", "expected at least one push, found none")

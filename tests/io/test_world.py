@@ -204,7 +204,10 @@ def test_two_fingers_have_contact_points_where_they_touch():
     forces = np.column_stack((0 * t, 2.0 + 0 * t))
     for x, beyond in ((0.0, False), (0.035, True)):
         tips = np.column_stack((0 * t + x, 0.02 * t - 0.03 - RADIUS, 0.5 + 0 * t))
-        log = sp.log_from_arrays(rig, t, poses, forces, tips, ["a"] * 100, finger_distance=0.04)
+        with pytest.warns(sp.StablepushWarning, match="two fingers without moments"):
+            log = sp.log_from_arrays(rig, t, poses, forces, tips, ["a"] * 100, finger_distance=0.04)
+        # where between the fingers the force acts nobody measured
+        assert np.isnan(log.columns("tau")).all() and log.columns("fy")[:, 0] == pytest.approx(2.0)
         # the tool faces along y: its own y axis points to minus x
         assert log.columns("c1x", "c1y") == pytest.approx(
             np.tile((np.nan, np.nan) if beyond else (0.02, -0.03), (100, 1)), nan_ok=True

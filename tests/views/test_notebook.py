@@ -6,6 +6,7 @@ import numpy as np
 from conftest import make_log, small_scene, triangle
 
 import stablepush as sp
+from stablepush.views.plot import plot_plan
 
 
 def test_a_plan_is_a_table_of_its_pushes_and_an_animation(tmp_path):
@@ -52,3 +53,17 @@ def test_what_holds_long_arrays_is_shown_in_a_line():
     done = rig.execute(sp.random_pushes(problem.slider, rig.pusher, 20, seed=0))
     shown = [trajectory, pairs, done, done.traces[0], sp.fit_limit_surface(pairs, model="gp")]
     assert all(len(repr(value)) < 600 for value in shown), [len(repr(value)) for value in shown]
+
+
+def test_two_pictures_in_one_figure_have_a_legend_each():
+    from matplotlib.figure import Figure
+
+    problem = small_scene()
+    result = sp.plan(problem, refinement_budget=0)
+    figure = Figure(layout="constrained")
+    for axes in figure.subplots(1, 2):
+        plot_plan(problem, result, ax=axes)
+        assert axes.get_legend() is not None
+    assert not figure.legends
+    alone = plot_plan(problem, result)
+    assert alone.get_legend() is None and len(alone.figure.legends) == 1

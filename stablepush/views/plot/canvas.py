@@ -107,13 +107,19 @@ def draw_contact(axes: Axes, contact: PushContact, length: float) -> None:
         axes.plot(*point, marker="o", color=PUSHER, markersize=5, linestyle="none", label="_" if i else "contact, normal")
 
 
-def legend(axes: Axes, columns: int) -> None:
-    """Put the legend of some axes under the figure; into the axes, in a figure that makes no room for it."""
+def legend(axes: Axes, columns: int, panels: int = 1) -> None:
+    """Put the legend of some axes, one for so many panels, under the figure.
+
+    If others are in the figure it is put under the axes; in a figure that makes no room for it, into them.
+    """
     handles, labels = axes.get_legend_handles_labels()
     kept = [(h, text) for h, text in zip(handles, labels, strict=True) if not text.startswith("_")]
     if kept:
         figure = figure_of(axes)
         if figure.get_layout_engine() is None:
             axes.legend(*zip(*kept, strict=True), frameon=False, fontsize=8)
+        elif sum(other.get_label() != "<colorbar>" for other in figure.axes) > panels:
+            where = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14)}
+            axes.legend(*zip(*kept, strict=True), ncols=columns, frameon=False, fontsize=8, **where)
         else:
             figure.legend(*zip(*kept, strict=True), loc="outside lower center", ncols=columns, frameon=False, fontsize=9)

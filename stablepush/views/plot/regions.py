@@ -124,7 +124,7 @@ def plot_twist_sphere(regions: Sequence[StableRegion], title: str = "Stable moti
         axes.plot(0, 0, marker="+", color="black", markersize=9)
         axes.annotate("translations", (0.0, RIM), fontsize=9, ha="center", va="bottom")
         axes.set_title(f"{word}: direction and distance of the COR", fontsize=10)
-    legend(shown[0], columns=4)
+    legend(shown[0], columns=4, panels=len(shown))
     figure_of(shown).suptitle(f"{title} (equal areas are equal solid angles; ρ = {_length(lengths[0])})")
     return shown
 
