@@ -114,7 +114,7 @@ class Toolbox:
             actuator.biasprm *= LIGHT
         self.model = self.spec.compile()
         for name in RANGES:
-            # no range may begin where a fit does
+            # the toolbox warns of fits that begin at a bound
             begin, least = (0.01, 0.0) if name == "damping" else (0.0, -1.0)
             self.start.add(self.sysid.Parameter(name, begin, least, 1.0))
         names = [str(name) for name in log.trials["trial"]]

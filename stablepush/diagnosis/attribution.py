@@ -190,7 +190,7 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
     final = system.fit(chosen, free)
     small = [] if free else [id for id in chosen if not _possible(system, id, final.values[id])]
     if small:
-        # what a free surface made of an effect is not there beside the nominal one
+        # such an effect was large only where the surface was free to change
         chosen = [id for id in chosen if id not in small]
         system.opened -= set(small)
         confounded = [] if confounded_with in small else confounded

@@ -338,7 +338,7 @@ class Equations(ABC):
         return [self.columns(id, fitted.loads, fitted.values, len(value)) for id, value in fitted.values.items()]
 
     def tells(self, id: str) -> BoolArray:
-        """Rows (n,) that count as evidence for an effect; it acts on all."""
+        """Rows (n,) that count as evidence for an effect. The effect itself changes all rows."""
         return np.ones(len(self.trial), dtype=bool)
 
     def tests(self, fitted: Fitted, free: bool, candidates: Sequence[str], whole: bool = False) -> dict[str, ScoreTest]:

@@ -78,8 +78,8 @@ def log_from_arrays(
         ``"slider"``: the load on the slider, as the log has it. ``"finger"``: its reaction. ``"power"``: whichever of the two
         does work on the slider, over all rows.
     moments : array-like, shape (n,), optional
-        Moments about the tip, along z (N·m). Two fingers need them: without, where their force acts is unknown, and ``tau`` is
-        left blank with a :class:`StablepushWarning`.
+        Moments about the tip, along z (N·m). Two fingers need them. Without moments nobody knows where between the
+        fingers the force acts: ``tau`` is then blank, and a :class:`StablepushWarning` says so.
     zero_forces : bool
         Take off what the sensor reads at rest in each trial: the median of its first rows, up to where the force steps to that
         of the push, if the slider does not move yet. There must be three or more such rows; a trial without rest keeps its
@@ -118,9 +118,8 @@ def log_from_arrays(
     if turning is not None and world is None:
         raise InputError("moments", "expected forces with them", "none")
     if world is not None and turning is None and rig.contact_kind == "two-point":
-        warnings.warn(
-            StablepushWarning("two fingers without moments: where their force acts is unknown, tau is blank"), stacklevel=2
-        )
+        words = "two fingers without moments: nobody knows where between them the force acts, so tau is blank"
+        warnings.warn(StablepushWarning(words), stacklevel=2)
         turning = np.full(n, np.nan)
     rows, names = _pushes(rig.slider, t, body, window) if trials is None else _named(t, trials)
     if not names:

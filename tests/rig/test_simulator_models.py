@@ -2,7 +2,9 @@
 
 import json
 import re
+import runpy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from stablepush.identify import on_few_points
 from stablepush.mechanics import Pusher
 
 RADIUS = 0.005
+EXAMPLE = Path(__file__).parents[2] / "examples" / "simulation" / "demo_in_engines.py"
 
 
 def scene(**changes):
@@ -48,30 +51,8 @@ def in_mujoco(text):
 
 def in_drake(text, trajectory):
     pytest.importorskip("pydrake", reason="drake is not installed")
-    from pydrake.math import RollPitchYaw
-    from pydrake.multibody.parsing import Parser
-    from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, DiscreteContactApproximation
-    from pydrake.systems.analysis import Simulator
-    from pydrake.systems.framework import DiagramBuilder
-    from pydrake.systems.primitives import TrajectorySource
-    from pydrake.trajectories import PiecewisePolynomial
-
-    builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=2e-3)
-    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kSap)
-    Parser(plant).AddModelsFromString(text, "sdf")
-    plant.Finalize()
-    tool = plant.GetModelInstanceByName("pusher")
-    travel = trajectory.pusher - trajectory.pusher[0]
-    travel[:, 2] = np.unwrap(travel[:, 2])
-    states = np.concatenate((travel, trajectory.velocity), axis=1).T
-    source = builder.AddSystem(TrajectorySource(PiecewisePolynomial.FirstOrderHold(trajectory.t, states)))
-    builder.Connect(source.get_output_port(), plant.get_desired_state_input_port(tool))
-    simulator = Simulator(builder.Build())
-    simulator.AdvanceTo(trajectory.t[-1])
-    context = plant.GetMyContextFromRoot(simulator.get_context())
-    pose = plant.GetBodyByName("slider").EvalPoseInWorld(context)
-    return np.array((*pose.translation()[:2], RollPitchYaw(pose.rotation()).yaw_angle()))
+    # as a user would: the example drives the servos
+    return runpy.run_path(str(EXAMPLE))["in_drake"](text, trajectory)
 
 
 def test_a_plan_arrives_in_mujoco(planned):

@@ -84,7 +84,7 @@ class LabLogs:
     def find(self, root: Path) -> Iterator[Source]:
         """Return the logs of this kind, by their first lines and their names."""
         files = [root] if root.is_file() else sorted(root.rglob("*.txt"))
-        # a table that nobody said how to read is no log of theirs
+        # their logs are text files: a CSV table is somebody else's
         files = [file for file in files if file.suffix.lower() != ".csv"]
         return (_name_source(self.kind, f) for f in files if _kind_of(f, f == root) == self.kind)
 
