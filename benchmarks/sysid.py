@@ -1,4 +1,4 @@
-"""A diagnosis beside MuJoCo's own identification toolbox (``pip install mujoco[sysid]``), on the same logs, in one run.
+"""A diagnosis beside MuJoCo's own identification toolbox (``pip install 'stablepush[sysid]'``), on the same logs, in one run.
 
     python benchmarks/sysid.py LOG [LOG …] [--trials 24] [--evaluations 6] [--labels labels.json] [-o sysid.csv]
 
@@ -86,7 +86,7 @@ class Toolbox:
             self.sysid = sysid
             self.start = sysid.ParameterDict()
         except (ImportError, AttributeError):
-            raise SystemExit("expected the toolbox: pip install 'mujoco[sysid]'") from None
+            raise SystemExit("expected the toolbox: pip install 'stablepush[sysid]'") from None
         self.log, rig = log, log.rig
         support, mass, noise = rig.slider.support, rig.slider.mass, rig.noise
         known = support and mass and noise and rig.support_friction and rig.contact_friction and rig.finger_radius

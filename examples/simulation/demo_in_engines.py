@@ -10,6 +10,7 @@ diagnosis found it: the first plan, which believed in another, must lose the sli
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -60,10 +61,8 @@ def in_drake(text: str, motion: sp.Trajectory, step: float = 2e-3) -> np.ndarray
     return np.array((*pose.translation()[:2], RollPitchYaw(pose.rotation()).yaw_angle()))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("demo", type=Path, help="folder that stablepush demo wrote")
-    demo = parser.parse_args().demo
+def ends(demo: Path, engines: Sequence[str] = ("MuJoCo", "Drake")) -> Iterator[tuple[str, str, float, float, float]]:
+    """Plan, engine, how far the slider ends from the plan's end and from the goal (mm), and how far turned (deg)."""
     corrected = sp.load_scene(demo / "corrected.json").with_changes(finger_radius=RADIUS)
     believed = sp.load_scene(demo / "scene.json").with_changes(finger_radius=RADIUS)
     # the first plan among fingers as they really are
@@ -71,14 +70,19 @@ def main() -> None:
     for name, problem, file in (("first plan", before, "plan.json"), ("corrected plan", corrected, "corrected-plan.json")):
         result = sp.load_plan(demo / file)
         motion = sp.sample_plan(problem, result, 50.0)
-        ends = {
-            "MuJoCo": in_mujoco(sp.export_mjcf(problem, result)),
-            "Drake": in_drake(sp.export_sdf(problem, result), motion),
-        }
-        for engine, end in ends.items():
-            planned, goal = (1e3 * np.hypot(*(end - pose)[:2]) for pose in (motion.slider[-1], problem.goal))
-            turned = abs(np.rad2deg(np.angle(np.exp(1j * (end[2] - problem.goal[2])))))
-            print(f"{name} in {engine}: {planned:.1f} mm off the plan's end, {goal:.1f} mm and {turned:.2f} deg off the goal")
+        for engine in engines:
+            in_mjcf = engine == "MuJoCo"
+            end = in_mujoco(sp.export_mjcf(problem, result)) if in_mjcf else in_drake(sp.export_sdf(problem, result), motion)
+            planned, goal = (1e3 * float(np.hypot(*(end - pose)[:2])) for pose in (motion.slider[-1], problem.goal))
+            turned = abs(float(np.rad2deg(np.angle(np.exp(1j * (end[2] - problem.goal[2]))))))
+            yield name, engine, planned, goal, turned
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("demo", type=Path, help="folder that stablepush demo wrote")
+    for name, engine, planned, goal, turned in ends(parser.parse_args().demo):
+        print(f"{name} in {engine}: {planned:.1f} mm off the plan's end, {goal:.1f} mm and {turned:.2f} deg off the goal")
 
 
 if __name__ == "__main__":

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from stablepush.cli.common import about, number, options_of, require_files, told
-from stablepush.core import InputError
+from stablepush.core import EffectError, InputError
 
 
 def export(
@@ -41,6 +42,9 @@ def export(
     for path, write in writers:
         try:
             models.append((path, write(problem, result)))
+        except EffectError as error:
+            # the effects are the scene's
+            raise error.within(file=scene) from None
         except InputError as error:
             # of the plan, or of the scene
             of_plan = plan_file is not None and error.place.startswith(("segments", "plan"))
@@ -48,6 +52,8 @@ def export(
                 raise error from None
     for path, text in models:
         write_atomically(path, text)
+    if problem.pusher is not None:
+        print("note: the outline of the pusher is not in the model, which has its fingers alone", file=sys.stderr)
     keyframes = models[0][1].count("<key ")
     told(mjcf=mjcf, sdf=sdf, keyframes=keyframes if mjcf is not None else None)
     if mjcf is not None:

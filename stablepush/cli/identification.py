@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -21,12 +21,6 @@ from stablepush.cli.common import (
     whole_number,
 )
 from stablepush.core import InputError
-
-if TYPE_CHECKING:
-    from stablepush.io import PushLog
-
-#: A tip so many radii of the slider from its origin is not at its outline.
-_FAR = 2.0
 
 
 def import_logs(
@@ -73,8 +67,6 @@ def import_logs(
             imported += 1
             pairs = log.pairs()
             forward = int(((pairs.wrenches * pairs.twists).sum(axis=1) > 0).sum())
-            # what a laboratory is known for needs no doubts
-            notes = [*notes, *(_doubts(log, len(pairs.trials), forward) if mapping is not None else ())]
             for note in notes:
                 step.say(f"note: {note}")
             summary = f", {len(pairs.trials)} pairs, {forward} with F·V > 0" if pairs.trials else ""
@@ -84,29 +76,6 @@ def import_logs(
             step()
     if not imported:
         raise InputError("", f"expected at least one whole log, none of {len(sources)} could be read", file=source)
-
-
-def _doubts(log: PushLog, pairs: int, forward: int) -> list[str]:
-    """What an imported log should have and has not."""
-    import numpy as np
-
-    found = []
-    if pairs > 1 and forward < pairs / 2:
-        found.append(f"in {pairs - forward} of {pairs} pushes the force opposes the motion: is its sign wrong (forces_on)?")
-    resting = {str(name) for name in log.samples["trial"][log.samples["phase"] == "rest"]}
-    restless = sum(str(name) not in resting for name in log.trials["trial"])
-    if pairs and restless:
-        found.append(f"{restless} of {len(log)} pushes have no rows at rest: an offset of the force sensor stays in them")
-    body, tips = log.columns("x", "y"), log.columns("px", "py")
-    pushing = np.isfinite(body).all(axis=1) & np.isfinite(tips).all(axis=1) & (log.samples["phase"] == "push")
-    if pushing.any():
-        away = float(np.median(np.linalg.norm(body[pushing] - tips[pushing], axis=1)))
-        if away > _FAR * log.rig.slider.radius:
-            found.append(
-                f"while it pushes the tip is {1000 * away:.4g} mm from the slider's origin, whose outline reaches "
-                f"{1000 * log.rig.slider.radius:.4g} mm: units (length) and body_pose?"
-            )
-    return found
 
 
 def fit(

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from stablepush.core import FloatArray, InputError, StablepushWarning, check_array, check_choice, check_number
 from stablepush.geometry import compose, nearest_on_outline, point_velocity, rotate_vectors, transform_points
 from stablepush.identify import SlipPairs
+from stablepush.io.doubts import doubts
 from stablepush.io.pushlog import PushLog, Rig
 from stablepush.objects import Slider
 
@@ -93,13 +94,19 @@ def log_from_arrays(
     Returns
     -------
     PushLog
-        With ``phase``: ``rest`` before contact, ``retract`` after it, ``push`` between.
+        With ``phase``: ``rest`` before contact, ``retract`` after it, ``push`` between. A :class:`StablepushWarning` says what
+        looks wrong: forces that oppose the motion, a tip that is not at the outline, lengths, headings or times in another
+        unit, rows that are missing, pushes without rest.
 
     Raises
     ------
     InputError
         For arrays of other shapes, times that do not grow, loads that need ``tip_positions`` and have none, no push.
     """
+    if not isinstance(rig, Rig):
+        raise InputError("rig", "expected a Rig", type(rig).__name__)
+    if not isinstance(zero_forces, bool | np.bool_):
+        raise InputError("zero_forces", "expected True or False", repr(zero_forces))
     t = _clock(times)
     n = len(t)
     tracked = _with_gaps(poses, "poses", n, (3,))
@@ -175,7 +182,10 @@ def log_from_arrays(
             columns |= {f"c{k}x": points[:, 0].tolist(), f"c{k}y": points[:, 1].tolist()}
     origin = min(begins)
     log = {"trial": names, "start_time": [begin - origin for begin in begins], "group": [""] * len(names)}
-    return PushLog(rig, log, columns)
+    made = PushLog(rig, log, columns)
+    for words in doubts(made, bool(zero_forces)):
+        warnings.warn(StablepushWarning(words), stacklevel=2)
+    return made
 
 
 def pokes_from_world(
@@ -213,20 +223,27 @@ def pokes_from_world(
     InputError
         As :func:`log_from_arrays`, and if the slider slips in no poke.
     """
+    if not isinstance(slider, Slider):
+        raise InputError("slider", "expected a Slider", type(slider).__name__)
+    if forces is None:
+        raise InputError("forces", "expected forces, which a load is made of", "none")
     log = log_from_arrays(Rig(slider), times, poses, forces, tip_positions, trials, **how)
     loads, twists, places = log.columns("fx", "fy", "tau"), log.columns("vx", "vy", "omega"), log.columns("x", "y", "theta")
     usable = (log.samples["phase"] == "push") & np.isfinite(loads).all(axis=1) & np.isfinite(twists).all(axis=1)
     speed = _speeds(slider, twists)
-    f, v, names = [], [], []
+    f, v, names, moving = [], [], [], 0
     for name in log.trials["trial"]:
         rows = log.rows(name)
         moved = _travel(slider, places[rows]) >= _LEAST_TRAVEL
+        moving += moved
         rows = rows[usable[rows]]
         if moved and len(rows):
             rows = rows[speed[rows] >= _SLIPS * np.percentile(speed[rows], 95)]
             f.append(loads[rows].mean(axis=0))
             v.append(twists[rows].mean(axis=0))
             names.append(name)
+    if moving and not names:
+        raise InputError("forces, tip_positions", "expected both where the slider moves", f"none in {moving} pokes that move it")
     if not names:
         raise InputError("poses", f"expected the slider to move by {1000 * _LEAST_TRAVEL:g} mm in at least one poke")
     return SlipPairs(np.array(f), np.array(v), names)
@@ -298,7 +315,10 @@ def _size(vectors: FloatArray) -> FloatArray:
 
 def _named(t: FloatArray, trials: Sequence[str]) -> tuple[list[np.ndarray[Any, np.dtype[np.intp]]], list[str]]:
     """Rows of each trial that is named, and the names."""
-    words = ["" if word is None or word != word else str(word) for word in trials]  # noqa: PLR0124 (NaN)
+    try:
+        words = ["" if word is None or word != word else str(word) for word in trials]  # noqa: PLR0124 (NaN)
+    except TypeError:
+        raise InputError("trials", "expected a list of names", type(trials).__name__) from None
     if len(words) != len(t):
         raise InputError("trials", f"expected {len(t)} names, one for each row", len(words))
     groups: dict[str, list[int]] = {word: [] for word in words if word}

@@ -24,9 +24,9 @@ def export_mjcf(problem: PlanningProblem, result: PlanResult | None = None) -> s
     """Return a problem, and its plan if given, as an MJCF model that MuJoCo opens as it is.
 
     The slider stands on feet that carry the pressure of the surface: a few support points, whose loads are within 0.5 deg of the
-    surface's on average. Fingers are spheres; obstacles stand as walls. Of ``problem.effects`` a slope of the table is in the
-    gravity, pressure in the feet, friction and radius in the fingers; those of sensors are in no model, others are refused.
-    Units are SI, the frame is W.
+    surface's on average. Fingers are spheres, and the outline of the pusher is left out; obstacles stand as walls. Of
+    ``problem.effects`` a slope of the table is in the gravity, pressure in the feet, friction and radius in the fingers; those of
+    sensors are in no model, others are refused. Units are SI, the frame is W.
 
     Joints ``slider_x, slider_y, slider_theta`` and ``pusher_x, …`` hold the poses. The pusher, whose frame is that of the centres
     of the fingers, has position and velocity servos. Keyframes are the start, or the plan at 50 Hz: its time, the planned poses

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stablepush.core import InputError
 from stablepush.diagnosis import GapReport
 from stablepush.identify import Fit
 from stablepush.io import write_atomically
@@ -60,7 +61,15 @@ def animate(problem: PlanningProblem, result: PlanResult, title: str = "Plan of 
     -------
     Page
         Shown by notebooks as it is; ``.save("plan.html")`` writes it, ``.html`` is its text.
+
+    Raises
+    ------
+    InputError
+        For anything but a problem and a result of a planner.
     """
+    for name, value, wanted in (("problem", problem, PlanningProblem), ("result", result, PlanResult)):
+        if not isinstance(value, wanted):
+            raise InputError(name, f"expected a {wanted.__name__}", type(value).__name__)
     return Page(plan_html(problem, result, title))
 
 

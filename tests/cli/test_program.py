@@ -1,11 +1,14 @@
 """The program as a whole: the demo, help, processes, interruptions, summaries."""
 
+import importlib.util
 import json
 import re
+import runpy
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +16,8 @@ from conftest import small_scene
 
 import stablepush as sp
 from stablepush.cli import main
+
+ROOT = Path(__file__).parents[2]
 
 
 def test_demo_leaves_the_whole_chain(tmp_path, capsys):
@@ -28,6 +33,14 @@ def test_demo_leaves_the_whole_chain(tmp_path, capsys):
     page = (tmp_path / "demo" / "report.html").read_text(encoding="utf-8")
     assert f"ended {ends[0]:.0f} mm from the goal" in page and 'src="second-run.html"' in page
     assert sp.load_scene(tmp_path / "demo" / "corrected.json").contacts[0].mu == pytest.approx(0.3, abs=0.02)
+    # engines that know nothing of the demo agree: among slippery fingers the first plan is lost, the corrected one is not
+    engines = [name for name, module in (("MuJoCo", "mujoco"), ("Drake", "pydrake")) if importlib.util.find_spec(module)]
+    example = runpy.run_path(str(ROOT / "examples" / "simulation" / "demo_in_engines.py"))
+    found = {(plan, engine): (planned, goal) for plan, engine, planned, goal, _ in example["ends"](tmp_path / "demo", engines)}
+    for engine in engines:
+        assert found["first plan", engine][0] > 50
+        # fingers creep in Drake's contacts
+        assert found["corrected plan", engine][0] < {"MuJoCo": 3.0, "Drake": 12.0}[engine]
 
 
 def test_import_one_and_all(lab, tmp_path, capsys):

@@ -83,8 +83,18 @@ def test_what_a_table_cannot_be_is_noted(tmp_path, capsys):
     assert not notes()
     (turned,) = notes(forces_on="finger")
     assert "in 3 of 3 pushes the force opposes the motion: is its sign wrong (forces_on)?" in turned
-    assert any("mm from the slider's origin" in note for note in notes(body_pose=[0.5, 0.3, 0.0]))
+    (elsewhere,) = notes(body_pose=[0.5, 0.3, 0.0])
+    assert "the centre of the tip is" in elsewhere
+    assert "mm outside the slider's outline, with a finger of 5 mm radius: units (length), body_pose, outline?" in elsewhere
+    # metres for the degrees and the millimetres of the table
+    assert {note.rpartition(": ")[2] for note in notes(units={"time": "ms"})} >= {"units (length), body_pose, outline?"}
+    assert any(note.endswith("units (angle)?") for note in notes(units={**UNITS, "angle": "rad"}))
+    assert any("rows are 10 s apart: units (time)?" in note for note in notes(units={**UNITS, "time": "s"}))
     lines = path.read_text().splitlines()
+    # the tracker lost the slider for 0.2 s in the first push
+    path.write_text("\n".join(lines[:115] + lines[135:]) + "\n")
+    (lost,) = notes()
+    assert "in 1 of 3 pushes rows are missing, for up to 0.21 s (usual: 0.01 s between two)" in lost
     # the second before each push is left out
     moving = [line for k, line in enumerate(lines[1:]) if k % 151 >= 100]
     path.write_text("\n".join([lines[0], *moving]) + "\n")
@@ -169,6 +179,18 @@ def test_what_stands_in_a_table_that_is_wrong(tmp_path, capsys):
     one_line(capsys, ["import", tmp_path, *command[2:]], "mapping.yaml: slider: expected an object")
     # a source is never written over
     one_line(capsys, ["import", path, "--kind", "csv", "--mapping", mapping, "-o", tmp_path], "expected a place outside")
+
+
+def test_numbers_with_an_exponent_and_no_point_are_numbers(tmp_path, capsys):
+    path, _, _ = table(tmp_path)
+    mapping = mapping_file(tmp_path, columns=COLUMNS, units=UNITS)
+    mapping.write_text(mapping.read_text() + "noise: {force: 2e-2, position: 1e-4, angle: 1E-3}\n")
+    imported(capsys, path, "--kind", "csv", "--mapping", mapping, "-o", tmp_path / "log")
+    assert sp.read_pushlog(tmp_path / "log").rig.noise == sp.Noise(0.02, 1e-4, 1e-3)
+    capsys.readouterr()
+    one_line(
+        capsys, ["import", path, "--kind", "rosbag", "--mapping", mapping, "-o", tmp_path / "bag"], "of kind rosbag, found none"
+    )
 
 
 def test_yaml_that_is_none_is_one_line(tmp_path, capsys):
@@ -342,12 +364,12 @@ def test_the_rate_of_the_rows(tmp_path, capsys, rosbags):
 BAD_BAGS = [
     ({}, {"topics": {**TOPICS, "tip": "/gone"}}, "mapping.yaml: topics.tip: expected a topic of", "/ft, /tf, /tip, got /gone"),
     ({}, {"topics": TOPICS | {"pose": {"topic": "/tf", "child": "box"}}}, "topics.pose: expected", "camera, slider, got box"),
-    ({}, {"frames": {}}, "/tf: expected the frame map; give its pose by frames: {base: [x, y, theta]}, got base"),
+    ({}, {"frames": {}}, "topics.pose (/tf): expected the frame map; give its pose by frames: {base: [x, y, theta]}, got base"),
     ({}, {"force_axes": "world2"}, 'mapping.yaml: force_axes: expected "world" or "tip"'),
-    ({}, {"topics": {"pose": "/ft"}}, "/ft: expected messages of type geometry_msgs/msg/PoseStamped"),
-    ({"gap": True}, {"largest_gap": 0.25}, "/tf: expected samples at most 0.25 s apart (largest_gap)"),
-    ({"lean": 0.6}, {}, "/tf: expected poses about the vertical, got one that leans by 34 deg"),
-    ({}, {"topics": {k: v for k, v in TOPICS.items() if k != "tip"}}, "force_axes: expected the topic tip"),
+    ({}, {"topics": {"pose": "/ft"}}, "topics.pose (/ft): expected messages of type geometry_msgs/msg/PoseStamped"),
+    ({"gap": True}, {"largest_gap": 0.25}, "topics.pose (/tf): expected samples at most 0.25 s apart (largest_gap)"),
+    ({"lean": 0.6}, {}, "topics.pose (/tf): expected poses about the vertical, got one that leans by 34 deg"),
+    ({}, {"topics": {k: v for k, v in TOPICS.items() if k != "tip"}}, "mapping.yaml: topics.tip: missing key: force_axes"),
     ({"lean": 0.6}, {"topics": {**TOPICS, "pose": {"topic": "/tf", "child": "camera"}}}, "leans by 34 deg"),
 ]  # fmt: skip
 
@@ -423,6 +445,22 @@ def test_mit_pushes(tmp_path, capsys, ending, reaction):
         assert np.median(log.columns("fx", "fy", "tau")[rows][-20:], axis=0) == pytest.approx(load, rel=2e-3, abs=2e-3)
         assert log.columns("x", "y", "theta")[rows][0] == pytest.approx(poses[0], abs=1e-6)
         assert pairs.wrenches[k] == pytest.approx(load, rel=0.05, abs=0.02)
+
+
+def test_mit_pushes_in_millimetres_or_about_another_origin_are_noted(tmp_path, capsys):
+    folder = tmp_path / "hex"
+    folder.mkdir()
+    outline = slider_file(tmp_path)
+    path, _, _ = mit_file(folder, 0, shift=(0.02, 0.03))
+    command = ["import", folder, "--kind", "mit-push", "--slider", outline, "-o", tmp_path / "log"]
+    imported(capsys, *command[1:])
+    assert "the slider's outline, with a finger of 4.75 mm radius" in capsys.readouterr().err
+    data = json.loads(path.read_text(encoding="utf-8"))
+    for name, columns in (("object_pose", 3), ("tip_pose", 3)):
+        data[name] = [[row[0], *(1000 * v for v in row[1:columns]), *row[columns:]] for row in data[name]]
+    path.write_text(json.dumps(data), encoding="utf-8")
+    imported(capsys, *command[1:])
+    assert "units (length)?" in capsys.readouterr().err
 
 
 def test_folders_of_the_same_name_become_different_logs(tmp_path, capsys):

@@ -1,5 +1,7 @@
 """Recordings in the world frame become body-frame rows: a motion that is known in closed form, seen from the world."""
 
+import warnings
+
 import numpy as np
 import pytest
 from recordings import RADIUS, SLIDER, recorded
@@ -96,6 +98,9 @@ BAD = [
     ({"forces": np.full((453, 2), np.inf)}, "forces: expected finite numbers"),
     ({"poses": np.zeros((453, 3))}, "expected at least one push, found none"),
     ({"trials": ["a"]}, "trials: expected 453 names"),
+    ({"trials": 5}, "trials: expected a list of names, got int"),
+    ({"zero_forces": "no"}, "zero_forces: expected True or False, got 'no'"),
+    ({"rig": SLIDER}, "rig: expected a Rig, got Slider"),
     ({"forces_on": "table"}, "forces_on"),
     ({"window": 0.0}, "window"),
     ({"tip_positions": None}, "tip_positions"),
@@ -107,9 +112,9 @@ BAD = [
 @pytest.mark.parametrize(("wrong", "words"), BAD, ids=[words[:20] for _, words in BAD])
 def test_bad_arrays_are_named(wrong, words):
     (t, poses, tips, forces), _, _ = recorded()
-    given = {"times": t, "poses": poses, "forces": forces, "tip_positions": tips} | wrong
+    given = {"rig": sp.Rig(SLIDER), "times": t, "poses": poses, "forces": forces, "tip_positions": tips} | wrong
     with pytest.raises(sp.InputError, match=words):
-        sp.log_from_arrays(sp.Rig(SLIDER), **given)
+        sp.log_from_arrays(**given)
 
 
 def test_times_that_stand_still_are_named():
@@ -146,7 +151,8 @@ def test_a_push_without_rest_keeps_its_load():
     poses = np.column_stack((0 * t, 0.02 * t, 0 * t))
     tips = poses[:, :2] - (0, 0.035)
     for force in (2 + t, 2 + 0 * t, 1 + 3 * t):
-        pairs = sp.pokes_from_world(poses, tips, np.column_stack((0 * t, force)), t, SLIDER, ["a"] * 100)
+        with pytest.warns(sp.StablepushWarning, match="1 of 1 pushes have no rows at rest"):
+            pairs = sp.pokes_from_world(poses, tips, np.column_stack((0 * t, force)), t, SLIDER, ["a"] * 100)
         assert pairs.wrenches[0, 1] == pytest.approx(force.mean(), rel=1e-9)
 
 
@@ -171,10 +177,28 @@ def test_pokes_that_missed_or_stuck_are_left_out():
     # the second never touches, the third is held
     poses[151:], forces[151:302] = poses[151], 0.02 * rng.normal(size=(151, 2))
     poses[151:] += rng.normal(size=(302, 3)) * (5e-5, 5e-5, 5e-4)
-    pairs = sp.pokes_from_world(poses, tips, forces, t, SLIDER, trials)
+    with pytest.warns(sp.StablepushWarning, match="2 of 3 pushes have no rows at rest"):
+        pairs = sp.pokes_from_world(poses, tips, forces, t, SLIDER, trials)
     assert pairs.trials == ["p0"]
-    with pytest.raises(sp.InputError, match=r"expected the slider to move by 0\.3 mm in at least one poke"):
+    with (
+        pytest.raises(sp.InputError, match=r"expected the slider to move by 0\.3 mm in at least one poke"),
+        pytest.warns(sp.StablepushWarning),
+    ):
         sp.pokes_from_world(poses[151:], tips[151:], forces[151:], t[151:], SLIDER, trials[151:])
+
+
+def test_forces_that_are_missing_and_arrays_that_are_swapped_are_told():
+    (t, poses, tips, forces), trials, _ = recorded()
+    with pytest.raises(sp.InputError, match="forces, tip_positions: expected both where the slider moves, got none in 3 pokes"):
+        sp.pokes_from_world(poses, tips, np.full_like(forces, np.nan), t, SLIDER, trials)
+    with pytest.raises(sp.InputError, match="forces: expected forces"):
+        sp.pokes_from_world(poses, tips, None, t, SLIDER, trials)
+    with pytest.raises(sp.InputError, match="slider: expected a Slider, got ndarray"):
+        sp.pokes_from_world(poses, tips, forces, t, SLIDER.vertices, trials)
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        sp.pokes_from_world(poses, forces, tips, t, SLIDER, trials, zero_forces=False)
+    assert any("outside the slider's outline" in str(one.message) for one in heard)
 
 
 def test_without_forces_the_motion_tells_the_phases():

@@ -3,10 +3,12 @@
 import html
 
 import numpy as np
+import pytest
 from conftest import make_log, small_scene, triangle
+from matplotlib.figure import Figure
 
 import stablepush as sp
-from stablepush.views.plot import plot_plan
+from stablepush.views.plot import plot_plan, plot_wrench_paths
 
 
 def test_a_plan_is_a_table_of_its_pushes_and_an_animation(tmp_path):
@@ -21,10 +23,23 @@ def test_a_plan_is_a_table_of_its_pushes_and_an_animation(tmp_path):
     assert len(repr(page)) < 40
     page.save(tmp_path / "plan.html")
     assert (tmp_path / "plan.html").read_text(encoding="utf-8") == page.html
+    with pytest.raises(sp.InputError, match="result: expected a PlanResult, got NoneType"):
+        sp.animate(problem, None)
     none = sp.PlanResult("no-path", "hand", message="a <wall> is in the way")
     assert "&lt;wall&gt;" in none._repr_html_()
     assert repr(none) == "PlanResult(no-path, hand, planned in 0 s: a <wall> is in the way)"
     assert f"{len(result.pushes)} push" in repr(result) and len(repr(result)) < 300
+
+
+def test_axes_of_another_kind_are_refused():
+    figure = Figure()
+    flat, round_ = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2, projection="3d")
+    surface = sp.fit_limit_surface(np.zeros((0, 3)), np.zeros((0, 3)), slider=triangle(), seed=0).surface
+    with pytest.raises(sp.InputError, match='ax: expected axes of matplotlib with projection="3d", got Axes'):
+        plot_wrench_paths(surface, {}, ax=flat)
+    assert plot_wrench_paths(surface, {}, ax=round_) is round_
+    with pytest.raises(sp.InputError, match="ax: expected axes of matplotlib, got str"):
+        plot_plan(small_scene(), sp.PlanResult("no-path", "hand"), ax="here")
 
 
 def test_fits_regions_and_reports_show_pictures():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -105,6 +106,10 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
             if keys.count(key) > 1:
                 raise yaml.constructor.ConstructorError(None, None, f"the key {key} stands twice", node.start_mark)
         return dict(super().construct_mapping(node, deep))
+
+
+# PyYAML takes a number with an exponent and no point, as 1e-6, for a word
+_Loader.add_implicit_resolver("tag:yaml.org,2002:float", re.compile(r"^[-+]?[0-9]+[eE][-+]?[0-9]+$"), list("-+0123456789"))
 
 
 def _read_yaml(file: Path) -> Node:

@@ -9,13 +9,15 @@ A folder of files is one log. What the name of a file says, as in
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stablepush.core import FloatArray, InputError, UnavailableError
+from stablepush.core import FloatArray, InputError, StablepushWarning, UnavailableError
+from stablepush.io.doubts import doubts
 from stablepush.io.importers.registry import Source, name_of, within
 from stablepush.io.importers.streams import Stream, on_one_clock
 from stablepush.io.json_files import read_json
@@ -72,7 +74,8 @@ class MitPushes:
                 notes.append(f"skipped: {error}")
         if not logs:
             raise InputError("", f"expected at least one usable push, of {len(files)}: {notes[0]}", file=source.file)
-        return _joined(rig, logs, numbers), notes
+        log = _joined(rig, logs, numbers)
+        return log, [*notes, *doubts(log)]
 
 
 PUSHES = MitPushes()
@@ -87,7 +90,10 @@ def _push(file: Path, rig: Rig, middle: FloatArray) -> tuple[PushLog, float]:
     ]
     t, (poses, tips, loads) = on_one_clock(streams, _RATE, _LARGEST_GAP)
     assert loads is not None and poses is not None
-    log = log_from_arrays(rig, t - t[0], poses, loads[:, :2], tips, ["1"] * len(t), body_pose=middle, window=3 / _RATE)
+    with warnings.catch_warnings():
+        # the sign of the forces is that of all pushes together: what looks wrong is told of the whole log
+        warnings.simplefilter("ignore", StablepushWarning)
+        log = log_from_arrays(rig, t - t[0], poses, loads[:, :2], tips, ["1"] * len(t), body_pose=middle, window=3 / _RATE)
     return log, float(t[0])
 
 

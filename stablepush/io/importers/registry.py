@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
-from stablepush.core import InputError, load_plugin, plugin_names
+from stablepush.core import InputError, StablepushWarning, load_plugin, plugin_names
 from stablepush.io.pushlog import PushLog
 from stablepush.objects import Slider
 
@@ -37,7 +38,10 @@ class Importer(Protocol):
         """Return the logs of this kind in a folder, or the one that a file is, in any order."""
 
     def read(self, source: Source, slider: Slider | None) -> tuple[PushLog, list[str]]:
-        """Return a log, and lines on what could not be used; ``slider`` replaces the laboratory's own."""
+        """Return a log, and lines on what could not be used; ``slider`` replaces the laboratory's own.
+
+        Every :class:`StablepushWarning` on the way becomes a line, too.
+        """
 
 
 _GROUP = "stablepush.importers"
@@ -94,9 +98,16 @@ def _named_apart(sources: list[Source]) -> list[Source]:
 
 
 def import_source(source: Source, slider: Slider | None = None) -> tuple[PushLog, list[str]]:
-    """Read one raw log into a :class:`PushLog`; also returns lines about what could not be used."""
+    """Read one raw log into a :class:`PushLog`; also returns lines about what could not be used, and what looks wrong."""
     importer: Importer = load_plugin(_GROUP, source.kind)
-    return importer.read(source, slider)
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        log, notes = importer.read(source, slider)
+    ours = [warning for warning in heard if issubclass(warning.category, StablepushWarning)]
+    for warning in heard:
+        if warning not in ours:
+            warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
+    return log, [*notes, *(str(warning.message) for warning in ours)]
 
 
 def name_of(path: Path) -> str:

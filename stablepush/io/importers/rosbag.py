@@ -21,6 +21,8 @@ from stablepush.objects import Slider
 #: Streams of the mapping's ``topics``, and the types of messages that they take.
 _POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped", "tf2_msgs/msg/TFMessage")
 TOPICS = {"pose": _POSES, "tip": _POSES, "force": ("geometry_msgs/msg/WrenchStamped",)}
+#: Endings of the files of a bag.
+_ENDINGS = (".bag", ".db3", ".mcap", ".yaml")
 #: A pose that leans by more than this (rad) off the vertical is of no slider on a table.
 _LARGEST_TILT = math.radians(20)
 
@@ -41,6 +43,10 @@ class _Topic:
     down: bool = False
     leans: str = ""
 
+    def __str__(self) -> str:
+        """Key of the mapping and topic, as errors name it."""
+        return f"{self.place.place} ({self.topic})"
+
 
 class RosBags:
     """Importer of ROS bags: kind ``rosbag``. Those of ROS 2 are folders, those of ROS 1 files that end in ``.bag``."""
@@ -50,7 +56,7 @@ class RosBags:
     def find(self, root: Path) -> Iterator[Source]:
         if root.is_file():
             # a file of a bag of ROS 2 stands for the whole
-            bags = [root if root.suffix == ".bag" else root.parent]
+            bags = [root if root.suffix == ".bag" else root.parent] if root.suffix in _ENDINGS else []
         else:
             bags = sorted({*(file.parent for file in root.rglob("metadata.yaml")), *root.rglob("*.bag")})
         return (Source("rosbag", bag, name_of(bag), {}) for bag in bags)
@@ -78,7 +84,7 @@ class RosBags:
                 origin = _frame(topic, frames, name_of_world, source.file)
                 if turned is None:
                     rows[:, :2] = rotate_vectors(origin[2], rows[:, :2])
-            streams[name] = Stream(topic.topic, np.array(topic.times), rows, None if name == "force" else 2)
+            streams[name] = Stream(str(topic), np.array(topic.times), rows, None if name == "force" else 2)
         with within(source.file):
             t, (poses, tips, loads) = on_one_clock(
                 [streams.get(name) for name in TOPICS],
@@ -86,7 +92,7 @@ class RosBags:
             )  # fmt: skip
             if loads is not None and turned == "tip":
                 if tips is None:
-                    raise InputError("force_axes", "expected the topic tip, in whose axes the forces are", file=root.file)
+                    raise InputError("topics.tip", "missing key: force_axes says that the forces are in its axes", file=root.file)
                 if topics["tip"].leans:
                     raise InputError("force_axes", "expected a tip that looks up or down", topics["tip"].leans, file=root.file)
                 if topics["tip"].down:
@@ -96,7 +102,7 @@ class RosBags:
             forces = None if loads is None else loads[:, :2]
             if loads is not None and about == "frame":
                 if tips is None:
-                    raise InputError("moment_about", "expected the topic tip, about which the moment is needed", file=root.file)
+                    raise InputError("topics.tip", "missing key: the moment about the tip is needed", file=root.file)
                 arm = origin[:2] - tips[:, :2]
                 loads[:, 2] += arm[:, 0] * loads[:, 1] - arm[:, 1] * loads[:, 0]
             # a round finger gives no moment: what the sensor reads as one is that of its own place
@@ -119,15 +125,15 @@ def _wanted(name: str, topics: Node) -> _Topic:
 def _frame(topic: _Topic, frames: dict[str, FloatArray], world: str, file: Path) -> FloatArray:
     """The pose (3,) in W of the frame that the messages of a topic are in."""
     if len(topic.frames) > 1:
-        raise InputError(topic.topic, "expected one frame", " and ".join(sorted(topic.frames)), file=file)
+        raise InputError(str(topic), "expected one frame", " and ".join(sorted(topic.frames)), file=file)
     name = next(iter(topic.frames))
     if name in frames:
         return frames[name]
     if name.lstrip("/") != world.lstrip("/"):
         known = " or ".join([world, *frames])
-        raise InputError(
-            topic.topic, f"expected the frame {known}; give its pose by frames: {{{name}: [x, y, theta]}}", name, file=file
-        )
+        tool = ", or say force_axes: tip if it turns with the tool" if topic.name == "force" else ""
+        words = f"expected the frame {known}; give its pose by frames: {{{name}: [x, y, theta]}}{tool}"
+        raise InputError(str(topic), words, name, file=file)
     return np.zeros(3)
 
 
@@ -159,7 +165,7 @@ def _read_topics(bag: Any, folder: Path, topics: list[_Topic]) -> InputError | N
             )
         if present[topic.topic] not in TOPICS[topic.name]:
             words = " or ".join(TOPICS[topic.name])
-            return InputError(topic.topic, f"expected messages of type {words}", present[topic.topic], file=folder)
+            return InputError(str(topic), f"expected messages of type {words}", present[topic.topic], file=folder)
     wanted = {topic.topic for topic in topics}
     for connection, stamp, data in bag.messages([c for c in bag.connections if c.topic in wanted]):
         message = bag.deserialize(data, connection.msgtype)
@@ -167,7 +173,7 @@ def _read_topics(bag: Any, folder: Path, topics: list[_Topic]) -> InputError | N
             if topic.topic == connection.topic:
                 leaning = _take(topic, message, connection.msgtype, stamp)
                 if leaning is not None:
-                    return InputError(topic.topic, "expected poses about the vertical", leaning, file=folder)
+                    return InputError(str(topic), "expected poses about the vertical", leaning, file=folder)
     for topic in topics:
         if topic.child is None and len(topic.children) > 1 and topic.rows:
             found = ", ".join(sorted(topic.children))
@@ -181,7 +187,7 @@ def _read_topics(bag: Any, folder: Path, topics: list[_Topic]) -> InputError | N
                     topic.place.place, f"expected child: and one of the frames of {topic.topic}, {found}",
                     topic.child or "none", file=topic.place.file,
                 )  # fmt: skip
-            return InputError(topic.topic, "expected at least one message", file=folder)
+            return InputError(str(topic), "expected at least one message", file=folder)
     return None
 
 

@@ -70,8 +70,13 @@ def panels(
     """Return axes (rows, columns) to draw in: those that are given, else new ones in a figure of a size (inches)."""
     if ax is not None:
         given = np.ravel(np.asarray(ax, dtype=object))
+        kind = projection.get("projection", "rectilinear")
         if len(given) != rows * columns:
             raise InputError("ax", f"expected {rows * columns} axes", len(given))
+        for one in given:
+            if getattr(one, "name", None) != kind:
+                words = "axes of matplotlib" if kind == "rectilinear" else f'axes of matplotlib with projection="{kind}"'
+                raise InputError("ax", f"expected {words}", type(one).__name__)
         return given.reshape(rows, columns)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
