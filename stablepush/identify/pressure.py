@@ -63,9 +63,10 @@ def predict_loads(points: FloatArray, loads: FloatArray, twists: FloatArray) -> 
     """Ideal loads (m, n, 3) of m supports with points (m, k, 2) and friction loads (m, k), for twists (n, 3), all normalised."""
     from stablepush.surfaces.kernels import sum_loads_of_many
 
-    result = np.empty((len(points), len(twists), 3))
-    sum_loads_of_many(np.ascontiguousarray(points), np.ascontiguousarray(loads), np.ascontiguousarray(twists), result)
-    return result
+    result = np.empty((len(points), 3, len(twists)))
+    # copies: code is compiled once, for arrays that may be written
+    sum_loads_of_many(np.array(points, order="C"), np.array(loads, order="C"), np.array(twists.T, order="C"), result)
+    return result.transpose(0, 2, 1)
 
 
 class PressureSampler:
@@ -91,8 +92,8 @@ class PressureSampler:
             return self.prior()
         rng = np.random.default_rng(self._seed)
         state = self._first(rng)
-        twists = _scattered(twists)
-        scale, likelihood = _fit_scale(self._predict(state, twists, rho), loads)
+        pokes = _Pokes.of(loads, twists, rho)
+        scale, likelihood = pokes.weigh(state, state.good)
         power, ancestors, taken = 0.0, np.arange(self._count), 0.0
         while power < 1.0:
             step = _temper(likelihood, 1.0 - power)
@@ -103,7 +104,7 @@ class PressureSampler:
             ancestors, taken = ancestors[chosen], 0.0
             for _ in range(_MOVES):
                 proposed, ratio = self._propose(state, rng)
-                new_scale, new_likelihood = _fit_scale(self._predict(proposed, twists, rho), loads)
+                new_scale, new_likelihood = pokes.weigh(proposed, np.isfinite(ratio))
                 accepted = np.log(rng.random(self._count)) < power * (new_likelihood - likelihood) + ratio
                 state = state.replace(accepted, proposed)
                 scale = np.where(accepted, new_scale, scale)
@@ -111,11 +112,6 @@ class PressureSampler:
                 taken += float(accepted.mean()) / _MOVES
         left = len(np.unique(ancestors))
         return PressureEnsemble(read_only(state.points), read_only(state.shares), read_only(scale), left, taken)
-
-    def _predict(self, state: _State, twists: FloatArray, rho: float) -> FloatArray:
-        """Loads (m, n, q, 3) of twists (n, q, 3)."""
-        loads = predict_loads(state.points / rho, state.shares, twists.reshape(-1, 3))
-        return loads.reshape(-1, *twists.shape)
 
     def _first(self, rng: np.random.Generator) -> _State:
         """Draw from the prior: draws whose points do not surround the centre of mass are drawn again."""
@@ -217,16 +213,32 @@ def _scattered(twists: FloatArray) -> FloatArray:
     return unit(twists[:, None] + step * np.stack((0 * first, first, -first, second, -second), axis=1))
 
 
-def _fit_scale(predicted: FloatArray, loads: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Friction load (m,) that fits each draw's predictions (m, n, q, 3) to the loads (n, 3) best, and its log likelihood (m,).
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pokes:
+    """What draws are weighed by: normalised loads (n, 3), and the twists (3, q n) that they may belong to."""
 
-    The likelihood of a pair is the mean over the q twists that it may have had of a Student density of the load's error.
-    """
-    from stablepush.identify.kernels.pressure_draws import fit_scales
+    loads: FloatArray
+    twists: FloatArray
+    rho: float
 
-    scales, likelihoods = np.empty(len(predicted)), np.empty(len(predicted))
-    fit_scales(predicted, np.ascontiguousarray(loads), _SCATTER_WEIGHTS, LOAD_ERROR, scales, likelihoods)
-    return scales, likelihoods
+    @classmethod
+    def of(cls, loads: FloatArray, twists: FloatArray, rho: float) -> _Pokes:
+        """Pokes with normalised loads (n, 3) and unit normalised twists (n, 3)."""
+        scattered = _scattered(twists).transpose(2, 1, 0).reshape(3, -1)
+        # copies: code is compiled once, for arrays that may be written
+        return cls(np.array(loads, order="C"), np.array(scattered, order="C"), rho)
+
+    def weigh(self, draws: _State | PressureEnsemble, possible: np.ndarray) -> tuple[FloatArray, FloatArray]:
+        """Friction load (m,) that fits each draw to the pokes best, and its log likelihood (m,), -inf if it is not possible.
+
+        The likelihood of a pair is the mean over the twists that it may have had of a Student density of the load's error.
+        """
+        from stablepush.identify.kernels.pressure_draws import weigh
+
+        scales, likelihoods = np.empty(len(possible)), np.empty(len(possible))
+        points, given = draws.points / self.rho, (self.twists, self.loads, _SCATTER_WEIGHTS, LOAD_ERROR)
+        weigh(points, draws.shares, possible, *given, scales, likelihoods)
+        return scales, likelihoods
 
 
 def _temper(likelihood: FloatArray, most: float) -> float:

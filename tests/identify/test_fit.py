@@ -263,14 +263,12 @@ def test_likely_pressures_have_the_centre_of_mass_and_the_outline():
 
 def test_sequential_sampling_agrees_with_plain_weights_where_those_work():
     """Two pokes leave thousands of plain weighted draws effective: means over both samples agree within their scatter."""
-    from stablepush.identify.pressure import PressureSampler, _fit_scale, _scattered, predict_loads
+    from stablepush.identify.pressure import PressureSampler, _Pokes
 
     loads, twists = pairs(2, 0.05)
     f, v = normalize_wrench(loads, RHO), unit(normalize_twist(twists, RHO))
     prior = PressureSampler(triangle().vertices, count=20_000, seed=5).prior()
-    at = _scattered(v)
-    predicted = predict_loads(prior.points / RHO, prior.shares, at.reshape(-1, 3)).reshape(-1, *at.shape)
-    scale, likelihood = _fit_scale(predicted, f)
+    scale, likelihood = _Pokes.of(f, v, RHO).weigh(prior, np.ones(20_000, dtype=bool))
     weights = np.exp(likelihood - likelihood.max())
     weights /= weights.sum()
     assert 1 / (weights**2).sum() > 2000
@@ -284,6 +282,32 @@ def test_sequential_sampling_agrees_with_plain_weights_where_those_work():
         spread = np.sqrt((weights * (plain - mean) ** 2).sum())
         assert abs(ours.mean() - mean) < 0.08 * spread
         assert ours.std() == pytest.approx(spread, rel=0.08)
+
+
+def test_draws_are_weighed_as_the_formula_says():
+    """Student errors of the load, mixed over the twists that a poke may have had; the scale by six turns of expectations."""
+    from stablepush.identify.pressure import _SCATTER_WEIGHTS, LOAD_ERROR, PressureSampler, _Pokes, _scattered, predict_loads
+
+    loads, twists = pairs(7, 0.05)
+    f, v = normalize_wrench(loads, RHO), unit(normalize_twist(twists, RHO))
+    prior = PressureSampler(triangle().vertices, count=50, seed=3).prior()
+    possible = np.arange(50) != 17
+    scales, likelihoods = _Pokes.of(f, v, RHO).weigh(prior, possible)
+    at = _scattered(v)
+    sizes = (f**2).sum(axis=1)[:, None]
+    for d in np.flatnonzero(possible):
+        predicted = predict_loads(prior.points[d : d + 1] / RHO, prior.shares[d : d + 1], at.reshape(-1, 3)).reshape(at.shape)
+        scale = (predicted[:, 0] * f).sum() / (predicted[:, 0] ** 2).sum()
+        for turn in range(6):
+            miss = ((f[:, None] - scale * predicted) ** 2).sum(axis=2) / (LOAD_ERROR**2 * sizes)
+            density = _SCATTER_WEIGHTS * (1 + miss / 4) ** -3.5
+            if turn < 5:
+                weight = density / density.sum(axis=1, keepdims=True) / (4 + miss) / sizes
+                products, squares = (predicted * f[:, None]).sum(axis=2), (predicted**2).sum(axis=2)
+                scale = (weight * products).sum() / (weight * squares).sum()
+        assert scales[d] == pytest.approx(scale, rel=1e-9)
+        assert likelihoods[d] == pytest.approx(np.log(density.sum(axis=1)).sum(), abs=1e-8)
+    assert likelihoods[17] == -np.inf
 
 
 def test_the_ensemble_is_convex_and_survives_the_file(tmp_path):

@@ -7,53 +7,69 @@ import math
 import numpy as np
 
 from stablepush.core import compiled
+from stablepush.surfaces.kernels.support_points import loads_side_by_side
+
+#: Turns of expectation maximisation.
+TURNS = 6
 
 
 @compiled
-def fit_scales(predicted, loads, weights, error, scales, likelihoods):  # type: ignore[no-untyped-def]
-    """Fill ``scales`` (m,) and ``likelihoods`` (m,) of predicted loads (m, n, q, 3) against measured ones (n, 3).
+def weigh(points, shares, possible, twists, loads, weights, error, scales, likelihoods):  # type: ignore[no-untyped-def]
+    """Fill ``scales`` (m,) and ``likelihoods`` (m,) of draws with points (m, k, 2) and shares (m, k), given loads (n, 3).
 
-    The likelihood of a pair is the mean, with ``weights`` (q,), over the q twists that it may have had of a Student density
-    of the load's error with four degrees of freedom, of scale ``error * |F|``; the scale is found by expectation maximisation
-    (which twist it was, and how much of an outlier).
+    ``twists`` (3, q n): the q twists that each pair may have had, those of the first choice before those of the second.
+    The likelihood of a pair is the mean, with ``weights`` (q,), over its twists of a Student density of the load's error with
+    four degrees of freedom, of scale ``error * |F|``; the scale is found by expectation maximisation (which twist it was, and
+    how much of an outlier). Draws that are not ``possible`` (m,) have no likelihood.
     """
-    m, n, q = predicted.shape[0], predicted.shape[1], predicted.shape[2]
-    sizes = np.empty(n)
+    n, q = loads.shape[0], weights.shape[0]
+    fx, fy, tau = np.empty(q * n), np.empty(q * n), np.empty(q * n)
+    product, square = np.empty((q, n)), np.empty((q, n))
+    sizes, per_error = np.empty(n), np.empty(n)
+    density, above, below = np.empty(n), np.empty(n), np.empty(n)
     for i in range(n):
         sizes[i] = loads[i, 0] ** 2 + loads[i, 1] ** 2 + loads[i, 2] ** 2
-    product, square, density, shrink = np.empty((n, q)), np.empty((n, q)), np.empty(q), np.empty(q)
-    for d in range(m):
-        above = below = 0.0
-        for i in range(n):
-            for k in range(q):
-                x, y, z = predicted[d, i, k, 0], predicted[d, i, k, 1], predicted[d, i, k, 2]
-                product[i, k] = x * loads[i, 0] + y * loads[i, 1] + z * loads[i, 2]
-                # a draw that is not possible predicts no load at all; its likelihood then is that of no load
-                square[i, k] = max(x * x + y * y + z * z, 1e-300)
-            above += product[i, 0]
-            below += square[i, 0]
-        scale = max(above / below, 1e-12)
-        for turn in range(6):
-            above = below = total = 0.0
+        per_error[i] = 1.0 / (error * error * sizes[i])
+    for d in range(points.shape[0]):
+        if not possible[d]:
+            scales[d], likelihoods[d] = 1.0, -math.inf
+            continue
+        loads_side_by_side(points[d], shares[d], twists[0], twists[1], twists[2], fx, fy, tau)
+        for k in range(q):
             for i in range(n):
-                sum_density = 0.0
-                for k in range(q):
+                x, y, z = fx[k * n + i], fy[k * n + i], tau[k * n + i]
+                product[k, i] = x * loads[i, 0] + y * loads[i, 1] + z * loads[i, 2]
+                square[k, i] = max(x * x + y * y + z * z, 1e-300)
+        up = low = 0.0
+        for i in range(n):
+            up += product[0, i]
+            low += square[0, i]
+        scale = max(up / low, 1e-12)
+        for turn in range(TURNS):
+            density[:] = 0.0
+            above[:] = 0.0
+            below[:] = 0.0
+            for k in range(q):
+                weight = 128.0 * weights[k]
+                for i in range(n):
                     # |F - sP|² = |F|² - 2 s F·P + s²|P|²
-                    miss = (sizes[i] - 2 * scale * product[i, k] + scale * scale * square[i, k]) / (error * error * sizes[i])
-                    miss = max(miss, 0.0)
-                    rest = 1.0 / (4.0 + miss)
+                    miss = (sizes[i] - 2 * scale * product[k, i] + scale * scale * square[k, i]) * per_error[i]
+                    rest = 1.0 / (4.0 + max(miss, 0.0))
                     # (1 + miss/4)^(-7/2) but for a constant
-                    density[k] = weights[k] * 128.0 * rest * rest * rest * math.sqrt(rest)
-                    shrink[k] = rest / sizes[i]
-                    sum_density += density[k]
-                sum_density = max(sum_density, 1e-300)
-                for k in range(q):
-                    w = density[k] / sum_density * shrink[k]
-                    above += w * product[i, k]
-                    below += w * square[i, k]
-                total += math.log(sum_density)
-            if turn < 5:
-                scale = max(above / below, 1e-12)
+                    dense = weight * rest * rest * rest * math.sqrt(rest)
+                    density[i] += dense
+                    above[i] += dense * rest * product[k, i]
+                    below[i] += dense * rest * square[k, i]
+            if turn < TURNS - 1:
+                up = low = 0.0
+                for i in range(n):
+                    share = 1.0 / (max(density[i], 1e-300) * sizes[i])
+                    up += share * above[i]
+                    low += share * below[i]
+                scale = max(up / low, 1e-12)
+        total = 0.0
+        for i in range(n):
+            total += math.log(max(density[i], 1e-300))
         scales[d], likelihoods[d] = scale, total
 
 
@@ -65,14 +81,18 @@ def tilt_shares(points, raw, active, centers, tolerance, steps, shares, good):  
     Newton on the convex ``log Σ raw exp(λ·(x - c))``, whose gradient is the mean; a tilt that runs away leaves one point:
     such a draw does not surround its centre. Lengths are in units of the outline's radius.
     """
+    logs = np.empty(points.shape[1])
     for d in range(points.shape[0]):
         lx = ly = 0.0
         good[d] = False
+        for k in range(points.shape[1]):
+            if active[d, k]:
+                logs[k] = math.log(raw[d, k])
         for _ in range(steps):
             largest = -np.inf
             for k in range(points.shape[1]):
                 if active[d, k]:
-                    value = math.log(raw[d, k]) + lx * (points[d, k, 0] - centers[d, 0]) + ly * (points[d, k, 1] - centers[d, 1])
+                    value = logs[k] + lx * (points[d, k, 0] - centers[d, 0]) + ly * (points[d, k, 1] - centers[d, 1])
                     shares[d, k] = value
                     largest = max(largest, value)
             total = mean_x = mean_y = 0.0

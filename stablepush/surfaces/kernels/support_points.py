@@ -41,13 +41,31 @@ def sum_loads(points, loads, twists, creep, rest, wrenches):  # type: ignore[no-
         wrenches[q, 0], wrenches[q, 1], wrenches[q, 2] = fx, fy, tau
 
 
+@inner
+def loads_side_by_side(points, loads, vx, vy, w, fx, fy, tau):  # type: ignore[no-untyped-def]
+    """Fill ``fx, fy, tau`` (n,) with the loads of unit twists ``vx, vy, w`` (n,), all of them at once."""
+    fx[:] = 0.0
+    fy[:] = 0.0
+    tau[:] = 0.0
+    for k in range(points.shape[0]):
+        x, y, load = points[k, 0], points[k, 1], loads[k]
+        if load != 0.0:
+            # a loop over twists becomes vector instructions, one over points would not
+            for q in range(fx.shape[0]):
+                px, py = vx[q] - w[q] * y, vy[q] + w[q] * x
+                speed = math.sqrt(px * px + py * py)
+                share = load / speed if speed > AT_REST else 0.0
+                fx[q] += share * px
+                fy[q] += share * py
+                tau[q] += share * (x * py - y * px)
+
+
 @compiled
 def sum_loads_of_many(points, loads, twists, wrenches):  # type: ignore[no-untyped-def]
-    """Fill ``wrenches`` (m, n, 3) with the loads of unit twists (n, 3) for m supports of k points each: (m, k, 2), (m, k)."""
+    """Fill ``wrenches`` (m, 3, n) with the loads of unit twists (3, n) for m supports of k points each: (m, k, 2), (m, k)."""
     for m in range(points.shape[0]):
-        for q in range(twists.shape[0]):
-            fx, fy, tau = load_of_points(points[m], loads[m], twists[q, 0], twists[q, 1], twists[q, 2], 0.0, AT_REST)
-            wrenches[m, q, 0], wrenches[m, q, 1], wrenches[m, q, 2] = fx, fy, tau
+        into = wrenches[m]
+        loads_side_by_side(points[m], loads[m], twists[0], twists[1], twists[2], into[0], into[1], into[2])
 
 
 @compiled
