@@ -51,6 +51,7 @@ from .io import (
     log_from_arrays as log_from_arrays,
     pokes_from_world as pokes_from_world,
     read_pushlog as read_pushlog,
+    save_contact as save_contact,
     save_model as save_model,
     write_pushlog as write_pushlog,
 )

@@ -182,6 +182,9 @@ def contacts(
     finger_radius: Annotated[
         float, typer.Option(parser=number, metavar="METRES", help="Radius of the fingers: where they have no room is left out.")
     ] = 0.0,
+    best_file: Annotated[
+        Path | None, typer.Option("--best", help="File to write the best contact to, as classify, map and margins take it.")
+    ] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture of the contacts as PNG.")] = None,
 ) -> None:
     """Rank two-finger contacts along the edges of a slider, as a table (CSV), the best first.
@@ -190,11 +193,11 @@ def contacts(
     """
     import numpy as np
 
-    from stablepush.io import load_model, load_slider, table_text, write_atomically
+    from stablepush.io import load_model, load_slider, save_contact, table_text, write_atomically
     from stablepush.stability import rank_contacts
     from stablepush.views.plot import figure_png, plot_contacts
 
-    require_files(output, picture, read=(model, slider))
+    require_files(output, picture, best_file, read=(model, slider))
     surface, body = load_model(model), load_slider(slider)
     given = options_of("measure", "places", "edge", "finger_radius", mu="contact-mu", widths="width", edges="edge")
     with Progress("contacts") as step, about(model, options=given):
@@ -214,6 +217,8 @@ def contacts(
     if picture is not None:
         write_atomically(picture, drawn)
     best = ranked[0]
+    if best_file is not None:
+        save_contact(best.contact, best_file)
     told(output=output, contacts=len(ranked), measure=measure, edge=best.edge, center=best.center, width=best.width)
     print(
         f"{output}: {len(ranked)} contacts; best by {measure}: edge {best.edge}, middle {best.center:.4g} m along it, "

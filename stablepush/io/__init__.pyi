@@ -7,6 +7,7 @@ from .formats import (
     model_from_node as model_from_node,
     model_or_path as model_or_path,
     model_to_json as model_to_json,
+    save_contact as save_contact,
     save_model as save_model,
     slider_from_node as slider_from_node,
     slider_to_json as slider_to_json,

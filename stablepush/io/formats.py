@@ -62,6 +62,11 @@ def load_contact(path: str | Path) -> PushContact:
     return contact_from_node(read_json(path))
 
 
+def save_contact(contact: PushContact, path: str | Path) -> None:
+    """Write a contact to a ``contact`` file, as ``classify``, ``map`` and others take it."""
+    write_json(path, contact_to_json(contact))
+
+
 def model_from_node(node: Node) -> LimitSurface:
     """Read the value of a ``model/1``."""
     node["format"].text(("model/1",))

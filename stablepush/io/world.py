@@ -50,6 +50,7 @@ def log_from_arrays(
     zero_forces: bool = True,
     window: float = 0.1,
     finger_distance: float | None = None,
+    pose_delay: float = 0.0,
 ) -> PushLog:
     """Make a log of what was recorded in the world frame.
 
@@ -90,6 +91,9 @@ def log_from_arrays(
     finger_distance : float, optional
         m, between the centres of two fingers, along the touched edge; ``tip_positions`` is midway between them. With it and
         ``rig.finger_radius`` the log has the contact point of each finger, where it is nearer than 1 mm to the outline.
+    pose_delay : float
+        s by which the poses lag the tip and the forces, as a diagnosis may have found it; less than 0 if they are ahead. The pose
+        of a row is then the one that was recorded so much later, between two of the same trial; the last rows have none.
 
     Returns
     -------
@@ -110,6 +114,13 @@ def log_from_arrays(
     t = _clock(times)
     n = len(t)
     tracked = _with_gaps(poses, "poses", n, (3,))
+    rows, names = ([np.arange(n)], [""]) if trials is None else _named(t, trials)
+    for name, mine in zip(names, rows, strict=True):
+        if (np.diff(t[mine]) <= 0).any():
+            late = mine[int(np.argmax(np.diff(t[mine]) <= 0)) + 1]
+            raise InputError(f"times[{late}]", f"expected times that grow{f' within trial {name}' if name else ', or trials'}")
+    if check_number(pose_delay, "pose_delay") != 0:
+        tracked = _recorded_later(t, tracked, pose_delay, rows)
     body = compose(tracked, check_array(body_pose, "body_pose", (3,)))
     tips = None if tip_positions is None else _with_gaps(tip_positions, "tip_positions", n, (2, 3))
     world = None if forces is None else _with_gaps(forces, "forces", n, (2,))
@@ -128,18 +139,15 @@ def log_from_arrays(
         words = "two fingers without moments: nobody knows where between them the force acts, so tau is blank"
         warnings.warn(StablepushWarning(words), stacklevel=2)
         turning = np.full(n, np.nan)
-    rows, names = _pushes(rig.slider, t, body, window) if trials is None else _named(t, trials)
+    if trials is None:
+        rows, names = _pushes(rig.slider, t, body, window)
     if not names:
         raise InputError("poses" if trials is None else "trials", "expected at least one push, found none")
     columns: dict[str, list[Any]] = {"trial": [], "t": [], "phase": []}
     parts: dict[str, list[FloatArray]] = {"pose": [], "twist": [], "force": [], "moment": [], "place": [], "pusher": []}
     begins = []
     for name, mine in zip(names, rows, strict=True):
-        clock = t[mine]
-        if (np.diff(clock) <= 0).any():
-            late = int(np.argmax(np.diff(clock) <= 0)) + 1
-            raise InputError(f"times[{mine[late]}]", f"expected times that grow within trial {name}")
-        here = body[mine]
+        clock, here = t[mine], body[mine]
         twists = _slopes(clock, here, window)
         read = None if world is None else world[mine]
         phases = _phases(rig.slider, here, _speeds(rig.slider, twists), read)
@@ -211,7 +219,7 @@ def pokes_from_world(
     slider : Slider
         Its outline, in B.
     **how
-        ``body_pose``, ``forces_on``, ``moments``, ``zero_forces``, ``window`` of :func:`log_from_arrays`.
+        ``body_pose``, ``forces_on``, ``moments``, ``zero_forces``, ``window``, ``pose_delay`` of :func:`log_from_arrays`.
 
     Returns
     -------
@@ -273,6 +281,23 @@ def _with_gaps(values: ArrayLike, name: str, n: int, widths: tuple[int, ...]) ->
     return array
 
 
+def _recorded_later(
+    t: FloatArray, poses: FloatArray, delay: float, trials: list[np.ndarray[Any, np.dtype[np.intp]]]
+) -> FloatArray:
+    """Poses (n, 3) that were recorded ``delay`` (s) after each time, on lines between two of the same trial; else NaN."""
+    found = np.full_like(poses, np.nan)
+    for rows in trials:
+        known = np.isfinite(poses[rows]).all(axis=1)
+        if known.sum() > 1:
+            clock, seen, asked = t[rows][known], poses[rows][known].copy(), t[rows] + delay
+            seen[:, 2] = np.unwrap(seen[:, 2])
+            moved = np.column_stack([np.interp(asked, clock, column, np.nan, np.nan) for column in seen.T])
+            # beside a gap of the tracker nothing is known
+            moved[np.interp(asked, t[rows], known.astype(float)) < 1 - 1e-9] = np.nan
+            found[rows] = moved
+    return found
+
+
 def _clock(times: ArrayLike) -> FloatArray:
     """Times (n,) from the first, whatever they count from: seconds since 1970 are more than other numbers may be."""
     try:
@@ -332,9 +357,6 @@ def _pushes(
     slider: Slider, t: FloatArray, body: FloatArray, window: float
 ) -> tuple[list[np.ndarray[Any, np.dtype[np.intp]]], list[str]]:
     """Rows of each push of a record: where the slider moves, and before."""
-    if (np.diff(t) <= 0).any():
-        late = int(np.argmax(np.diff(t) <= 0)) + 1
-        raise InputError(f"times[{late}]", "expected times that grow, or trials")
     speed = _speeds(slider, _slopes(t, body, window))
     moving = np.flatnonzero(speed > _MOVES * speed.max())
     if not len(moving):

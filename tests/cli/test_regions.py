@@ -86,10 +86,16 @@ def test_contacts_leave_a_table_and_a_picture(rig, tmp_path, capsys):
         "3",
     ]
     outputs = ["-o", str(tmp_path / "c.csv"), "--picture", str(tmp_path / "c.png"), "--measure", "margin", "--edge", "1"]
+    outputs += ["--best", str(tmp_path / "best.json")]
     assert main(["contacts", str(rig / "model.json"), *arguments, *outputs]) == 0
     table, _ = read_table(tmp_path / "c.csv", required=(), numbers=("edge", "width", "margin", "area", "tightest_left"))
     assert len(table["edge"]) == 6 and set(table["edge"]) == {1.0}
     assert (np.diff(table["margin"]) <= 0).all()
+    # what classify and map take
+    best, edge = sp.load_contact(tmp_path / "best.json"), sp.load_slider(rig / "slider.json").vertices[1:3]
+    assert np.linalg.norm(best.points[1] - best.points[0]) == pytest.approx(table["width"][0])
+    (along,), offs = np.diff(edge, axis=0), best.points - edge[0]
+    assert along[0] * offs[:, 1] - along[1] * offs[:, 0] == pytest.approx(0.0, abs=1e-9)
     assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
     assert "best by margin: edge 1" in capsys.readouterr().out
 

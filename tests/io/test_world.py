@@ -138,6 +138,21 @@ def test_clocks_may_count_from_1970():
     assert pairs.wrenches == pytest.approx(loads, abs=1e-6)
 
 
+def test_a_delay_of_the_poses_is_taken_off():
+    (t, poses, tips, forces), trials, loads = recorded()
+    right = sp.log_from_arrays(sp.Rig(SLIDER), t, poses, forces, tips, trials)
+    late = np.concatenate([np.concatenate((part[:1].repeat(8, axis=0), part[:-8])) for part in np.split(poses, 3)])
+    log = sp.log_from_arrays(sp.Rig(SLIDER), t, late, forces, tips, trials, pose_delay=0.08)
+    for name in log.trials["trial"]:
+        rows = log.rows(name)
+        assert log.columns("x", "y", "theta")[rows][:-9] == pytest.approx(right.columns("x", "y", "theta")[rows][:-9], abs=1e-9)
+        # what was recorded later is of no row
+        assert np.isnan(log.columns("x")[rows][-7:]).all()
+    assert log.pairs().wrenches == pytest.approx(loads, abs=1e-9)
+    with pytest.raises(sp.InputError, match="pose_delay: expected a number"):
+        sp.log_from_arrays(sp.Rig(SLIDER), t, late, forces, tips, trials, pose_delay="80 ms")
+
+
 def test_each_trial_has_its_own_zero():
     (t, poses, tips, forces), trials, loads = recorded()
     forces[151:302] += (3.4, 0.0)

@@ -176,7 +176,8 @@ def plot_margins(
     ]
     axes.set_xticks(marks, names, rotation=30, ha="right", fontsize=8)
     axes.set_xlim(-90, 90)
-    axes.set_xlabel(f"distance and side of the COR, pushing towards {np.degrees(direction):.0f}° in B")
+    # adding zero takes the sign off a zero
+    axes.set_xlabel(f"distance and side of the COR, pushing towards {round(np.degrees(direction)) + 0}° in B")
     axes.set_ylabel("margin [deg]")
     axes.set_title(title)
     axes.legend(frameon=False, fontsize=9, loc="upper right")
