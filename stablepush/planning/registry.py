@@ -187,7 +187,7 @@ def plan(
     if result.solved and region != "model":
         result = replace(result, message="; ".join(filter(None, (result.message, _assumptions(problem)))))
     if result.solved:
-        doubts += _unaligned(problem, result)
+        doubts += _unaligned(problem, result) + _near_ends(problem, result)
     if result.solved and doubts:
         warnings.warn(PlanWarning("; ".join(doubts)), stacklevel=3)
         result = replace(result, message="; ".join(filter(None, (result.message, *doubts))))
@@ -226,6 +226,20 @@ def _unaligned(problem: PlanningProblem, result: PlanResult) -> list[str]:
     left = [number for number in docked if any(problem.uncertainty.start) and not aligns(problem.contacts[number])]
     why = "it does not have two fingers on one normal"
     return [f"the start is uncertain, and contact {number} does not align the slider: {why}" for number in left]
+
+
+def _near_ends(problem: PlanningProblem, result: PlanResult) -> list[str]:
+    """Which contacts have a finger that may be off the end of its edge: success takes it to touch all the same."""
+    slider, found = problem.slider, []
+    for number in sorted({push.contact for push in result.pushes}):
+        points = problem.contacts[number].points
+        left = float(np.linalg.norm(points[:, None] - slider.vertices, axis=2).min())
+        if left < problem.uncertainty.contact_place:
+            found.append(
+                f"contact {number}: a finger is {1000 * left:.2g} mm from a corner and may be "
+                f"{1000 * problem.uncertainty.contact_place:.2g} mm aside; the success holds if it stays on its edge"
+            )
+    return found
 
 
 def _preceded(result: PlanResult, push: Push) -> PlanResult:

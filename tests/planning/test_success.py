@@ -217,6 +217,14 @@ def test_plans_for_every_pressure_hold_for_every_friction_and_place_and_say_what
             assert sp.all_pressure_region(asked.slider, moved).contains_twists(twists).all()
 
 
+def test_a_finger_that_may_be_off_the_end_of_its_edge_is_told():
+    asked = problem()
+    near = sp.PushContact.on_edge(asked.slider, 0, 0.021, 0.04, 0.5)
+    with pytest.warns(sp.PlanWarning, match="contact 0: a finger is 1 mm from a corner and may be 2 mm aside"):
+        result = sp.plan(asked.with_changes(contacts=[near]), success=0, refinement_budget=0, time_limit=60)
+    assert result.solved and "stays on its edge" in result.message
+
+
 def test_plans_for_one_slider_share_what_is_known_of_its_scenarios():
     asked = problem()
     assert choice_of(asked.with_changes(goal=(0.2, 0.1, 0.3)), 0) is choice_of(asked, 0)
