@@ -167,7 +167,9 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
         free = system.significantly_better(scores["free"], scores["scaled"], 1.0)
         recalibrated = certain or system.significantly_better(scores["scaled"], scores["nominal"])
         times = 1.0 if certain else _ALONE
-        reshaped = [] if chosen or not (certain or system.rig.model is None) else _reshaping(system, times)
+        reshaped: Sequence[str] = ()
+        if not chosen and (certain or system.rig.model is None):
+            reshaped = OF_BODY if certain else _reshaping(system, times)
         if reshaped:
             body = {id: held_out(system, [id], False, folds) for id in reshaped}
             scores |= body
@@ -374,9 +376,7 @@ def _masked(system: System, chosen: list[str], current: Fitted) -> list[tuple[Fi
 
 
 def _reshaping(system: System, times: float) -> list[str]:
-    """Effects in the body frame that may do so many times what one must, by one step from the nominal surface; all for once."""
-    if times == 1.0:
-        return list(OF_BODY)
+    """Effects in the body frame that may do so many times what one must, by one step from the nominal surface."""
     tests = system.tests(system.fit([], False), False, OF_BODY)
     return [id for id, test in tests.items() if test.gain > times * system.demands.density]
 
