@@ -27,7 +27,7 @@ def diagnose(
     mended: Annotated[Path | None, typer.Option(help="Folder for rig.json and model.json of the corrected simulation.")] = None,
 ) -> None:
     """Find where simulation and reality differ, which effect causes it, and how much a corrected simulation reduces the gap."""
-    from stablepush.diagnosis import diagnose as run, percent
+    from stablepush.diagnosis import diagnose as run
     from stablepush.io import read_pushlog, write_atomically, write_json
 
     require_files(answer, html, pushes)
@@ -71,10 +71,12 @@ def diagnose(
     print(f"{report.log}: {report.verdict}{': ' + ', '.join(report.named) if report.named else ''}")
     print(report.sentence)
     for entry in report.reductions:
-        low, high = entry.ci95
         unit = "" if entry.unit == "1" else f" {entry.unit}"
         sizes = f"{entry.before:.4g}{unit} before, {entry.after:.4g} after, floor {entry.floor:.4g}"
-        print(f"{entry.channel}: {sizes}; explained {percent(entry.closed)} % ({percent(low)} to {percent(high)})")
+        print(f"{entry.channel}: {sizes}; {entry.explained}")
+    friction = report.support_friction
+    if friction is not None:
+        print(f"support friction: {friction:.3g} as refitted, where the rig has {report.rig.support_friction:.3g}")
     for words in report.steps if report.verdict != "none" else ():
         print(f"to do: {words}")
     if answer is not None and report.corrected and report.changes_plans:

@@ -1,5 +1,4 @@
 from .evidence import Evidence as Evidence
-from .gap_reduction import percent as percent
 from .gap_report import diagnose as diagnose, gap_reductions_with as gap_reductions_with
 from .report import VERDICTS as VERDICTS, GapReport as GapReport
 from .results import (

@@ -272,11 +272,6 @@ def _labels(system: System, log: PushLog) -> dict[int, tuple[PushContact, FloatA
     return found
 
 
-def percent(share: float) -> str:
-    """A share in percent, cut at -100: where the gap is within the noise the interval of its share is very wide."""
-    return "less than -100" if share < -1 else f"{100 * share:.0f}"
-
-
 _UNITS = {"wrench": "N", "twist": "rad", "pose": "m", "stability": "1"}
 
 

@@ -20,7 +20,7 @@ from stablepush.geometry import (
     transform_points,
     wrap_angle,
 )
-from stablepush.io import PushLog, distinct
+from stablepush.io import PushLog, distinct, end_of_motion
 
 #: Fingers farther (m) than this from where fingers usually are, beside the outline, do not touch it; nor do those that are
 #: farther from it than the other length. Where contact points are logged, they decide, and the other length alone counts.
@@ -138,6 +138,8 @@ def observe(log: PushLog) -> Observations:
     for k, rows in enumerate(rows_of.values()):
         ordered = rows[np.argsort(seconds[rows], kind="stable")]
         if len(ordered):
+            ordered = ordered[: end_of_motion(poses[ordered], rho)]
+            ordered = ordered[len(ordered) - end_of_motion(poses[ordered][::-1], rho) :]
             # where the log has one motion for all of a push, it is one row
             alike = len(ordered) > 2 and bool(np.ptp(twists[ordered], axis=0).max() <= _ALIKE * size[ordered].max())
             parts = np.array_split(ordered, 1 if alike else min(len(ordered), _MOST_ROWS))

@@ -21,6 +21,9 @@ from stablepush.surfaces import IdealLimitSurface
 #: The words of a verdict.
 VERDICTS = tuple(Verdict)
 
+#: A refitted support friction that differs by no more than this share from the rig's is the rig's.
+_SAME = 0.01
+
 
 @renamed_fields(shrink="reductions")
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,6 +81,18 @@ class GapReport:
         if self.verdict == "named":
             return any(id == "frame-offset" or (id in CATALOGUE and CATALOGUE[id].acts != "sensing") for id in self.named)
         return self.verdict in ("absorbed", "ambiguous") and bool(self.corrected)
+
+    @property
+    def support_friction(self) -> float | None:
+        """Support friction of the corrected simulation: the friction load of its surface over the slider's weight.
+
+        None if it was not refitted, if the rig states none, or if it is the rig's to 1 %.
+        """
+        believed, slider, surface = self.rig.support_friction, self.rig.slider, self.surface
+        if self.verdict == "none" or surface is None or not believed or not slider.mass:
+            return None
+        found = surface.friction_load / (slider.mass * self.rig.gravity)
+        return None if abs(found - believed) <= _SAME * believed else found
 
     def pose_errors(self, key: str) -> FloatArray:
         """Return the errors (n, 2) of final positions in W, measured less simulated, in m.

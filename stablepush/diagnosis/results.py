@@ -41,6 +41,10 @@ class Record(Mapping[str, Any]):
         return len(fields(self))  # type: ignore[arg-type]
 
 
+#: A channel whose error is no more than this times its floor has no gap to explain.
+_WITHIN = 1.05
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ParameterEstimate(Record):
     """A parameter of an effect: its value, or two, each with its 95 % interval, and the unit."""
@@ -104,6 +108,15 @@ class GapReduction(Record):
     floor: float
     closed: float
     ci95: list[float]
+
+    @property
+    def explained(self) -> str:
+        """How much of the gap is explained, in words."""
+        if self.before <= _WITHIN * self.floor:
+            return "within the noise"
+        # where the gap is near the noise the interval of its share is very wide
+        share, low, high = ("less than -100" if part < -1 else f"{100 * part:.0f}" for part in (self.closed, *self.ci95))
+        return f"explained {share} % ({low} to {high})"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,6 +24,7 @@ from .pushlog import (
     PushLog as PushLog,
     Rig as Rig,
     distinct as distinct,
+    end_of_motion as end_of_motion,
     read_pushlog as read_pushlog,
     rig_to_json as rig_to_json,
     write_pushlog as write_pushlog,

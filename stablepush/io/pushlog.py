@@ -53,6 +53,12 @@ OF_TRIALS, OF_SAMPLES = ("trial", "start_time"), ("trial", "t", "x", "y", "theta
 #: Columns of text; others that the format does not know are text if they hold any.
 _TEXT = ("trial", "group", "phase")
 
+#: A slider stands that is nearer to its end than this share of its way; the share of the rows of a push in which a slider that
+#: slows down is so near; rows that may be so near in any push; the last rows, as a share, whose median is the end.
+_STANDS, _LONG, _FEW, _LAST = 0.02, 0.15, 3, 10
+#: Nearly all noise is less than this times the median second difference of three poses in a row.
+_ROUGH = 1.4
+
 
 @dataclass(frozen=True, slots=True)
 class Noise:
@@ -194,6 +200,26 @@ class PushLog:
         for row, name in enumerate(names):
             groups[name].append(row)
         return {name: np.array(rows, dtype=np.intp) for name, rows in groups.items()}
+
+
+def end_of_motion(poses: FloatArray, length: float) -> int:
+    """Return how many of the poses (n, 3) of a push, in the order of time, are there until the slider stands for good.
+
+    All n, unless the rows in which it stands are many: a finger that has stopped may press on for a while, and the load of a
+    slider that stands says nothing of its friction. ``length`` (m) times an angle is a way. What scatters about a smooth motion
+    is noise of the tracker.
+    """
+    way = np.column_stack((poses[:, :2], length * np.unwrap(poses[:, 2])))
+    away = np.linalg.norm(way - np.median(way[-max(1, len(way) // _LAST) :], axis=0), axis=1)
+    travel = float(away.max())
+    rough = float(np.median(np.linalg.norm(np.diff(way, 2, axis=0), axis=1))) if len(way) > 2 else 0.0
+    near = max(_STANDS * travel, _ROUGH * rough)
+    if near >= travel / 2:
+        return len(way)
+    end = int(np.flatnonzero(away > near)[-1]) + 1
+    # of a steady motion as many rows as twice that share of the way are near its end
+    usual = max(_FEW, max(_LONG, _LONG / 3 + 2 * near / travel) * len(way))
+    return end if len(way) - end > usual else len(way)
 
 
 def distinct(times: FloatArray) -> BoolArray:

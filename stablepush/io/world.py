@@ -15,7 +15,7 @@ from stablepush.core import FloatArray, InputError, StablepushWarning, check_arr
 from stablepush.geometry import compose, nearest_on_outline, point_velocity, rotate_vectors, transform_points
 from stablepush.identify import SlipPairs
 from stablepush.io.doubts import doubts
-from stablepush.io.pushlog import PushLog, Rig
+from stablepush.io.pushlog import PushLog, Rig, end_of_motion
 from stablepush.objects import Slider
 
 #: What a force acts on: the slider, the finger (its reaction), or whichever makes the power of the pushes positive.
@@ -98,9 +98,9 @@ def log_from_arrays(
     Returns
     -------
     PushLog
-        With ``phase``: ``rest`` before contact, ``retract`` after it, ``push`` between. A :class:`StablepushWarning` says what
-        looks wrong: forces that oppose the motion, a tip that is not at the outline, lengths, headings or times in another
-        unit, rows that are missing, pushes without rest.
+        With ``phase``: ``rest`` before contact, ``push`` in contact, ``retract`` after it, or once the slider stands for good.
+        A :class:`StablepushWarning` says what looks wrong: forces that oppose the motion, a tip that is not at the outline,
+        lengths, headings or times in another unit, rows that are missing, pushes without rest.
 
     Raises
     ------
@@ -400,6 +400,12 @@ def _phases(
     left = np.flatnonzero(known & (_size(forces - zero) > _LEFT * np.linalg.norm(load - zero)))
     if len(left) and left[-1] >= moving[0]:
         phases[left[-1] + 1 :] = "retract"
+    # a finger that has stopped may press on
+    pushed = np.flatnonzero((phases == "push") & np.isfinite(poses).all(axis=1))
+    if len(pushed):
+        stands = end_of_motion(poses[pushed], slider.characteristic_length)
+        if stands < len(pushed):
+            phases[pushed[stands] :] = "retract"
     return phases
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import FloatArray
-from stablepush.diagnosis import ChannelGap, Evidence, GapReduction, GapReport, RankedEffect, percent, readable
+from stablepush.diagnosis import ChannelGap, Evidence, GapReduction, GapReport, RankedEffect, readable
 from stablepush.geometry import rotate_vectors
 from stablepush.objects import EdgePush, Slider
 from stablepush.views.pages import Section, render, script
@@ -43,6 +43,9 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     )
     steps = "\n".join(report.steps)
     told = [("verdict", str(report.verdict)), ("effects", ", ".join(report.named) or "none"), ("what to do", steps)]
+    if report.support_friction is not None:
+        friction = f"{report.support_friction:.3g} as refitted, where the rig has {report.rig.support_friction:.3g}"
+        told.append(("support friction", friction))
     sections = [Section("Verdict", report.sentence, told)]
     if drawn_forms(report):
         words = (
@@ -58,8 +61,7 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
             entry.channel,
             f"{readable(entry.before)}{_unit(entry)} before, {readable(entry.after)} after, "
             f"floor {readable(entry.floor)}; "
-            f"explained {percent(entry.closed)} % ({percent(entry.ci95[0])} to {percent(entry.ci95[1])}), "
-            f"{entry.held_out_trials} held-out trials",
+            f"{entry.explained}, {entry.held_out_trials} held-out trials",
         )
         for entry in report.reductions
     ]

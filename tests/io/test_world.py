@@ -8,6 +8,7 @@ from recordings import RADIUS, SLIDER, recorded
 
 import stablepush as sp
 from stablepush.geometry import compose, exp, inverse, rotate_vectors, transform_points
+from stablepush.io import end_of_motion
 
 
 def test_loads_and_twists_are_those_of_the_motion():
@@ -151,6 +152,37 @@ def test_a_delay_of_the_poses_is_taken_off():
     assert log.pairs().wrenches == pytest.approx(loads, abs=1e-9)
     with pytest.raises(sp.InputError, match="pose_delay: expected a number"):
         sp.log_from_arrays(sp.Rig(SLIDER), t, late, forces, tips, trials, pose_delay="80 ms")
+
+
+def test_rows_in_which_a_finger_has_stopped_and_presses_on_are_no_push():
+    """0.4 s more at each end of a push of 0.5 s, with two thirds of the load; noise of a tracker in all rows."""
+    rng = np.random.default_rng(6)
+    (t, *places), _, loads = recorded()
+    parts, names = [], []
+    for k, push in enumerate(zip(*(np.split(part, 3) for part in places), strict=True)):
+        body, tip, force = (np.concatenate((part, part[-1:].repeat(40, axis=0))) for part in push)
+        force[-40:] *= 0.67
+        parts.append((t[k * 151] + np.arange(191) / 100, body + rng.normal(size=body.shape) * (1e-4, 1e-4, 1e-3), tip, force))
+        names += [f"p{k}"] * 191
+    times, bodies, tips, forces = (np.concatenate(part) for part in zip(*parts, strict=True))
+    log = sp.log_from_arrays(sp.Rig(SLIDER), times, bodies, forces, tips, names)
+    for name in log.trials["trial"]:
+        phases = log.samples["phase"][log.rows(name)]
+        assert (phases[-38:] == "retract").all() and (phases[105:145] == "push").all()
+    assert log.pairs().wrenches == pytest.approx(loads, abs=0.08)
+
+
+def test_motions_that_slow_down_have_no_rows_in_which_they_stand():
+    way = np.linspace(0.0, 1.0, 60)
+    trapezoid = np.interp(way, (0, 0.1, 0.9, 1), (0, 0.05, 0.95, 1))
+    profiles = {"steady": way, "slowing": 10 * way**3 - 15 * way**4 + 6 * way**5, "trapezoid": trapezoid}
+    for profile in profiles.values():
+        for count in (2, 3, 6, 12, 60):
+            rows = np.linspace(0, 59, count).astype(int)
+            poses = np.column_stack((0.03 * profile[rows], 0 * rows, 0.5 * profile[rows]))
+            assert end_of_motion(poses, 0.05) == count
+    still = np.concatenate((profiles["steady"], np.ones(30)))
+    assert end_of_motion(np.column_stack((0.03 * still, 0 * still, 0 * still)), 0.05) == pytest.approx(60, abs=2)
 
 
 def test_each_trial_has_its_own_zero():
