@@ -39,7 +39,8 @@ def effects(
             print(f"  a log needs {kind['needs']}")
             print(f"  once it is named: {kind['remedy']}")
     if effect is None:
-        print("stablepush effects ID describes one in detail; stablepush simulate --effect ID:PARAM=VALUE adds one to a rig")
+        print("stablepush effects ID describes one in detail")
+        print("stablepush simulate --effect ID:PARAM=VALUE adds one of the catalogue to a rig")
 
 
 def _of_lab(effect: LabEffect) -> dict[str, Any]:
