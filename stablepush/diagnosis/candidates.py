@@ -20,8 +20,11 @@ from stablepush.mechanics import motion_profile
 from stablepush.objects import EdgePush
 from stablepush.rig import edge_command
 
-#: Headings of the slider, speeds (m/s) and places (m from the origin of W, both ways) that are looked at.
-_HEADINGS, _SPEEDS, _PLACES = 12, (0.005, 0.02, 0.06), (-0.1, 0.1)
+#: Headings of the slider and speeds (m/s) that are looked at.
+_HEADINGS, _SPEEDS = 12, (0.005, 0.02, 0.06)
+#: Places along x and y in W: two that hold this share of the log's poses between them, or, where those are nearer to each other
+#: than the first length (m), the second length to either side of their middle.
+_BETWEEN, _NEAR, _ASIDE = 0.8, 0.05, 0.1
 #: Distance of a push, in m.
 _DISTANCE = 0.04
 #: Without forces: positions along the free length of an edge, directions (rad from the normal), and how many of all these pushes
@@ -89,6 +92,14 @@ def final_poses_of(system: Motions) -> Candidates:
     return Candidates([drawn[push.trial][0] for push in kept], readings, lambda id: MOVING.get(id, 1e-4), expected)
 
 
+def _places(poses: FloatArray) -> list[tuple[float, float]]:
+    """Two places (m in W) along x and along y, where the slider of a log with poses (n, 3) has room."""
+    low, high = np.quantile(poses[:, :2], ((1 - _BETWEEN) / 2, (1 + _BETWEEN) / 2), axis=0)
+    middle, half = (low + high) / 2, np.where(high - low < _NEAR, _ASIDE, (high - low) / 2)
+    # to a millimetre, as a lab would place it
+    return [tuple(np.round((m - h, m + h), 3).tolist()) for m, h in zip(middle, half, strict=True)]
+
+
 def _drawn(system: Motions) -> list[tuple[EdgePush, Replay]]:
     """Pushes by the log's pusher, as entries of a list and as they are simulated."""
     like, slider = system.pushes[0], system.rig.slider
@@ -96,7 +107,8 @@ def _drawn(system: Motions) -> list[tuple[EdgePush, Replay]]:
     half = float(np.abs(pusher.fingers[:, 1]).max()) + pusher.radius
     edges = [(e, float(np.linalg.norm(b - a))) for e, (a, b) in enumerate(map(slider.edge, range(len(slider.vertices))))]
     headings = 2 * np.pi * np.arange(_HEADINGS) / _HEADINGS
-    choices = ([e for e in edges if e[1] > 2 * half], _ALONG, _DIRECTIONS, headings.tolist(), _SPEEDS, _PLACES, _PLACES)
+    places = _places(np.array([push.start for push in system.pushes]))
+    choices = ([e for e in edges if e[1] > 2 * half], _ALONG, _DIRECTIONS, headings.tolist(), _SPEEDS, *places)
     sizes = [len(choice) for choice in choices]
     rng = np.random.default_rng(0)
     count = int(np.prod(sizes))
@@ -137,7 +149,7 @@ def _straight(system: System) -> tuple[list[EdgePush], FloatArray, Observations]
         # a finger off the centre turns the slider about as much as its lever says, two fingers do not
         turn = 0.0 if two else float(middle[0] * normal[1] - middle[1] * normal[0]) / system.rho**2
         headings = 2 * np.pi * np.arange(_HEADINGS) / _HEADINGS
-        for heading, speed, x, y in product(headings, _SPEEDS, _PLACES, _PLACES):
+        for heading, speed, x, y in product(headings, _SPEEDS, *_places(system.observations.pose)):
             start = (x, y, float(heading))
             entries.append(
                 EdgePush.on_edge(system.rig.slider, face, length / 2, distance=_DISTANCE, speed=speed, width=width, start=start)
