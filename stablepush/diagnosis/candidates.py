@@ -22,9 +22,9 @@ from stablepush.rig import edge_command
 
 #: Headings of the slider and speeds (m/s) that are looked at.
 _HEADINGS, _SPEEDS = 12, (0.005, 0.02, 0.06)
-#: Places along x and y in W: two that hold this share of the log's poses between them, or, where those are nearer to each other
-#: than the first length (m), the second length to either side of their middle.
-_BETWEEN, _NEAR, _ASIDE = 0.8, 0.05, 0.1
+#: Places along x and y in W: two that hold this share of the log's poses between them, and are at least so far (m) to either side
+#: of their middle.
+_BETWEEN, _ASIDE = 0.8, 0.03
 #: Distance of a push, in m.
 _DISTANCE = 0.04
 #: Without forces: positions along the free length of an edge, directions (rad from the normal), and how many of all these pushes
@@ -93,9 +93,9 @@ def final_poses_of(system: Motions) -> Candidates:
 
 
 def _places(poses: FloatArray) -> list[tuple[float, float]]:
-    """Two places (m in W) along x and along y, where the slider of a log with poses (n, 3) has room."""
+    """Two places (m in W) along x and along y, where the slider of a log with poses (n, 3) was."""
     low, high = np.quantile(poses[:, :2], ((1 - _BETWEEN) / 2, (1 + _BETWEEN) / 2), axis=0)
-    middle, half = (low + high) / 2, np.where(high - low < _NEAR, _ASIDE, (high - low) / 2)
+    middle, half = (low + high) / 2, np.maximum((high - low) / 2, _ASIDE)
     # to a millimetre, as a lab would place it
     return [tuple(np.round((m - h, m + h), 3).tolist()) for m, h in zip(middle, half, strict=True)]
 

@@ -86,10 +86,12 @@ class GapReport:
     def support_friction(self) -> float | None:
         """Support friction of the corrected simulation: the friction load of its surface over the slider's weight.
 
-        None if it was not refitted, if the rig states none, or if it is the rig's to 1 %.
+        None if nothing was refitted to forces, if the rig states none or has a model instead, or if it is the rig's to 1 %.
         """
-        believed, slider, surface = self.rig.support_friction, self.rig.slider, self.surface
-        if self.verdict == "none" or surface is None or not believed or not slider.mass:
+        believed, slider = self.rig.support_friction, self.rig.slider
+        surface = self.corrected[0].surface if self.corrected else None
+        refitted = self.verdict in ("absorbed", "named") and "wrench" in self.channels and self.rig.model is None
+        if not refitted or not isinstance(surface, IdealLimitSurface) or not believed or not slider.mass:
             return None
         found = surface.friction_load / (slider.mass * self.rig.gravity)
         return None if abs(found - believed) <= _SAME * believed else found

@@ -41,7 +41,7 @@ class Record(Mapping[str, Any]):
         return len(fields(self))  # type: ignore[arg-type]
 
 
-#: A channel whose error is no more than this times its floor has no gap to explain.
+#: A channel whose errors, before and after, are no more than this times its floor has no gap to explain.
 _WITHIN = 1.05
 
 
@@ -112,7 +112,7 @@ class GapReduction(Record):
     @property
     def explained(self) -> str:
         """How much of the gap is explained, in words."""
-        if self.before <= _WITHIN * self.floor:
+        if 0 < max(self.before, self.after) <= _WITHIN * self.floor:
             return "within the noise"
         # where the gap is near the noise the interval of its share is very wide
         share, low, high = ("less than -100" if part < -1 else f"{100 * part:.0f}" for part in (self.closed, *self.ci95))

@@ -11,8 +11,8 @@ from stablepush.engines.walls import walls
 
 #: Stiffness (N/m) and relaxation time (s) of contacts, thickness (m) of walls.
 STIFF, RELAXATION, WALL = 2e5, 2e-3, 1e-3
-#: Width and thickness (m) of the table.
-_TABLE = 2000.0, 1.0
+#: How far the table reaches beyond everything on it, and its thickness (m).
+_BEYOND, _THICK = 1000.0, 1.0
 #: Mass (kg) of a finger that is driven and of what carries its joints, natural frequency (rad/s) of its critically damped servo.
 _DRIVEN, _CARRIER, _SERVO = 5.0, 0.01, 300.0
 
@@ -27,9 +27,9 @@ def sdf(slider: SliderOnFeet, fingers: Fingers, obstacles: Sequence[np.ndarray],
         raise ValueError("slider: expected a level table with one coefficient of friction")
     table, skin = _material(slider.friction), _material(fingers.friction)
     # no plane: Drake keeps a static model's shapes with the moving ones, where a half-space, which has no bounds, crashes it
-    floor = _collision(
-        "floor", f"0 0 {-_TABLE[1] / 2} 0 0 0", f"<box><size>{_TABLE[0]} {_TABLE[0]} {_TABLE[1]}</size></box>", table
-    )
+    there = np.concatenate((start[None, :2], pusher[None, :2], *obstacles))
+    width = 2 * (float(np.abs(there).max()) + _BEYOND)
+    floor = _collision("floor", f"0 0 {-_THICK / 2} 0 0 0", f"<box><size>{width} {width} {_THICK}</size></box>", table)
     sides = "".join(
         _collision(f"side{k}", f"{x} {y} 0 0 0 {angle}", f"<box><size>{length} {WALL} {2 * HALF}</size></box>", skin)
         for k, ((x, y), angle, length) in enumerate(walls(slider.outline, WALL))

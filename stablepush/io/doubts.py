@@ -8,18 +8,18 @@ import numpy as np
 import shapely
 
 from stablepush.core import FloatArray
-from stablepush.geometry import rotate_vectors
+from stablepush.geometry import rotate_vectors, transform_points
 from stablepush.io.pushlog import PushLog
 
-#: While it pushes the tip is at most so far (share of the slider's radius, and m) from where its radius puts it; the same share
-#: stands for a radius that is not known.
-_OFF, _OFF_LEAST = 0.2, 5e-3
-#: A slider does not travel so many of its radii in a push, and a heading counts no more than two turns (rad).
-_FARTHEST, _TURNS = 50.0, 4 * np.pi
+#: While it pushes the tip is at most so far (share of the slider's radius, and m) from where its own radius puts it; largest
+#: radius (m) of a finger where it is not known.
+_OFF, _OFF_LEAST, _WIDEST = 0.2, 5e-3, 0.03
+#: A slider does not travel so many of its radii in a push, nor turn so far (rad).
+_FARTHEST, _TURNS = 50.0, 2 * np.pi
 #: A push whose power is a smaller share of the greatest was none.
 _WORKS = 0.01
-#: Seconds between two rows, shorter and longer than which no clock of a tracker ticks.
-_QUICK, _SLOW = 1e-4, 1.0
+#: Nobody pushes so slowly or so fast (m/s).
+_SLOWEST, _FASTEST = 5e-5, 10.0
 #: Rows are missing where two are so many usual steps and so many seconds apart.
 _STEPS, _GAP = 5.0, 0.15
 
@@ -32,22 +32,34 @@ def doubts(log: PushLog, zeroed: bool = True) -> list[str]:
     return [*_opposed(log), *(_restless(log) if zeroed else ()), *_away(log), *_large(log), *_clock(log)]
 
 
+def _powers(log: PushLog) -> dict[str, float]:
+    """Mean power (W) of each trial that is a push: a poke that missed takes none to speak of."""
+    power = (log.columns("fx", "fy", "tau") * log.twists()).sum(axis=1)
+    pushing = np.isfinite(power) & (log.samples["phase"] == "push")
+    found = {}
+    for name in map(str, log.trials["trial"]):
+        rows = log.rows(name)
+        rows = rows[pushing[rows]]
+        if len(rows):
+            found[name] = float(power[rows].mean())
+    most = max(map(abs, found.values()), default=0.0)
+    return {name: value for name, value in found.items() if abs(value) > _WORKS * most}
+
+
 def _opposed(log: PushLog) -> Iterator[str]:
     """Friction takes power from the pusher: a force that gives some back has the wrong sign."""
-    pairs = log.pairs()
-    power = (pairs.wrenches * pairs.twists).sum(axis=1)
-    # a poke that missed says nothing
-    power = power[np.abs(power) > _WORKS * np.abs(power).max(initial=0.0)]
-    number, against = len(power), int((power < 0).sum())
+    powers = _powers(log).values()
+    number, against = len(powers), sum(power < 0 for power in powers)
     if number > 1 and 2 * against > number:
         yield f"in {against} of {number} pushes the force opposes the motion: is its sign wrong (forces_on)?"
 
 
 def _restless(log: PushLog) -> Iterator[str]:
     resting = {str(name) for name in log.samples["trial"][log.samples["phase"] == "rest"]}
-    restless = sum(str(name) not in resting for name in log.trials["trial"])
-    if restless and log.pairs().trials:
-        yield f"{restless} of {len(log)} pushes have no rows at rest: an offset of the force sensor stays in them"
+    pushes = _powers(log)
+    restless = sum(name not in resting for name in pushes)
+    if restless:
+        yield f"{restless} of {len(pushes)} pushes have no rows at rest: an offset of the force sensor stays in them"
 
 
 def _away(log: PushLog) -> Iterator[str]:
@@ -55,52 +67,63 @@ def _away(log: PushLog) -> Iterator[str]:
     body, tips = log.columns("x", "y", "theta"), log.columns("px", "py")
     slider, radius = log.rig.slider, log.rig.finger_radius
     pushing = np.isfinite(body).all(axis=1) & np.isfinite(tips).all(axis=1) & (log.samples["phase"] == "push")
-    if not pushing.any():
+    if not pushing.any() or log.rig.contact_kind == "held":
         return
     local = shapely.points(rotate_vectors(-body[pushing, 2], tips[pushing] - body[pushing, :2]))
     outside = shapely.distance(slider.polygon, local)
     inside = shapely.distance(slider.polygon.exterior, local) * (outside == 0)
     place = float(np.median(outside - inside))
     off = max(_OFF * slider.radius, _OFF_LEAST)
-    low, high = (0.0, off) if radius is None else (radius, radius)
+    low, high = (0.0, _WIDEST) if radius is None else (radius, radius)
     if not low - off <= place <= high + off:
         where = f"{1000 * abs(place):.3g} mm {'outside' if place > 0 else 'inside'}"
         finger = "" if radius is None else f", with a finger of {1000 * radius:.3g} mm radius"
-        asked = "units (length), body_pose, outline?"
+        asked = "units (length, angle), body_pose, outline?"
         yield f"while it pushes the centre of the tip is {where} the slider's outline{finger}: {asked}"
 
 
 def _large(log: PushLog) -> Iterator[str]:
     """Millimetres for metres, and degrees for radians."""
     poses, slider = log.columns("x", "y", "theta"), log.rig.slider
-    far = 0.0
+    far = turned = 0.0
     for name in log.trials["trial"]:
         known = poses[log.rows(str(name))]
         known = known[np.isfinite(known).all(axis=1)]
         if len(known):
             far = max(far, float(np.linalg.norm(known[:, :2] - known[0, :2], axis=1).max()))
+            turned = max(turned, float(np.abs(known[:, 2] - known[0, 2]).max()))
     if far > _FARTHEST * slider.radius:
         reach = 1000 * slider.radius
         yield f"the slider moves by {1000 * far:.4g} mm in a push, and its outline reaches {reach:.4g} mm: units (length)?"
-    heading = float(np.nanmax(np.abs(poses[:, 2]), initial=0.0))
-    if heading > _TURNS:
-        yield f"headings go up to {heading:.3g} rad: units (angle)?"
+    if turned > _TURNS:
+        yield f"the slider turns by {turned:.3g} rad in a push: units (angle)?"
+
+
+def largest_step(steps: FloatArray) -> float:
+    """Return the largest time (s) between two rows of a record with such steps (n,) beyond which rows are missing."""
+    return max(_STEPS * float(np.median(steps)), _GAP) if len(steps) else _GAP
 
 
 def _clock(log: PushLog) -> Iterator[str]:
     """A clock in another unit, and rows that are missing."""
-    steps: list[FloatArray] = []
-    for name in log.trials["trial"]:
-        rows = log.rows(str(name))
+    slider, poses = log.rig.slider, log.columns("x", "y", "theta")
+    steps, speeds = [], []
+    for name in map(str, log.trials["trial"]):
+        rows = log.rows(name)
         steps.append(np.diff(log.samples["t"][rows])[log.samples["phase"][rows][1:] == "push"])
+        rows = rows[(log.samples["phase"][rows] == "push") & np.isfinite(poses[rows]).all(axis=1)]
+        if len(rows) > 1:
+            first, last = (transform_points(poses[row], slider.vertices) for row in (rows[0], rows[-1]))
+            travel = float(np.linalg.norm(last - first, axis=1).max())
+            speeds.append(travel / float(log.samples["t"][rows[-1]] - log.samples["t"][rows[0]]))
     ticks = np.concatenate(steps) if steps else np.zeros(0)
-    if not len(ticks):
+    if not len(ticks) or not speeds:
         return
-    usual = float(np.median(ticks))
-    if not _QUICK <= usual <= _SLOW:
-        yield f"rows are {usual:.3g} s apart: units (time)?"
+    usual, speed = float(np.median(ticks)), float(np.median(speeds))
+    if not _SLOWEST <= speed <= _FASTEST:
+        yield f"the slider moves at {1000 * speed:.3g} mm/s, and rows are {usual:.3g} s apart: units (time, length)?"
     leaps = [float(of_push.max(initial=0.0)) for of_push in steps]
-    missing = [leap for leap in leaps if leap > max(_STEPS * usual, _GAP)]
+    missing = [leap for leap in leaps if leap > largest_step(ticks)]
     if missing:
         yield (
             f"in {len(missing)} of {len(log)} pushes rows are missing, for up to {max(missing):.3g} s (usual: {usual:.2g} s "

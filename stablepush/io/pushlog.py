@@ -55,7 +55,7 @@ _TEXT = ("trial", "group", "phase")
 
 #: A slider stands that is nearer to its end than this share of its way; the share of the rows of a push in which a slider that
 #: slows down is so near; rows that may be so near in any push; the last rows, as a share, whose median is the end.
-_STANDS, _LONG, _FEW, _LAST = 0.02, 0.15, 3, 10
+_STANDS, _LONG, _FEW, _LAST = 0.002, 0.15, 3, 10
 #: Nearly all noise is less than this times the median second difference of three poses in a row.
 _ROUGH = 1.4
 
@@ -206,20 +206,22 @@ def end_of_motion(poses: FloatArray, length: float) -> int:
     """Return how many of the poses (n, 3) of a push, in the order of time, are there until the slider stands for good.
 
     All n, unless the rows in which it stands are many: a finger that has stopped may press on for a while, and the load of a
-    slider that stands says nothing of its friction. ``length`` (m) times an angle is a way. What scatters about a smooth motion
-    is noise of the tracker.
+    slider that stands says nothing of its friction. ``length`` (m): an angle times it counts as a distance. What scatters about a
+    smooth motion is noise of the tracker.
     """
-    way = np.column_stack((poses[:, :2], length * np.unwrap(poses[:, 2])))
-    away = np.linalg.norm(way - np.median(way[-max(1, len(way) // _LAST) :], axis=0), axis=1)
-    travel = float(away.max())
-    rough = float(np.median(np.linalg.norm(np.diff(way, 2, axis=0), axis=1))) if len(way) > 2 else 0.0
+    if not len(poses):
+        return 0
+    path = np.column_stack((poses[:, :2], length * np.unwrap(poses[:, 2])))
+    apath = np.linalg.norm(path - np.median(path[-max(1, len(path) // _LAST) :], axis=0), axis=1)
+    travel = float(apath.max())
+    rough = float(np.median(np.linalg.norm(np.diff(path, 2, axis=0), axis=1))) if len(path) > 2 else 0.0
     near = max(_STANDS * travel, _ROUGH * rough)
     if near >= travel / 2:
-        return len(way)
-    end = int(np.flatnonzero(away > near)[-1]) + 1
-    # of a steady motion as many rows as twice that share of the way are near its end
-    usual = max(_FEW, max(_LONG, _LONG / 3 + 2 * near / travel) * len(way))
-    return end if len(way) - end > usual else len(way)
+        return len(path)
+    end = int(np.flatnonzero(apath > near)[-1]) + 1
+    # of a steady motion as many rows as twice that share of the path are near its end
+    usual = max(_FEW, max(_LONG, _LONG / 3 + 2 * near / travel) * len(path))
+    return end if len(path) - end > usual else len(path)
 
 
 def distinct(times: FloatArray) -> BoolArray:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from stablepush.core import FloatArray, InputError, StablepushWarning, check_array, check_choice, check_number
 from stablepush.geometry import compose, nearest_on_outline, point_velocity, rotate_vectors, transform_points
 from stablepush.identify import SlipPairs
-from stablepush.io.doubts import doubts
+from stablepush.io.doubts import doubts, largest_step
 from stablepush.io.pushlog import PushLog, Rig, end_of_motion
 from stablepush.objects import Slider
 
@@ -161,7 +161,7 @@ def log_from_arrays(
             parts["pusher"].append(_pushers(rig.slider, here, tips[mine], phases))
         if read is not None and tips is not None:
             moment = np.zeros(len(mine)) if turning is None else turning[mine]
-            rest = (phases == "rest") & np.isfinite(read).all(axis=1) & np.isfinite(moment)
+            rest = (phases == "rest") & np.isfinite(read).all(axis=1) & (np.isfinite(moment) | (moments is None))
             if zero_forces and rest.sum() >= _LEAST_REST:
                 read, moment = read - np.median(read[rest], axis=0), moment - np.median(moment[rest])
             local = _into(here, tips[mine, :2])
@@ -235,7 +235,12 @@ def pokes_from_world(
         raise InputError("slider", "expected a Slider", type(slider).__name__)
     if forces is None:
         raise InputError("forces", "expected forces, which a load is made of", "none")
-    log = log_from_arrays(Rig(slider), times, poses, forces, tip_positions, trials, **how)
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        log = log_from_arrays(Rig(slider), times, poses, forces, tip_positions, trials, **how)
+    for warning in heard:
+        # as of this call
+        warnings.warn(warning.message, warning.category, stacklevel=2)
     loads, twists, places = log.columns("fx", "fy", "tau"), log.columns("vx", "vy", "omega"), log.columns("x", "y", "theta")
     usable = (log.samples["phase"] == "push") & np.isfinite(loads).all(axis=1) & np.isfinite(twists).all(axis=1)
     speed = _speeds(slider, twists)
@@ -292,8 +297,11 @@ def _recorded_later(
             clock, seen, asked = t[rows][known], poses[rows][known].copy(), t[rows] + delay
             seen[:, 2] = np.unwrap(seen[:, 2])
             moved = np.column_stack([np.interp(asked, clock, column, np.nan, np.nan) for column in seen.T])
-            # beside a gap of the tracker nothing is known
-            moved[np.interp(asked, t[rows], known.astype(float)) < 1 - 1e-9] = np.nan
+            # within a gap of the tracker, or of the record, nothing is known
+            after = np.clip(np.searchsorted(clock, asked), 1, len(clock) - 1)
+            moved[clock[after] - clock[after - 1] > largest_step(np.diff(t[rows]))] = np.nan
+            if not np.isfinite(moved).any():
+                raise InputError("pose_delay", "expected less than a push lasts", f"{delay:g} s")
             found[rows] = moved
     return found
 

@@ -26,6 +26,7 @@ from stablepush.core import (
     renamed,
     within,
 )
+from stablepush.geometry import wrap_angle
 from stablepush.planning.alignment import aligns
 from stablepush.planning.check import check_plan
 from stablepush.planning.collision import SweptBody
@@ -43,6 +44,8 @@ from stablepush.stability import StableRegion
 #: of surface or friction makes them lose the object.
 DEFAULT_SUCCESS = 0.98
 _GROUP = "stablepush.planners"
+#: A vertex is a corner if the outline turns there by more than this (rad).
+_CORNER = math.radians(20)
 
 
 class Planner(Protocol):
@@ -230,10 +233,16 @@ def _unaligned(problem: PlanningProblem, result: PlanResult) -> list[str]:
 
 def _near_ends(problem: PlanningProblem, result: PlanResult) -> list[str]:
     """Which contacts have a finger that may be off the end of its edge: success takes it to touch all the same."""
-    slider, found = problem.slider, []
+    found: list[str] = []
+    # a vertex in the middle of a side is no end of it
+    sides = np.diff(problem.slider.vertices, axis=0, append=problem.slider.vertices[:1])
+    headings = np.arctan2(sides[:, 1], sides[:, 0])
+    corners = problem.slider.vertices[np.abs(wrap_angle(headings - np.roll(headings, 1))) > _CORNER]
+    if not len(corners):
+        return found
     for number in sorted({push.contact for push in result.pushes}):
         points = problem.contacts[number].points
-        left = float(np.linalg.norm(points[:, None] - slider.vertices, axis=2).min())
+        left = float(np.linalg.norm(points[:, None] - corners, axis=2).min())
         if left < problem.uncertainty.contact_place:
             found.append(
                 f"contact {number}: a finger is {1000 * left:.2g} mm from a corner and may be "

@@ -1,11 +1,13 @@
 """Results are values; their JSON comes from their fields."""
 
 import json
+from dataclasses import replace
 
 import pytest
+from conftest import make_log
 
 import stablepush as sp
-from stablepush.diagnosis.results import as_json
+from stablepush.diagnosis.results import GapReduction, as_json
 
 
 def test_json_has_the_fields_as_keys():
@@ -38,3 +40,28 @@ def test_words_equal_their_text_and_say_what_to_do(word):
 def test_a_plan_s_status_is_a_word_of_the_vocabulary():
     assert sp.PlanResult("timeout", "any").status is sp.PlanStatus.TIMEOUT
     assert sp.PlanResult("of-another-planner", "any").status == "of-another-planner"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "floor", "closed", "words"),
+    [
+        (0.05, 0.046, 0.046, 1.0, "explained 100 % (20 to 100)"),
+        (0.0473, 0.0473, 0.0473, 1.0, "within the noise"),
+        (1.0, 3.0, 1.0, -9.0, "explained less than -100 % (20 to 100)"),
+        (0.0, 0.1, 0.0, 0.0, "explained 0 % (20 to 100)"),
+    ],
+)
+def test_a_channel_within_the_noise_says_so(before, after, floor, closed, words):
+    assert GapReduction("twist", "rad", 20, before, after, floor, closed, [0.2, 1.0]).explained == words
+
+
+def test_the_support_friction_is_told_where_it_was_refitted():
+    """Of a log with forces whose rig believes in 20 % too much friction; not of one whose rig has a model, or without forces."""
+    log = make_log(count=16, seed=3)
+    rig = replace(log.rig, support_friction=1.2 * log.rig.support_friction)
+    report = sp.diagnose(replace(log, rig=rig))
+    assert report.verdict == "absorbed"
+    assert report.support_friction == pytest.approx(log.rig.support_friction, rel=0.02)
+    assert sp.diagnose(log).support_friction is None
+    modelled = replace(rig, model=sp.IdealLimitSurface(log.rig.slider.support, 5.0))
+    assert sp.diagnose(replace(log, rig=modelled)).support_friction is None

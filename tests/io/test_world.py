@@ -150,6 +150,13 @@ def test_a_delay_of_the_poses_is_taken_off():
         # what was recorded later is of no row
         assert np.isnan(log.columns("x")[rows][-7:]).all()
     assert log.pairs().wrenches == pytest.approx(loads, abs=1e-9)
+    # without trials, and ahead: no pose is made up between two pushes
+    early = np.concatenate([np.concatenate((part[8:], part[-1:].repeat(8, axis=0))) for part in np.split(poses, 3)])
+    pairs = sp.pokes_from_world(early, tips, forces, t, SLIDER, pose_delay=-0.08)
+    assert len(pairs.trials) == 3
+    assert pairs.wrenches == pytest.approx(loads, abs=0.02)
+    with pytest.raises(sp.InputError, match="pose_delay: expected less than a push lasts, got 2 s"):
+        sp.log_from_arrays(sp.Rig(SLIDER), t, late, forces, tips, trials, pose_delay=2.0)
     with pytest.raises(sp.InputError, match="pose_delay: expected a number"):
         sp.log_from_arrays(sp.Rig(SLIDER), t, late, forces, tips, trials, pose_delay="80 ms")
 
@@ -170,6 +177,21 @@ def test_rows_in_which_a_finger_has_stopped_and_presses_on_are_no_push():
         phases = log.samples["phase"][log.rows(name)]
         assert (phases[-38:] == "retract").all() and (phases[105:145] == "push").all()
     assert log.pairs().wrenches == pytest.approx(loads, abs=0.08)
+
+
+def test_degrees_and_milliseconds_are_doubted():
+    (t, poses, tips, forces), trials, _ = recorded(twist=(0.002, 0.02, 0.3))
+
+    def doubts(*given):
+        with warnings.catch_warnings(record=True) as heard:
+            warnings.simplefilter("always")
+            sp.log_from_arrays(sp.Rig(SLIDER, finger_radius=RADIUS), *given, trials)
+        return " ".join(str(one.message) for one in heard)
+
+    assert not doubts(t, poses, forces, tips)
+    assert "units (angle)?" in doubts(t, poses * (1, 1, 180 / np.pi), forces, tips)
+    assert "rows are 10 s apart: units (time, length)?" in doubts(1000 * t, poses, forces, tips)
+    assert "units (length)?" in doubts(t, poses * (1000, 1000, 1), forces, 1000 * tips)
 
 
 def test_motions_that_slow_down_have_no_rows_in_which_they_stand():
@@ -224,8 +246,7 @@ def test_pokes_that_missed_or_stuck_are_left_out():
     # the second never touches, the third is held
     poses[151:], forces[151:302] = poses[151], 0.02 * rng.normal(size=(151, 2))
     poses[151:] += rng.normal(size=(302, 3)) * (5e-5, 5e-5, 5e-4)
-    with pytest.warns(sp.StablepushWarning, match="2 of 3 pushes have no rows at rest"):
-        pairs = sp.pokes_from_world(poses, tips, forces, t, SLIDER, trials)
+    pairs = sp.pokes_from_world(poses, tips, forces, t, SLIDER, trials)
     assert pairs.trials == ["p0"]
     with (
         pytest.raises(sp.InputError, match=r"expected the slider to move by 0\.3 mm in at least one poke"),

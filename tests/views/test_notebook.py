@@ -38,7 +38,7 @@ def test_axes_of_another_kind_are_refused():
     with pytest.raises(sp.InputError, match='ax: expected axes of matplotlib with projection="3d", got Axes'):
         plot_wrench_paths(surface, {}, ax=flat)
     assert plot_wrench_paths(surface, {}, ax=round_) is round_
-    with pytest.raises(sp.InputError, match="ax: expected axes of matplotlib, got str"):
+    with pytest.raises(sp.InputError, match="ax: expected plain axes of matplotlib, got str"):
         plot_plan(small_scene(), sp.PlanResult("no-path", "hand"), ax="here")
 
 

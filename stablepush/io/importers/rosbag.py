@@ -22,7 +22,7 @@ from stablepush.objects import Slider
 _POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped", "tf2_msgs/msg/TFMessage")
 TOPICS = {"pose": _POSES, "tip": _POSES, "force": ("geometry_msgs/msg/WrenchStamped",)}
 #: Endings of the files of a bag.
-_ENDINGS = (".bag", ".db3", ".mcap", ".yaml")
+_ENDINGS = (".bag", ".db3", ".mcap", ".yaml", ".zstd")
 #: A pose that leans by more than this (rad) off the vertical is of no slider on a table.
 _LARGEST_TILT = math.radians(20)
 

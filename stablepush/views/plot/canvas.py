@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 #: Colours that stay apart for colour-blind readers and in grey (Okabe and Ito 2008).
 COUNTER_CLOCKWISE, CLOCKWISE = "#0072B2", "#E69F00"
 SLIDER, PUSHER, OBSTACLE, START, GOAL, LOST = "#999999", "#D55E00", "#4D4D4D", "#0072B2", "#009E73", "#CC3311"
+#: Projections that no flat picture is drawn in.
+_OTHER = ("3d", "polar")
 SENSES = ((1, "counter-clockwise", COUNTER_CLOCKWISE), (-1, "clockwise", CLOCKWISE))
 
 
@@ -70,12 +72,15 @@ def panels(
     """Return axes (rows, columns) to draw in: those that are given, else new ones in a figure of a size (inches)."""
     if ax is not None:
         given = np.ravel(np.asarray(ax, dtype=object))
-        kind = projection.get("projection", "rectilinear")
+        kind = projection.get("projection")
         if len(given) != rows * columns:
             raise InputError("ax", f"expected {rows * columns} axes", len(given))
+        from matplotlib.axes import Axes as AnyAxes
+
         for one in given:
-            if getattr(one, "name", None) != kind:
-                words = "axes of matplotlib" if kind == "rectilinear" else f'axes of matplotlib with projection="{kind}"'
+            name = getattr(one, "name", None)
+            if not isinstance(one, AnyAxes) or (name != kind if kind else name in _OTHER):
+                words = f'axes of matplotlib with projection="{kind}"' if kind else "plain axes of matplotlib"
                 raise InputError("ax", f"expected {words}", type(one).__name__)
         return given.reshape(rows, columns)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
