@@ -18,9 +18,11 @@ from stablepush.effects import FAMILIES
 #: Draws of the bootstrap of the greatest statistic.
 _DRAWS = 999
 #: Effects count from this share of half of their plausible range; anisotropy from where the contact models of two simulators
-#: differ.
+#: differ, a shift of the pressure from 0.8 mm and a spread from 5 %: feet and fingers that give make 0.4 mm and 3 % of them.
 _LEAST = 0.03
-_LEAST_OF: Mapping[str, float] = {"anisotropy-world": 0.12, "anisotropy-object": 0.12}
+_LEAST_OF: Mapping[str, float] = {
+    "anisotropy-world": 0.12, "anisotropy-object": 0.12, "pressure-shift": 0.08, "pressure-spread": 0.14,
+}  # fmt: skip
 #: Effects that may act together, and that are fitted in a step.
 _MOST, _TRIED = 4, 4
 #: Gains and scores (in log density) that differ by no more are alike.
