@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from stablepush.core import compiled
-from stablepush.surfaces.kernels.support_points import loads_side_by_side
+from stablepush.surfaces.kernels import loads_side_by_side
 
 #: Turns of expectation maximisation.
 TURNS = 6
