@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,8 +22,8 @@ import stablepush as sp
 RADIUS = 0.002
 
 
-def in_mujoco(text: str) -> np.ndarray:
-    """Final pose of the slider, the servos driven by the keyframes."""
+def in_mujoco(text: str) -> tuple[np.ndarray, Any, Any]:
+    """Final pose of the slider, the servos driven by the keyframes; MuJoCo's model and data."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(text)
@@ -31,7 +32,7 @@ def in_mujoco(text: str) -> np.ndarray:
     while data.time < model.key_time[-1]:
         data.ctrl[:] = [np.interp(data.time, model.key_time, column) for column in model.key_ctrl.T]
         mujoco.mj_step(model, data)
-    return np.array([data.joint(f"slider_{name}").qpos[0] for name in ("x", "y", "theta")])
+    return np.array([data.joint(f"slider_{name}").qpos[0] for name in ("x", "y", "theta")]), model, data
 
 
 def in_drake(text: str, motion: sp.Trajectory, step: float = 2e-3) -> np.ndarray:
@@ -71,8 +72,10 @@ def ends(demo: Path, engines: Sequence[str] = ("MuJoCo", "Drake")) -> Iterator[t
         result = sp.load_plan(demo / file)
         motion = sp.sample_plan(problem, result, 50.0)
         for engine in engines:
-            in_mjcf = engine == "MuJoCo"
-            end = in_mujoco(sp.export_mjcf(problem, result)) if in_mjcf else in_drake(sp.export_sdf(problem, result), motion)
+            if engine == "MuJoCo":
+                end, _, _ = in_mujoco(sp.export_mjcf(problem, result))
+            else:
+                end = in_drake(sp.export_sdf(problem, result), motion)
             planned, goal = (1e3 * float(np.hypot(*(end - pose)[:2])) for pose in (motion.slider[-1], problem.goal))
             turned = abs(float(np.rad2deg(np.angle(np.exp(1j * (end[2] - problem.goal[2]))))))
             yield name, engine, planned, goal, turned

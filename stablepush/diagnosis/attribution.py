@@ -168,10 +168,9 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
         # which base the rest is judged on matters less than what is said: one standard error is enough
         free = system.significantly_better(scores["free"], scores["scaled"], 1.0)
         recalibrated = certain or system.significantly_better(scores["scaled"], scores["nominal"])
-        times = 1.0 if certain else _ALONE
         reshaped: Sequence[str] = ()
         if not chosen and (certain or system.rig.model is None):
-            reshaped = OF_BODY if certain else _reshaping(system, times)
+            reshaped = OF_BODY if certain else _reshaping(system)
         if reshaped:
             body = {id: held_out(system, [id], False, folds) for id in reshaped}
             scores |= body
@@ -182,7 +181,7 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
                 for id, density in body.items()
                 if _possible(system, id, fits[id].values[id])
                 and _exceeds_model_error(system, id, fits[id].values[id], fits[id])
-                and (certain or system.significantly_better(density, scores["scaled"], times=times))
+                and (certain or system.significantly_better(density, scores["scaled"], times=_ALONE))
             }
             named = _as_good_as_free(system, scores, body) if body else []
             if named:
@@ -377,10 +376,10 @@ def _masked(system: System, chosen: list[str], current: Fitted) -> list[tuple[Fi
     return found
 
 
-def _reshaping(system: System, times: float) -> list[str]:
-    """Effects in the body frame that may do so many times what one must, by one step from the nominal surface."""
+def _reshaping(system: System) -> list[str]:
+    """Effects in the body frame that alone, by one step from the nominal surface, gain enough where a refit does not."""
     tests = system.tests(system.fit([], False), False, OF_BODY)
-    return [id for id, test in tests.items() if test.gain > times * system.demands.density]
+    return [id for id, test in tests.items() if test.gain > _ALONE * system.demands.density]
 
 
 def _as_good_as_free(system: System, scores: dict[str, FloatArray], body: dict[str, FloatArray]) -> list[str]:

@@ -39,19 +39,13 @@ def planned():
 
 
 def in_mujoco(text):
-    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-    model = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    while data.time < model.key_time[-1]:
-        data.ctrl[:] = [np.interp(data.time, model.key_time, column) for column in model.key_ctrl.T]
-        mujoco.mj_step(model, data)
-    return np.array([data.joint(f"slider_{name}").qpos[0] for name in ("x", "y", "theta")]), model, data
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    # as a user would: the example drives the servos
+    return runpy.run_path(str(EXAMPLE))["in_mujoco"](text)
 
 
 def in_drake(text, trajectory):
     pytest.importorskip("pydrake", reason="drake is not installed")
-    # as a user would: the example drives the servos
     return runpy.run_path(str(EXAMPLE))["in_drake"](text, trajectory)
 
 
