@@ -69,7 +69,7 @@ class System(Equations):
     Attributes
     ----------
     observations : Observations
-        Rows with a wrench, if the log has any; else all.
+        Rows with a wrench, if the log has any; else all. Accelerations are less what noise would make of them.
     points : array, shape (k, 2)
     nominal : array, shape (k,)
         Nominal friction loads (N) of the points.
@@ -87,7 +87,10 @@ class System(Equations):
         self, observations: Observations, rig: Rig, noisier: float = 1.0, own: Mapping[str, LabEffect] = MappingProxyType({})
     ) -> None:
         chosen = observations.has_wrench if observations.has_wrench.any() else np.ones(len(observations.time), dtype=bool)
-        self.observations = o = rows_of(observations, chosen)
+        o = rows_of(observations, chosen)
+        self.noise = _noise(rig, o, noisier)
+        self.motion_noise = np.array((self.noise.position, self.noise.position, self.noise.angle)) / o.span[:, None]
+        self.observations = o = replace(o, acceleration=beyond_noise(o, self.motion_noise))
         self.push = pushes_of(o.group)
         self.log = np.zeros(len(o.names), dtype=int)
         self.own, self.rows = own, log_rows(o)
@@ -114,7 +117,6 @@ class System(Equations):
         )
         #: What the pokes behind the nominal surface leave open, as changes (k, q) of the loads by one standard deviation.
         self.open_modes = self.believed.modes(self.points)
-        self.noise = _noise(rig, o, noisier)
         self._w = np.zeros((len(o.time), 3, 3))
         scale = 1.0 if self.known_scale else 0.0
         if self.has_wrench:
@@ -153,7 +155,7 @@ class System(Equations):
     def _whiten(self, loads: FloatArray) -> None:
         """Factors of the inverse covariances of the rows' wrenches."""
         o, noise = self.observations, self.noise
-        self.motion_noise = spread = np.array((noise.position, noise.position, noise.angle)) / o.span[:, None]
+        spread = self.motion_noise
         slopes = self.believed.slopes(self.points, loads, o.twist) * spread[:, None, :]
         self.reading_covariance = self._of_readings()
         covariance = slopes @ slopes.transpose(0, 2, 1) + self.reading_covariance
@@ -204,11 +206,10 @@ class System(Equations):
 
     @cached_property
     def _gained(self) -> FloatArray:
-        """Speed (n,) that each row gains or loses, as a share of its own: what noise of the poses would not show."""
+        """Speed (n,) that each row gains or loses, as a share of its own."""
         o, size = self.observations, np.array((1.0, 1.0, self.rho))
-        own, noise = (np.linalg.norm(rates * size, axis=1) for rates in (o.twist, self.motion_noise))
-        gained = np.linalg.norm(o.acceleration * size, axis=1) * o.span
-        return np.sqrt(np.maximum(0.0, gained**2 - (_OF_NOISE * noise) ** 2)) / np.maximum(own, 1e-12)
+        own, rate = (np.linalg.norm(rates * size, axis=1) for rates in (o.twist, o.acceleration))
+        return np.asarray(rate * o.span / np.maximum(own, 1e-12))
 
     def tells(self, id: str) -> BoolArray:
         """A row whose speed changes by much is no evidence of what depends on speed: its mean lags in all pushes alike."""
@@ -479,6 +480,20 @@ def system_of(observations: Observations, rig: Rig, own: Mapping[str, LabEffect]
     if rig.noise is None and system.has_wrench and system.noise_left() > 1:
         return System(observations, rig, system.noise_left(), own)
     return system
+
+
+def beyond_noise(o: Observations, noise: FloatArray) -> FloatArray:
+    """Accelerations (n, 3) less what noise (n, 3) of the twists makes of them, linear and angular apart.
+
+    A slope against a measured quantity is too small by the share that noise has in its square (Fuller 1987, *Measurement error
+    models*); so is a mass against measured accelerations.
+    """
+    result = o.acceleration.copy()
+    for part in (slice(0, 2), slice(2, 3)):
+        gained = (o.acceleration[:, part] ** 2).sum(axis=1) * o.span**2
+        left = np.maximum(0.0, gained - _OF_NOISE**2 * (noise[:, part] ** 2).sum(axis=1))
+        result[:, part] *= np.sqrt(left / np.maximum(gained, 1e-30))[:, None]
+    return result
 
 
 def _noise(rig: Rig, o: Observations, noisier: float) -> Noise:

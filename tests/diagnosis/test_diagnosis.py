@@ -15,7 +15,7 @@ from stablepush.diagnosis.equations import SIZES, ScoreTest, statistics
 from stablepush.diagnosis.forward import ForwardModel
 from stablepush.diagnosis.gap_reduction import HeldOut
 from stablepush.diagnosis.observations import _rates, observe
-from stablepush.diagnosis.system import System, pushes_of
+from stablepush.diagnosis.system import System, beyond_noise, pushes_of
 from stablepush.diagnosis.verdicts import explains_most
 from stablepush.diagnosis.where import repeats_share
 from stablepush.effects.catalogue import CATALOGUE
@@ -464,6 +464,24 @@ def test_acceleration_is_uncertain_where_the_speed_changes_its_course():
     np.testing.assert_allclose(rates[:, 1], (1, 1, 0.5, 0, 0, 0))
     np.testing.assert_allclose(off[:, 0], 0.0, atol=1e-12)
     np.testing.assert_allclose(off[:, 1], (0, 0, -1, 0, 0, 0), atol=1e-12)
+
+
+def test_noise_of_accelerations_does_not_make_a_mass_smaller():
+    """Forces of a mass of 1 kg against measured accelerations, of which most rows have none, and rows that have much count less:
+    the slope would be a quarter too small."""
+    rng = np.random.default_rng(3)
+    true = np.zeros((4000, 3))
+    true[::8] = (2.0, 0.0, 40.0)
+    true[1::8] = (0.0, 0.6, 0.0)
+    span, noise = np.full(4000, 0.04), np.tile((3e-3, 3e-3, 0.09), (4000, 1))
+    # a difference over two rows
+    seen = true + rng.normal(size=true.shape) * np.sqrt(2) * noise / (2 * span[:, None])
+    left = beyond_noise(SimpleNamespace(acceleration=seen, span=span), noise)
+    for part, force_noise in ((slice(0, 2), 0.06), (slice(2, 3), 2.0)):
+        weight = 1 / (force_noise**2 + (0.3 * true[:, part]) ** 2)
+        naive, mended = ((weight * (true * a)[:, part]).sum() / (weight * a[:, part] ** 2).sum() for a in (seen, left))
+        assert naive < 0.75 and abs(mended - 1) < 0.05
+    assert not left[2::8].any(axis=1).mean() > 0.05
 
 
 def test_proposed_pushes_are_made_twice():
