@@ -7,26 +7,19 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import nnls
 from scipy.stats import chi2
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
+from stablepush.diagnosis.corrected_surface import corrected_surface
 from stablepush.diagnosis.equations import OF_PRESSURE, Fitted
 from stablepush.diagnosis.ranking import rank
 from stablepush.diagnosis.results import RankedEffect
 from stablepush.diagnosis.system import System
 from stablepush.effects import CATALOGUE, Effect, KnownEffect
-from stablepush.objects import SupportDistribution
 from stablepush.planning import Correction
-from stablepush.surfaces import IdealLimitSurface, LimitSurface
+from stablepush.surfaces import LimitSurface
 
-#: Surfaces of an ensemble, and its spread over the errors of the fit. These are those of noise, while the pushes of a plan are
-#: alike and share what the surface cannot take. With 1, plans were lost whose success was stated as 0.99 and more; with 4,
-#: plans are given up that arrive.
-_MEMBERS, _WIDER = 60, 2.0
-#: Shares of the load below this are none.
-_LEAST_SHARE = 1e-6
 #: Effects that are no entry of ``effects``: surface and contact hold them.
 _FOLDED = (*OF_PRESSURE, "contact-friction", "contact-geometry", "frame-offset", "model-capacity")
 
@@ -112,7 +105,7 @@ def _correction(
     others = [id for id in effects if id not in _FOLDED and id in CATALOGUE and known[id].parameters]
     return Correction(
         probability=probability,
-        surface=_surface(system, fitted, effects, found.free, refitted),
+        surface=_surface(system, fitted, effects, refitted),
         contact_friction=friction,
         contact_friction_error=error,
         finger_radius=radius,
@@ -131,45 +124,16 @@ def of_last_log(entry: RankedEffect, system: System) -> dict[str, Any]:
     return {name: value[system.last] for name, value in entry.estimates.items()}
 
 
-def _surface(system: System, fitted: Fitted, effects: Sequence[str], free: bool, refitted: bool) -> LimitSurface | None:
+def _surface(system: System, fitted: Fitted, effects: Sequence[str], refitted: bool) -> LimitSurface | None:
     """The friction of the support, if it is now believed to be another; else the rig's model, None if it has none.
 
-    None, too, where a log without forces does not show how much friction there is.
+    A model of few pokes is fitted anew beside any effect: a log says more of it. None where a log without forces does not show
+    how much friction there is.
     """
-    moved = [id for id in OF_PRESSURE if id in effects and id in fitted.values]
+    moved = any(id in effects and id in fitted.values for id in OF_PRESSURE)
     sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
-    if not (refitted or moved) or not sized:
-        return system.rig.model
-    rng, deviations = np.random.default_rng(0), _WIDER * system.of_last(system.deviations(fitted, free))
-    best = system.of_last(fitted.loads)
-    drawn = [best + deviations @ rng.normal(size=deviations.shape[1]) for _ in range(_MEMBERS)]
-    rows = np.array([_pressure(system, loads) for loads in (best, *drawn)])
-    carrying = rows.max(axis=0) > _LEAST_SHARE * float(rows[0].sum())
-    points, rows = system.points[carrying], rows[:, carrying]
-    if "pressure-spread" in fitted.values:
-        center = rows[0] @ points / rows[0].sum()
-        points = center + (1 + fitted.values["pressure-spread"][0]) * (points - center)
-    points = points + fitted.values.get("pressure-shift", np.zeros(2))
-    ensemble = rows[1:] if np.ptp(rows[1:], axis=0).any() else None
-    return IdealLimitSurface(SupportDistribution(points, rows[0]), float(rows[0].sum()), system.rho, ensemble)
-
-
-def _pressure(system: System, loads: FloatArray) -> FloatArray:
-    """Friction loads (k,) >= 0 of the points whose friction is nearest to that of a fit: the nominal one, and what it changed."""
-    believed = system.believed
-    design, twists = believed.design(system.points)
-
-    def of(loads: FloatArray) -> FloatArray:
-        if system.has_wrench:
-            return design @ loads
-        return np.asarray((system.surface(loads).wrench(twists) / (1, 1, system.rho)).ravel())
-
-    wanted = of(loads)
-    if believed.model is not None:
-        nominal = believed.load * believed.model.wrench(twists) / (1, 1, system.rho)
-        wanted = nominal.ravel() + wanted - of(system.of_last(system.nominal))
-    found, _ = nnls(design, wanted)
-    return np.asarray(found)
+    anew = refitted or moved or (bool(effects) and system.has_wrench and bool(system.open_modes.size))
+    return corrected_surface(system, fitted) if anew and sized else system.rig.model
 
 
 def _error(system: System, fitted: Fitted, id: str) -> float:

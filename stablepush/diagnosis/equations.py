@@ -224,8 +224,8 @@ class Equations(ABC):
             directions, base, precision = self.base(values, free)
             q = len(precision)
             design = np.concatenate((base, *(self.columns(id, loads, values, self.size(id)) for id in effects)), axis=1)
-            scale = _scale(residual[use])
-            weights = (_TAIL + 1) / (_TAIL + residual**2 / scale) * use
+            scale = robust_scale(residual[use])
+            weights = student_weights(residual, scale) * use
             data = design.T @ (weights[:, None] * design)
             prior = np.zeros_like(data)
             prior[:q, :q] = precision * scale
@@ -266,8 +266,8 @@ class Equations(ABC):
         directions, base, precision = self.base(fitted.values, free)
         q, residual = len(precision), fitted.residual
         design = np.concatenate((base, *self._held(fitted)), axis=1)
-        scale, use = _scale(residual), np.ones(len(residual), dtype=bool)
-        weights = (_TAIL + 1) / (_TAIL + residual**2 / scale)
+        scale, use = robust_scale(residual), np.ones(len(residual), dtype=bool)
+        weights = student_weights(residual, scale)
         data = design.T @ (weights[:, None] * design)
         prior = np.zeros_like(data)
         prior[:q, :q] = precision * scale
@@ -283,7 +283,7 @@ class Equations(ABC):
 
         The slope that Student errors have is less than their weights (Huber 1981).
         """
-        scale = _scale(residual[use])
+        scale = robust_scale(residual[use])
         ratio = residual**2 / scale
         weights = (_TAIL + 1) / (_TAIL + ratio) * use
         slope = max(0.1, float((weights * (_TAIL - ratio) / (_TAIL + ratio)).sum() / max(float(weights.sum()), 1e-30)))
@@ -319,9 +319,8 @@ class Equations(ABC):
 
     def density(self, residual: FloatArray, use: BoolArray) -> FloatArray:
         """Log density (trials,) of Student errors whose scale is that of the rows in use."""
-        scale = _scale(residual[use])
-        rows = -0.5 * (_TAIL + 1) * np.log1p(residual**2 / (_TAIL * scale)) - 0.5 * np.log(scale)
-        return by_trial(self.trial, rows[:, None])[:, 0]
+        scale = robust_scale(residual[use])
+        return by_trial(self.trial, student_density(residual, scale)[:, None])[:, 0]
 
     @contextmanager
     def own_forms(self) -> Iterator[None]:
@@ -348,8 +347,8 @@ class Equations(ABC):
         terms of its family.
         """
         residual = fitted.residual
-        scale = _scale(residual)
-        weights = (_TAIL + 1) / (_TAIL + residual**2 / scale)
+        scale = robust_scale(residual)
+        weights = student_weights(residual, scale)
         _, base, precision = self.base(fitted.values, free)
         design = np.concatenate((base, *self._held(fitted)), axis=1)
         hessian = design.T @ (weights[:, None] * design)
@@ -381,9 +380,19 @@ class Equations(ABC):
         return found
 
 
-def _scale(residual: FloatArray) -> float:
+def robust_scale(residual: FloatArray) -> float:
     """Robust mean square of residuals, in units of the noise: at least a hundredth of it, below which residuals are rounding."""
     return max(1e-4, float(robust_variance(residual**2))) if len(residual) else 1.0
+
+
+def student_weights(residual: FloatArray, scale: float) -> FloatArray:
+    """Weights (n,) of residuals whose errors are Student's with this scale: rows that are far off count less."""
+    return np.asarray((_TAIL + 1) / (_TAIL + residual**2 / scale))
+
+
+def student_density(residual: FloatArray, scale: float) -> FloatArray:
+    """Log density (n,) of residuals whose errors are Student's with this scale, but for a constant."""
+    return np.asarray(-0.5 * (_TAIL + 1) * np.log1p(residual**2 / (_TAIL * scale)) - 0.5 * np.log(scale))
 
 
 def robust_variance(squares: FloatArray, axis: int | None = None) -> Any:

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import cvxpy as cp
 import numpy as np
 import pytest
 from conftest import LOAD, MASS, pairs, small_scene, three_feet, triangle
@@ -11,6 +12,7 @@ import stablepush as sp
 from stablepush.cli.program import main
 from stablepush.diagnosis.attribution import family_wise_p_values
 from stablepush.diagnosis.contact_friction import ContactFriction, Slip
+from stablepush.diagnosis.corrected_surface import _Prior, _Shown
 from stablepush.diagnosis.equations import ScoreTest
 from stablepush.diagnosis.nominal import nominal_of
 from stablepush.diagnosis.observations import observe
@@ -179,6 +181,46 @@ def test_few_trials_have_no_small_p_value():
         assert test.informative_trials() == pytest.approx(trials)
         p = family_wise_p_values({"drift": test})["drift"]
         assert p >= least and (trials == 4 or p < 0.01)
+
+
+@pytest.mark.parametrize("offset", ((0.008, 0.0), (-0.004, 0.005), (0.0, 0.0)))
+def test_a_corrected_surface_holds_for_pushes_that_the_plan_had_not(executed, offset):
+    """Of feet that have moved since the pokes: near to the truth for pushes beside those of the log, within the ensemble."""
+    feet = three_feet()
+    truth = sp.IdealLimitSurface(sp.SupportDistribution(feet.points + offset, feet.weights), 1.05 * LOAD)
+    log = log_of(executed, truth=truth)
+    corrected = sp.diagnose(log).corrected[0].surface
+    twists = observe(log).twist
+    rng = np.random.default_rng(1)
+    size = np.array((1.0, 1.0, 0.05))
+    others = np.repeat(twists, 4, axis=0) + 0.15 * np.abs(twists[:, :2]).max() * rng.normal(size=(4 * len(twists), 3)) / size
+
+    def directions(surface):
+        loads = surface.wrench(others) / size
+        return loads / np.linalg.norm(loads, axis=1, keepdims=True)
+
+    def errors(surface):
+        return np.linalg.norm(directions(surface) - directions(truth), axis=1)
+
+    assert errors(corrected).mean() < (0.5 if any(offset) else 0.9) * errors(executed[0].surface).mean()
+    assert corrected.friction_load == pytest.approx(truth.friction_load, rel=0.03)
+    assert corrected.support.weights.min() >= 0
+    spread = np.linalg.norm(np.std([directions(member) for member in corrected.members()], axis=0), axis=1)
+    assert np.mean(errors(corrected) < 3 * spread) > 0.9 and spread.mean() < 3 * errors(corrected).mean()
+
+
+def test_corrected_loads_are_those_of_a_quadratic_program():
+    rng = np.random.default_rng(0)
+    believed = np.array((0.5, 0.0, 1.5, 0.0, 0.2, 0.0))
+    slopes = rng.normal(size=(12, 6))
+    shown = _Shown(slopes @ (0.2, 0.4, 1.0, -0.5, 0.0, 0.1) + 0.3 * rng.normal(size=12), slopes, np.arange(12) // 3)
+    prior, weights = _Prior.of(believed, 0.3), rng.uniform(0.2, 2.0, 12)
+    loads = cp.Variable(6)
+    left = cp.multiply(np.sqrt(weights), shown.wrench - slopes @ loads)
+    cost = cp.sum_squares(left) + cp.quad_form(loads - believed, cp.psd_wrap(prior.precision))
+    cp.Problem(cp.Minimize(cost), [loads >= 0]).solve(solver=cp.CLARABEL)
+    np.testing.assert_allclose(shown.nearest(prior, weights), loads.value, atol=1e-6)
+    assert (shown.nearest(prior, weights) == 0).any()
 
 
 def test_what_no_pressure_can_do_is_said_to_be_uncertain(executed):
