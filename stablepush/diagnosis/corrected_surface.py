@@ -38,14 +38,14 @@ def corrected_surface(system: System, fitted: Fitted) -> IdealLimitSurface:
 
     with whitened wrenches ``y`` less the effects, weights ``w`` and scale ``s`` of Student errors, the believed loads ``m0`` and
     the mean load ``σ`` of a point. A plan has few pushes, and they are alike: loads that may be anything fit them, and say little
-    of other pushes. Where no effect moves the points, a shift of all of them is fitted first. Members of the ensemble have random
-    weights of the pushes (Rubin 1981, *The Bayesian bootstrap*) and random ``m0``.
+    of other pushes. Where no effect moves the points of a log, a shift of all of them is fitted first. Members of the ensemble
+    have random weights of the pushes (Rubin 1981, *The Bayesian bootstrap*) and random ``m0``.
 
     Without forces the loads are the believed ones, and the ensemble is what the pokes behind them leave open.
     """
     rng, believed = np.random.default_rng(0), np.maximum(0.0, system.of_last(system.nominal))
     if system.has_wrench:
-        if not any(id in fitted.values for id in OF_PRESSURE):
+        if system.logs == 1 and not any(id in fitted.values for id in OF_PRESSURE):
             fitted = system.fit([*fitted.values, "pressure-shift"], False)
         shown = _Shown.by(system, fitted)
         prior = _Prior.of(believed, _spread(system, shown, believed))

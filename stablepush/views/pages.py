@@ -60,7 +60,7 @@ def report_html(title: str, lead: str, sections: Sequence[Section]) -> str:
 
 def plan_html(problem: PlanningProblem, result: PlanResult, title: str = "Plan of stable pushes") -> str:
     """Return the animation of a plan as one HTML page that needs no network."""
-    key = "Blue crosses are counter-clockwise rotation centres, orange ones clockwise."
+    key = "Blue crosses are counter-clockwise rotation centres, orange ones clockwise; white dots are contact points."
     if result.success_probability is not None:
         key += f" The plan {result.outlook}."
     if result.success is not None and len(result.success.ends):

@@ -108,10 +108,13 @@ def fill(axes: Axes, polygon: shapely.Polygon, **style: Any) -> None:
 
 def draw_contact(axes: Axes, contact: PushContact, length: float) -> None:
     for i, (point, normal) in enumerate(zip(contact.points, contact.normals, strict=True)):
+        tail = point - length * normal
+        # an annotation alone may leave the axes
+        axes.update_datalim((tail,))
         axes.annotate(
             "",
             xy=(point[0], point[1]),
-            xytext=(point[0] - length * normal[0], point[1] - length * normal[1]),
+            xytext=(tail[0], tail[1]),
             arrowprops={"arrowstyle": "-|>", "color": PUSHER, "linewidth": 2},
         )
         axes.plot(*point, marker="o", color=PUSHER, markersize=5, linestyle="none", label="_" if i else "contact, normal")

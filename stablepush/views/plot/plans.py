@@ -34,7 +34,7 @@ def plot_plan(problem: PlanningProblem, result: PlanResult, title: str | None = 
     tracks = [push.poses(np.linspace(0, push.duration, 50))[:, :2] for push in result.pushes]
     low, high = _frame(problem, tracks)
     # as high as the scene is for its width, beside title and legend
-    size = (9.0, float(np.clip(8.0 * (high - low)[1] / (high - low)[0] + 2.4, 3.6, 12.0)))
+    size = (9.0, float(np.clip(8.4 * (high - low)[1] / (high - low)[0] + 1.65, 3.6, 12.0)))
     axes = canvas(size, ax=ax)
     for i, obstacle in enumerate(problem.obstacles):
         fill(axes, shapely.Polygon(obstacle), facecolor=OBSTACLE, edgecolor="black", label="_" if i else "obstacle")
