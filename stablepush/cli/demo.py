@@ -32,10 +32,14 @@ from stablepush.views.plot import figure_png, plot_plan, plot_regions
 
 #: What the page proposes.
 _NEXT = (
-    ("a limit surface from pokes", "stablepush fit LOG -o model.json"),
+    ("a limit surface from a log of pokes; SCENE.json refers to it", "stablepush fit POKES -o model.json"),
     ("a path of stable pushes", "stablepush plan SCENE.json -o plan.json --view plan.html"),
-    ("what is different on the robot", "stablepush diagnose LOG --html report.html --json diagnosis.json"),
-    ("the scene as it really is", "stablepush correct SCENE.json diagnosis.json -o corrected.json"),
+    (
+        "from the log of the executed plan: why it went another way",
+        "stablepush diagnose LOG --html diagnosis.html --json diagnosis.json",
+    ),
+    ("the scene with what was found", "stablepush correct SCENE.json diagnosis.json -o corrected.json"),
+    ("a plan that reckons with it", "stablepush plan corrected.json -o corrected-plan.json"),
 )
 
 
@@ -86,9 +90,9 @@ def run_demo(folder: Path, seed: int) -> int:
         *after[:1],
         Section(
             "From pokes to a limit surface",
-            "A finger pokes the triangle at random places. Each poke gives a load and a slip twist; the convex quartic "
-            "that fits them, and the pressures that can act under the outline, is found by a semidefinite program, with a proof "
-            "of convexity that needs no trust in the solver.",
+            "A finger pokes the triangle at random places. Each poke gives a load and a slip twist. A semidefinite program finds "
+            "the convex quartic that fits them and agrees with likely pressures under the outline. Its proof of convexity is "
+            "checked apart from the solver.",
             [
                 ("pokes", str(len(loads))),
                 ("angle between predicted and measured slip, pokes left out", f"{held_out:.1f}°"),
@@ -97,7 +101,10 @@ def run_demo(folder: Path, seed: int) -> int:
                     f"{certificate.min_eigenvalue:.3g}" if certificate else "none",
                 ),
                 ("prior", "likely pressures under the outline" if fit.prior_weight else "none: the pokes contradict it"),
-                ("time", f"{fit.total_time:.2f} s, of which {1e3 * fit.solve_time:.1f} ms in the final solve"),
+                (
+                    "time",
+                    f"{fit.total_time:.2f} s: likely pressures first, the final solve {1e3 * fit.solve_time:.1f} ms",
+                ),
             ],
         ),
         Section.with_picture(
@@ -132,9 +139,9 @@ def run_demo(folder: Path, seed: int) -> int:
         Section("What to do next", "The same with files of your own:", [(command, what) for what, command in _NEXT]),
     ]
     lead = (
-        f"{story} stablepush finds how a flat object slides, plans pushes during which it sticks to the fingers, and says what "
-        "is different where a robot does something else. All of this page was computed when the demo ran, on a simulated rig: a "
-        "triangle on three feet that the identification does not know, poked by one finger and pushed by two."
+        f"{story} stablepush finds how a flat object slides, plans pushes during which it sticks to the fingers, and tells why "
+        "a robot deviates from a plan. All of this page was computed when the demo ran, on a simulated rig: a triangle on three "
+        "feet, poked by one finger and pushed by two. The identification does not know where the feet are."
     )
     write_atomically(folder / "report.html", report_html("stablepush demo", lead, sections))
     told(output=folder, report=folder / "report.html")
@@ -159,7 +166,7 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
     again = plan(corrected, time_limit=60.0, seed=seed)
     save_plan(again, folder / "corrected-plan.json")
     headings = [f"Before: {away:.0f} mm from the goal"]
-    _show_run(folder / "run.html", scene, result, first)
+    _show_run(folder / "run.html", scene, result, first, "The first plan on the rig")
     said = f"The object ended {away:.0f} mm from the goal"
     if not again.solved:
         print(f"{folder / 'corrected-plan.json'}: {again.status}: {again.message}")
@@ -170,7 +177,7 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
     write_pushlog(second.log, folder / "second-run")
     arrived = _from_goal(corrected, second)
     print(f"{folder / 'corrected-plan.json'}: carried out, the object ends {arrived:.1f} mm from the goal")
-    _show_run(folder / "second-run.html", corrected, again, second)
+    _show_run(folder / "second-run.html", corrected, again, second, "The second plan on the rig")
     headings.append(f"After: {arrived:.1f} mm from the goal")
 
     mu = [problem.contacts[0].mu for problem in (scene, corrected)]
@@ -178,14 +185,14 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
     near = 1000 * scene.tolerance[0]
     story = (
         f"A plan made from 40 pokes was carried out on a rig whose fingers have a friction of {SLIPPERY:.2f} where the plan "
-        f"assumes {mu[0]:.2f}, and the object ended {away:.0f} mm from the goal. The log of that run {cause}; the plan that was "
-        f"made with it ended {arrived:.1f} mm from the goal, {'within' if arrived <= near else 'outside of'} the tolerance of "
-        f"{near:.0f} mm."
+        f"assumes {mu[0]:.2f}, and the object ended {away:.0f} mm from the goal. The diagnosis of the run's log {cause}. A "
+        f"second plan, with the corrected scene, ended {arrived:.1f} mm from the goal, "
+        f"{'within' if arrived <= near else 'outside of'} the tolerance of {near:.0f} mm."
     )
     rows = [
-        ("friction of the fingers, as believed", f"{mu[0]:.2f}"),
+        ("friction of the fingers, as assumed", f"{mu[0]:.2f}"),
         ("as the diagnosis found it", f"{mu[1]:.3f}"),
-        ("as it is", f"{SLIPPERY:.2f}"),
+        ("of the simulated rig", f"{SLIPPERY:.2f}"),
         ("the first plan", _outcome(result, away)),
         ("the second plan", _outcome(again, arrived)),
     ]
@@ -196,7 +203,11 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
     )
     pages = list(zip(headings, ("run.html", "second-run.html"), strict=True))
     told = [
-        Section("Before and after", pages=pages),
+        Section(
+            "Before and after",
+            "The pictures show how it ended, Play shows the run. Obstacles are not on the rig: nothing stops an object there.",
+            pages=pages,
+        ),
         Section("What the log of the run says", f"{lost} {found.sentence}", rows, "", "diagnosis.html", "The diagnosis, in full"),
     ]
     return story, told
@@ -211,8 +222,8 @@ def _from_goal(problem: PlanningProblem, done: Execution) -> float:
     return 1000 * math.hypot(*(done.final_pose - problem.goal)[:2])
 
 
-def _show_run(path: Path, problem: PlanningProblem, result: PlanResult, done: Execution) -> None:
-    write_atomically(path, execution_html(problem, done.pushers, done.traces, result, "The plan on the rig"))
+def _show_run(path: Path, problem: PlanningProblem, result: PlanResult, done: Execution, title: str) -> None:
+    write_atomically(path, execution_html(problem, done.pushers, done.traces, result, title))
 
 
 def _degrees(intervals: tuple[tuple[float, float], ...]) -> str:

@@ -76,7 +76,7 @@ def diagnose(
         print(f"{entry.channel}: {sizes}; {entry.explained}")
     friction = report.support_friction
     if friction is not None:
-        print(f"support friction: {friction:.3g} as refitted, where the rig has {report.rig.support_friction:.3g}")
+        print(f"support friction: {friction:.3g} as refitted, where {report.rig.support_friction:.3g} was assumed")
     for words in report.steps if report.verdict != "none" else ():
         print(f"to do: {words}")
     if answer is not None and report.corrected and report.changes_plans:

@@ -62,7 +62,7 @@ def _of_slip(system: System, found: Attribution) -> Evidence:
     assert nominal is not None
     words = (
         f"the {contact.readings} of {contact.trials} pushes whose fingers slip give {readable(contact.estimate)}; "
-        f"the rig has {readable(nominal)}"
+        f"{readable(nominal)} was assumed"
     )
     if "contact-friction" in found.named:
         return Evidence([f"{words}, p {contact.p_value:.1g}"], [])

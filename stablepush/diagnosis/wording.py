@@ -119,7 +119,7 @@ def _cause(system: System, entry: RankedEffect) -> str:
     believed = {"contact-friction": system.rig.contact_friction, "contact-geometry": system.rig.finger_radius}.get(id)
     if believed is not None:
         factor, unit = _SHOWN[kind.parameters[0].unit.partition(" ")[0]]
-        words += f", where the rig has {factor * believed:.3g}{unit}"
+        words += f", where {factor * believed:.3g}{unit} was assumed"
     return f"{id}: {words[0].lower()}{words[1:]}"
 
 
@@ -194,7 +194,8 @@ def notes_on(
         )
     if left_out:
         notes.append(
-            f"final poses of {left_out} pushes were not used: they cannot be simulated, or noise of the start dominates them"
+            f"the final pose{'s' if left_out > 1 else ''} of {left_out} push{'es were' if left_out > 1 else ' was'} not used: "
+            "it cannot be simulated, or noise of the start dominates it"
         )
     far = _outliers(system, found)
     if far.any():

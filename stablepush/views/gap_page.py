@@ -44,7 +44,7 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     steps = "\n".join(report.steps)
     told = [("verdict", str(report.verdict)), ("effects", ", ".join(report.named) or "none"), ("what to do", steps)]
     if report.support_friction is not None:
-        friction = f"{report.support_friction:.3g} as refitted, where the rig has {report.rig.support_friction:.3g}"
+        friction = f"{report.support_friction:.3g} as refitted, where {report.rig.support_friction:.3g} was assumed"
         told.append(("support friction", friction))
     sections = [Section("Verdict", report.sentence, told)]
     if drawn_forms(report):

@@ -246,7 +246,7 @@ def _motion_page(
         "pushes": 1 + rows[-1]["push"],
         "rows": rows,
     }
-    key = "Line: path of the centre of mass; dotted: rotation centre."
+    key = "Blue: the start. Line: path of the centre of mass; dotted: rotation centre."
     if fingers:
         key += " Fingers: green sticks, orange slips, grey is open."
     if result is not None:
