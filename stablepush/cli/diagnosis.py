@@ -125,6 +125,8 @@ def correct(
     before, after = problem.contacts[0].mu, found.contacts[0].mu
     changes = ["another limit surface"] if found.surface is not problem.surface else []
     changes += [f"finger friction {after:.3g} for {before:.3g}"] if after != before else []
+    width, own = found.uncertainty.relative_friction, problem.uncertainty.relative_friction
+    changes += [f"finger friction uncertain by {100 * width:.0f} %"] if width > own else []
     changes += [f"finger radius {1000 * found.finger_radius:.3g} mm"] if found.finger_radius != problem.finger_radius else []
     aside = any((a.points != b.points).any() for a, b in zip(found.contacts, problem.contacts, strict=True))
     changes += ["contacts elsewhere"] if aside else []

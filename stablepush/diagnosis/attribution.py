@@ -11,7 +11,7 @@ import numpy as np
 
 from stablepush.core import FloatArray, first_least, order_with_ties
 from stablepush.diagnosis.contact_friction import P_SLIP, ContactFriction, slip_friction
-from stablepush.diagnosis.equations import OF_BODY, OF_PRESSURE, SIZES, Fitted, ScoreTest, Values
+from stablepush.diagnosis.equations import ANISOTROPIES, OF_BODY, OF_PRESSURE, SIZES, Fitted, ScoreTest, Values
 from stablepush.diagnosis.system import IN_CLEARANCES, System
 from stablepush.effects import FAMILIES
 
@@ -23,6 +23,8 @@ _LEAST = 0.03
 _LEAST_OF: Mapping[str, float] = {
     "anisotropy-world": 0.12, "anisotropy-object": 0.12, "pressure-shift": 0.08, "pressure-spread": 0.14,
 }  # fmt: skip
+#: No grain is stronger: friction 1.7 times as large along it as across.
+_MOST_GRAIN = 0.5
 #: Effects that may act together, and that are fitted in a step.
 _MOST, _TRIED = 4, 4
 #: Gains and scores (in log density) that differ by no more are alike.
@@ -435,6 +437,9 @@ def _possible(system: System, id: str, estimate: FloatArray) -> bool:
     size = float(np.linalg.norm(own)) / system.plausible(id)
     if len(terms):
         size = max(size, float(np.linalg.norm(terms)) / FAMILIES[id].plausible)
+    if id in ANISOTROPIES and float(np.linalg.norm(own)) > _MOST_GRAIN:
+        # pushes in one direction show friction as a whole: a grain of any size would fit them
+        return False
     return size > _LEAST_OF.get(id, _LEAST) and not (id in ("inertia", "latency") and estimate[0] < 0)
 
 

@@ -5,23 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import nnls
 
 from stablepush.core import BoolArray, FloatArray
 from stablepush.diagnosis.attribution import folds_of
-from stablepush.diagnosis.equations import OF_PRESSURE, Fitted, robust_scale, student_density, student_weights
+from stablepush.diagnosis.equations import Fitted, robust_scale, student_density, student_weights
 from stablepush.diagnosis.system import System
 from stablepush.objects import SupportDistribution
-from stablepush.surfaces import IdealLimitSurface
+from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
 #: Standard deviation of the load of a point about the believed one, over the mean load of a point: as a rule, and where pushes
 #: that are left out of the fit are then predicted clearly better.
 _SPREAD, _WIDER = 1.0, (4.0, 16.0)
-#: Of the friction as a whole, over the believed one.
-_SCALE = 1.0
-#: How far members of the ensemble are from the best surface, over what they would be if pushes shared no errors: loads of pushes
-#: beside those of a plan were off by 2.5 times the spread without it, over 19 simulated plans.
+#: Of the friction as a whole, over what the fit has for it.
+_SCALE = 0.3
+#: How far members of the ensemble are from the best surface, over what they would be if pushes of a plan shared no errors.
 _SHARED = 2.0
 #: Surfaces of the ensemble, and rounds in which rows that are far off come to count less.
 _MEMBERS, _ROUNDS = 60, 4
@@ -29,63 +27,88 @@ _MEMBERS, _ROUNDS = 60, 4
 _LEAST_SHARE = 1e-6
 
 
-def corrected_surface(system: System, fitted: Fitted) -> IdealLimitSurface:
+def corrected_surface(system: System, fitted: Fitted, free: bool) -> IdealLimitSurface:
     """Return the friction of the support, beside the effects of a fit, as a pressure with an ensemble.
 
-    The loads ``m >= 0`` (k,) of the support points have the least
+    With forces the loads ``m >= 0`` (k,) of the support points have the least
 
-        Σ w (y - G m)² / s + |m - m0|² / σ²
+        Σ w (y - G m)² / s + (m - m0)' C⁻¹ (m - m0),    C = σ² I + (0.3)² m0 m0'
 
-    with whitened wrenches ``y`` less the effects, weights ``w`` and scale ``s`` of Student errors, the believed loads ``m0`` and
-    the mean load ``σ`` of a point. A plan has few pushes, and they are alike: loads that may be anything fit them, and say little
-    of other pushes. Where no effect moves the points of a log, a shift of all of them is fitted first. Members of the ensemble
-    have random weights of the pushes (Rubin 1981, *The Bayesian bootstrap*) and random ``m0``.
+    with whitened wrenches ``y`` less the effects, weights ``w`` and scale ``s >= 1`` of Student errors, and the believed loads
+    ``m0``, as large as the fit has them. ``σ`` is the mean load of a point, or 4 or 16 times that if pushes that are left out are
+    then predicted clearly better. A plan has few pushes, and they are alike: loads that may be anything fit them, and say little
+    of other pushes. Members of the ensemble have random weights of the pushes (Rubin 1981, *The Bayesian bootstrap*) and random
+    ``m0``, and are then twice as far from the best loads, for pushes of a plan share errors.
 
-    Without forces the loads are the believed ones, and the ensemble is what the pokes behind them leave open.
+    Without forces the loads are those of points whose friction is nearest to that of the fit; ``free``: with any pressure.
     """
-    rng, believed = np.random.default_rng(0), np.maximum(0.0, system.of_last(system.nominal))
-    if system.has_wrench:
-        if system.logs == 1 and not any(id in fitted.values for id in OF_PRESSURE):
-            fitted = system.fit([*fitted.values, "pressure-shift"], False)
-        shown = _Shown.by(system, fitted)
-        prior = _Prior.of(believed, _spread(system, shown, believed))
-        loads, weights = shown.fit(prior)
-        drawn = [loads]
-        for _ in range(_MEMBERS):
-            of_push = rng.exponential(size=len(system.push))[system.push]
-            drawn.append(shown.nearest(prior.moved(rng), weights * of_push[shown.trial]))
-    else:
-        left_open = system.open_modes @ rng.normal(size=(system.open_modes.shape[1], _MEMBERS))
-        drawn = [believed, *np.maximum(0.0, believed[:, None] + left_open).T]
-    rows = np.array(drawn)
-    rows = np.maximum(0.0, rows[0] + _SHARED * (rows - rows[0]))
-    carrying = rows.max(axis=0) > _LEAST_SHARE * float(rows[0].sum())
-    points, rows = system.points[carrying], rows[:, carrying]
+    best, members = _by_forces(system, fitted) if system.has_wrench else _by_poses(system, fitted, free)
+    carrying = np.maximum(best, members.max(axis=0)) > _LEAST_SHARE * float(best.sum())
     center = system.center
-    points = center + (1 + fitted.values.get("pressure-spread", np.zeros(1))[0]) * (points - center)
+    points = center + (1 + fitted.values.get("pressure-spread", np.zeros(1))[0]) * (system.points[carrying] - center)
     points = points + fitted.values.get("pressure-shift", np.zeros(2))[:2]
-    ensemble = rows[1:] if np.ptp(rows[1:], axis=0).any() else None
-    return IdealLimitSurface(SupportDistribution(points, rows[0]), float(rows[0].sum()), system.rho, ensemble)
+    best, members = best[carrying], members[:, carrying]
+    ensemble = members if np.ptp(members, axis=0).any() else None
+    return IdealLimitSurface(SupportDistribution(points, best), float(best.sum()), system.rho, ensemble)
+
+
+def _by_forces(system: System, fitted: Fitted) -> tuple[FloatArray, FloatArray]:
+    """Loads (k,) and those (m, k) of the ensemble, from wrenches."""
+    rng, nominal = np.random.default_rng(0), np.maximum(0.0, system.of_last(system.nominal))
+    believed = nominal * max(0.01, float(system.of_last(fitted.loads).sum() / nominal.sum()))
+    shown = _Shown.by(system, fitted)
+    prior = _Prior(believed, _spread(system, shown, believed))
+    best, weights = shown.fit(prior)
+    root = shown.root(prior, weights)[:, :-1]
+    members = []
+    for _ in range(_MEMBERS):
+        of_push = rng.exponential(size=len(system.push))[system.push]
+        member = _least(shown.root(prior.moved(rng), weights * of_push[shown.trial]))
+        # what is less than no load counts as in the fit
+        members.append(nnls(root, root @ (best + _SHARED * (member - best)))[0])
+    return best, np.array(members)
+
+
+def _by_poses(system: System, fitted: Fitted, free: bool) -> tuple[FloatArray, FloatArray]:
+    """Loads (k,) of points whose friction is that of a fit, and those (m, k) of the ensemble, from final poses."""
+    rng, believed = np.random.default_rng(0), system.believed
+    design, twists = believed.design(system.points)
+    model = believed.points if believed.model is None else believed.model
+    unit = 1.0 if believed.model is None else believed.load
+
+    def friction(surface: LimitSurface, unit: float = 1.0) -> FloatArray:
+        return np.asarray(unit * surface.wrench(twists) / (1, 1, system.rho)).ravel()
+
+    beyond = friction(model, unit) - friction(system.surface(system.nominal))
+
+    def points(loads: FloatArray) -> FloatArray:
+        return np.asarray(nnls(design, friction(system.surface(loads)) + beyond)[0])
+
+    deviations = _SHARED * system.deviations(fitted, free)
+    draws = rng.normal(size=(_MEMBERS, deviations.shape[1]))
+    return points(fitted.loads), np.array([points(fitted.loads + deviations @ draw) for draw in draws])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Prior:
-    """Normal distribution of loads (k,), in N, about a ``center``: each by ``spread``, all together by their own size."""
+    """Normal distribution of loads (k,), in N, about a ``center``: each by ``spread``, all together by a share of their sum."""
 
-    center: FloatArray
-    spread: float
     believed: FloatArray
-    precision: FloatArray
+    spread: float
+    shift: FloatArray | float = 0.0
 
-    @classmethod
-    def of(cls, believed: FloatArray, spread: float) -> _Prior:
-        covariance = spread**2 * np.eye(len(believed)) + _SCALE**2 * np.outer(believed, believed)
-        return cls(believed, spread, believed, np.asarray(np.linalg.inv(covariance), dtype=np.float64))
+    def rows(self) -> FloatArray:
+        """Return ``(R, R c)`` (k, k + 1) of the precision ``R'R`` and the center ``c``."""
+        size = float(np.linalg.norm(self.believed))
+        along = self.believed / size
+        share = 1 - self.spread / np.hypot(self.spread, _SCALE * size)
+        root = (np.eye(len(along)) - share * np.outer(along, along)) / self.spread
+        return np.column_stack((root, root @ (self.believed + self.shift)))
 
     def moved(self, rng: np.random.Generator) -> _Prior:
         """About a draw from it."""
-        drawn = self.believed * (1 + _SCALE * rng.normal()) + self.spread * rng.normal(size=len(self.believed))
-        return replace(self, center=drawn)
+        drawn = self.believed * _SCALE * rng.normal() + self.spread * rng.normal(size=len(self.believed))
+        return replace(self, shift=drawn)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,22 +140,29 @@ class _Shown:
         """Whitened wrenches (n,) that loads leave."""
         return self.wrench - self.slopes @ loads
 
+    def scale(self, loads: FloatArray) -> float:
+        """Mean square of what loads leave: no less than noise, which few rows may seem to have."""
+        return max(1.0, robust_scale(self.left(loads)))
+
     def fit(self, prior: _Prior) -> tuple[FloatArray, FloatArray]:
         """Return the loads (k,) that are nearest to what is shown and to the prior, and the rows' weights (n,)."""
-        loads, weights = prior.center, np.ones(len(self.wrench))
+        loads, weights = prior.believed, np.ones(len(self.wrench))
         for _ in range(_ROUNDS):
-            left = self.left(loads)
-            scale = robust_scale(left)
-            weights = student_weights(left, scale) / scale
-            loads = self.nearest(prior, weights)
+            scale = self.scale(loads)
+            weights = student_weights(self.left(loads), scale) / scale
+            loads = _least(self.root(prior, weights))
         return loads, weights
 
-    def nearest(self, prior: _Prior, weights: FloatArray) -> FloatArray:
-        """Return the loads (k,) ``>= 0`` of the least weighted squares, with those of the prior."""
-        weighted = weights[:, None] * self.slopes
-        upper = cholesky(weighted.T @ self.slopes + prior.precision)
-        wanted = solve_triangular(upper, weighted.T @ self.wrench + prior.precision @ prior.center, trans="T")
-        return np.asarray(nnls(upper, wanted)[0])
+    def root(self, prior: _Prior, weights: FloatArray) -> FloatArray:
+        """Triangular rows (k + 1, k + 1) of the same weighted squares as all rows and those of the prior; wrenches are the last
+        column."""
+        rows = np.sqrt(weights)[:, None] * np.column_stack((self.slopes, self.wrench))
+        return np.asarray(np.linalg.qr(np.concatenate((rows, prior.rows())))[1])
+
+
+def _least(root: FloatArray) -> FloatArray:
+    """Loads (k,) ``>= 0`` of the least squares."""
+    return np.asarray(nnls(root[:, :-1], root[:, -1])[0])
 
 
 def _spread(system: System, shown: _Shown, believed: FloatArray) -> float:
@@ -145,8 +175,8 @@ def _spread(system: System, shown: _Shown, believed: FloatArray) -> float:
         for k in np.unique(folds):
             known, test = shown.part(folds != k), shown.part(folds == k)
             if len(known.trial) and len(test.trial):
-                loads, _ = known.fit(_Prior.of(believed, spread))
-                density = student_density(test.left(loads), robust_scale(known.left(loads)))
+                loads, _ = known.fit(_Prior(believed, spread))
+                density = student_density(test.left(loads), known.scale(loads))
                 found += np.bincount(test.trial, density, minlength=len(folds))
         return found
 
@@ -154,6 +184,7 @@ def _spread(system: System, shown: _Shown, believed: FloatArray) -> float:
     score = held_out(best)
     for times in _WIDER:
         wider = held_out(times * mean)
-        if system.significantly_better(wider, score):
-            best, score = times * mean, wider
+        if not system.significantly_better(wider, score):
+            break
+        best, score = times * mean, wider
     return best

@@ -34,6 +34,8 @@ RANGES: Mapping[str, float] = {
     "pressure-shift": 0.01, "pressure-spread": 0.35, "tilt": 0.05, "inertia": 3.0, "force-bias": 1.0, "force-rotation": 0.3,
     "frame-offset": 0.01, "latency": 0.3, "contact-geometry": 0.01, "contact-friction": 0.4,
 }  # fmt: skip
+#: Effects by direction.
+ANISOTROPIES = ("anisotropy-world", "anisotropy-object")
 #: Effects that only reshape the surface in the body frame, and those of them that a refitted pressure takes in.
 OF_BODY = ("pressure-shift", "pressure-spread", "anisotropy-object")
 OF_PRESSURE = OF_BODY[:2]
@@ -416,7 +418,7 @@ def _clipped(id: str, value: FloatArray) -> FloatArray:
     if len(terms):
         far = _FAR * FAMILIES[id].plausible
         return np.concatenate((_clipped(id, own), np.clip(terms, -far, far)))
-    if id in ("anisotropy-world", "anisotropy-object"):
+    if id in ANISOTROPIES:
         size = float(np.hypot(*value))
         return value if size <= 0.6 else value * (0.6 / size)
     if id == "drift":

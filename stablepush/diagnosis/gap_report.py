@@ -206,7 +206,9 @@ def _diagnose(
         rig=_completed(log.rig, system, found),
         surface=surface if comparison is None else None,
         effects=report_effects,
-        corrected=[] if comparison is not None else corrections(system, *simulated_as, reshaped),
+        corrected=[]
+        if comparison is not None
+        else corrections(system, *simulated_as, reshaped, verdict in ("absorbed", "unknown")),
         evidence=evidence(system, found, ranking, reported, why),
         residuals={k: system.observations.wrench - v for k, v in held.wrenches.items()},
         ends=held.ends,

@@ -17,7 +17,14 @@ import numpy as np
 from scipy.optimize import nnls
 
 from stablepush.core import BoolArray, FloatArray, InputError
-from stablepush.diagnosis.equations import SIZES, Demands, Equations, Fitted, Values, robust_variance
+from stablepush.diagnosis.equations import (
+    SIZES,
+    Demands,
+    Equations,
+    Fitted,
+    Values,
+    robust_variance,
+)
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.nominal import CELLS, nominal_of, unit_loads
 from stablepush.diagnosis.observations import Observations, contact_velocity
@@ -206,10 +213,11 @@ class System(Equations):
 
     @cached_property
     def _gained(self) -> FloatArray:
-        """Speed (n,) that each row gains or loses, as a share of its own."""
+        """Speed (n,) that each row gains or loses, as a share of its own: what noise of the poses would not show."""
         o, size = self.observations, np.array((1.0, 1.0, self.rho))
-        own, rate = (np.linalg.norm(rates * size, axis=1) for rates in (o.twist, o.acceleration))
-        return np.asarray(rate * o.span / np.maximum(own, 1e-12))
+        own, noise = (np.linalg.norm(rates * size, axis=1) for rates in (o.twist, self.motion_noise))
+        gained = np.linalg.norm(o.acceleration * size, axis=1) * o.span
+        return np.sqrt(np.maximum(0.0, gained**2 - (_OF_NOISE * noise) ** 2)) / np.maximum(own, 1e-12)
 
     def tells(self, id: str) -> BoolArray:
         """A row whose speed changes by much is no evidence of what depends on speed: its mean lags in all pushes alike."""
@@ -485,14 +493,25 @@ def system_of(observations: Observations, rig: Rig, own: Mapping[str, LabEffect]
 def beyond_noise(o: Observations, noise: FloatArray) -> FloatArray:
     """Accelerations (n, 3) less what noise (n, 3) of the twists makes of them, linear and angular apart.
 
-    A slope against a measured quantity is too small by the share that noise has in its square (Fuller 1987, *Measurement error
-    models*); so is a mass against measured accelerations.
+    A slope against a measured quantity is too small by the share that noise has in its square; against ``(1 - share)`` times the
+    quantity it is not (Fuller 1987, *Measurement error models*). So is a mass against accelerations. The share is that of the
+    rows that are as many before the end of their push, or as many after its beginning.
     """
-    result = o.acceleration.copy()
+    result, place, ends = o.acceleration.copy(), np.zeros(len(o.trial), dtype=int), np.zeros(len(o.trial), dtype=bool)
+    for trial in np.unique(o.trial):
+        rows = np.flatnonzero(o.trial == trial)
+        count = np.arange(len(rows))
+        place[rows] = np.where(count < len(rows) / 2, count, count - len(rows))
+        ends[rows[[0, -1]]] = True
+    # differences over two rows, but for the first and the last
+    spread = np.where(ends, 2.0, 0.5)
     for part in (slice(0, 2), slice(2, 3)):
-        gained = (o.acceleration[:, part] ** 2).sum(axis=1) * o.span**2
-        left = np.maximum(0.0, gained - _OF_NOISE**2 * (noise[:, part] ** 2).sum(axis=1))
-        result[:, part] *= np.sqrt(left / np.maximum(gained, 1e-30))[:, None]
+        squares = (o.acceleration[:, part] ** 2).sum(axis=1)
+        of_noise = spread * (noise[:, part] ** 2).sum(axis=1) / o.span**2
+        for number in np.unique(place):
+            rows = np.flatnonzero(place == number)
+            share = min(1.0, float(of_noise[rows].sum()) / max(float(squares[rows].sum()), 1e-300))
+            result[rows, part] *= 1 - share
     return result
 
 

@@ -199,6 +199,10 @@ class Together(System):
         each = [self.directions_of(self.of_log(self.nominal, k), free) for k in range(self.logs)]
         return block_diag(*(d for d, _ in each)), block_diag(*(p for _, p in each))
 
+    def of_modes(self, values: Values) -> FloatArray:
+        matrix, _ = self.model.matrix(self.of_wrench(values))
+        return self.white(matrix @ block_diag(*[self.open_modes] * self.logs))
+
     def surface(self, loads: FloatArray) -> IdealLimitSurface:
         """Return the refitted pressure of the last log as a limit surface."""
         return super().surface(self.of_last(loads))

@@ -20,8 +20,8 @@ from stablepush.planning.uncertainty import Uncertainty
 
 #: What is not drawn of each alternative: the rest is in the uncertainty.
 _NOT_DRAWN = {"finger_radius": None, "contact_offset": None, "tracker_offset": None}
-#: Standard errors on each side of a friction that was estimated, and the least relative half-width that is left uncertain.
-_ERRORS, _LEAST_WIDTH = 2.0, 0.05
+#: Standard errors on each side of a friction, and the least and most relative half-width that is left uncertain.
+_ERRORS, _LEAST_WIDTH, _MOST_WIDTH = 2.0, 0.05, 0.9
 
 
 class Diagnosed(Protocol):
@@ -36,7 +36,8 @@ def correct(problem: PlanningProblem, report: Diagnosed | Sequence[Correction] |
 
     - The limit surface, with its ensemble, takes the place of the problem's. Pressure that has shifted is part of it.
     - Friction of the fingers takes the place of that of all contacts, and two standard errors of it, at least 5 %, that of
-      ``uncertainty.contact_friction``.
+      ``uncertainty.contact_friction``. Where a gap is not explained and no push has shown that friction, it stays, and is
+      uncertain by 30 %.
     - ``finger_radius``, and fingers that are aside: contacts move along the y axis of their frames.
     - A tracker whose origin is off the centre of mass by ``d`` (in B) saw start and goal there: poses ``p`` become ``p * (-d)``.
     - ``effects``: what depends on heading, place, speed or time is added to the problem's, in place of that of the same id, and
@@ -64,6 +65,9 @@ def correct(problem: PlanningProblem, report: Diagnosed | Sequence[Correction] |
     if best.contact_friction is not None:
         contacts = [PushContact(c.points, c.normals, best.contact_friction) for c in contacts]
         uncertainty = _narrowed(uncertainty, best)
+    elif best.contact_friction_error is not None:
+        share = _ERRORS * best.contact_friction_error / max(contact.mu for contact in contacts)
+        uncertainty = replace(uncertainty, contact_friction=max(uncertainty.relative_friction, min(share, _MOST_WIDTH)))
     start, goal = problem.start, problem.goal
     if best.tracker_offset is not None:
         back = np.array((*-best.tracker_offset, 0.0))
@@ -115,7 +119,7 @@ def _narrowed(uncertainty: Uncertainty, found: Correction) -> Uncertainty:
     if found.contact_friction_error is None:
         return replace(uncertainty, contact_friction=max(_LEAST_WIDTH, uncertainty.relative_friction))
     share = max(_LEAST_WIDTH, _ERRORS * found.contact_friction_error / found.contact_friction)
-    return replace(uncertainty, contact_friction=min(share, 0.9))
+    return replace(uncertainty, contact_friction=min(share, _MOST_WIDTH))
 
 
 def _widened(uncertainty: Uncertainty, best: Correction, radius: float, corrections: Sequence[Correction]) -> Uncertainty:

@@ -31,7 +31,8 @@ class Correction:
     surface : LimitSurface, optional
         Friction of the support, with an ensemble for what is uncertain of it; None: not known better than before.
     contact_friction, contact_friction_error : float, optional
-        Friction between pusher and slider, and its standard error; None: not known better than before.
+        Friction between pusher and slider, and its standard error. None: not known better than before; with an error: less
+        certain than before.
     finger_radius : float, optional
         In m.
     contact_offset : float, optional

@@ -466,22 +466,25 @@ def test_acceleration_is_uncertain_where_the_speed_changes_its_course():
     np.testing.assert_allclose(off[:, 1], (0, 0, -1, 0, 0, 0), atol=1e-12)
 
 
-def test_noise_of_accelerations_does_not_make_a_mass_smaller():
-    """Forces of a mass of 1 kg against measured accelerations, of which most rows have none, and rows that have much count less:
-    the slope would be a quarter too small."""
+@pytest.mark.parametrize("ramp", (0.0, 0.3))
+def test_noise_of_accelerations_does_not_make_a_mass_smaller(ramp):
+    """Forces of a mass of 1 kg against measured accelerations, where most rows have none, or all have little; rows that have much
+    count less. As measured the slope would be up to a half too small."""
     rng = np.random.default_rng(3)
-    true = np.zeros((4000, 3))
-    true[::8] = (2.0, 0.0, 40.0)
-    true[1::8] = (0.0, 0.6, 0.0)
-    span, noise = np.full(4000, 0.04), np.tile((3e-3, 3e-3, 0.09), (4000, 1))
-    # a difference over two rows
-    seen = true + rng.normal(size=true.shape) * np.sqrt(2) * noise / (2 * span[:, None])
-    left = beyond_noise(SimpleNamespace(acceleration=seen, span=span), noise)
+    true = np.zeros((500, 8, 3))
+    true[:, 1:-1] = (ramp, 0.0, 60 * ramp)
+    true[:, 1] += (2.0, 0.0, 40.0)
+    true[:, 2] += (0.0, 0.6, 0.0)
+    true = true.reshape(-1, 3)
+    trial, span, noise = np.arange(4000) // 8, np.full(4000, 0.04), np.tile((3e-3, 3e-3, 0.09), (4000, 1))
+    # differences over two rows, but for the first and the last
+    spread = np.where(np.isin(np.arange(4000) % 8, (0, 7)), math.sqrt(2.0), math.sqrt(0.5))
+    seen = true + rng.normal(size=true.shape) * (spread / span)[:, None] * noise
+    left = beyond_noise(SimpleNamespace(trial=trial, acceleration=seen, span=span), noise)
     for part, force_noise in ((slice(0, 2), 0.06), (slice(2, 3), 2.0)):
         weight = 1 / (force_noise**2 + (0.3 * true[:, part]) ** 2)
         naive, mended = ((weight * (true * a)[:, part]).sum() / (weight * a[:, part] ** 2).sum() for a in (seen, left))
-        assert naive < 0.75 and abs(mended - 1) < 0.05
-    assert not left[2::8].any(axis=1).mean() > 0.05
+        assert naive < 0.95 and abs(mended - 1) < min(0.1, 0.8 * abs(naive - 1))
 
 
 def test_proposed_pushes_are_made_twice():
