@@ -85,7 +85,9 @@ def _corrections(
     total, result = sum(probable[id] for id in causes), []
     for id in causes:
         fitted = system.fit([*(e for e in found.chosen if e != found.confounded_with), id], found.free)
-        result.append(_correction(system, found, fitted, [id, *others], ranking, probable[id] / total, refitted))
+        # what else acts is estimated beside this cause, not beside the one in whose place it is
+        beside = rank(system, replace(found, final=fitted), [id, *others])
+        result.append(_correction(system, found, fitted, [id, *others], beside, probable[id] / total, refitted))
     return result
 
 
