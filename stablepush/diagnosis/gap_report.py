@@ -201,7 +201,9 @@ def _diagnose(
         next_experiment=after,
         sentence=unexplained(judged.clear, ranking, len(judged.slipping), len(log), bool(after.pushes), judged.lost)
         if verdict == "unknown"
-        else sentence_of(system, verdict, reported, ranking, judged.reductions, judged.touch, log.rig.noise is not None),
+        else sentence_of(
+            system, verdict, reported, ranking, judged.reductions, judged.touch, log.rig.noise is not None, judged.gaps
+        ),
         notes=notes,
         rig=_completed(log.rig, system, found),
         surface=surface if comparison is None else None,

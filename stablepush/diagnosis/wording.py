@@ -26,6 +26,8 @@ _OUTLIER, _FEW = 6.0, 0.1
 _REPORTED = 0.05
 #: And if the gap itself becomes smaller by this factor: where it is within the noise its share is anything.
 _NEARER = 1.02
+#: A refitted surface does much of what a correction does from this share of it.
+_MUCH = 0.5
 #: What a correction leaves is told from so many times the noise.
 _LEFT = 2.0
 #: A power of ten that rounding has just missed is one.
@@ -51,9 +53,11 @@ def sentence_of(
     reductions: list[GapReduction],
     touch: float,
     noise: bool,
+    gaps: Sequence[ChannelGap],
 ) -> str:
     """The answer in a sentence: what acts, with its numbers, and how far the gap falls once that is corrected."""
-    forces, nearer = system.has_wrench, _nearer(effects, reductions, touch)
+    refitted = {gap.channel: gap.refitted for gap in gaps} if effects else {}
+    forces, nearer = system.has_wrench, _nearer(effects, reductions, touch, refitted)
     known = {entry.effect: entry for entry in ranking}
     causes = [_cause(system, known[id]) for id in effects]
     if verdict == "none":
@@ -76,8 +80,11 @@ def sentence_of(
     raise AssertionError(verdict)
 
 
-def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: float) -> str:
-    """How far the correction reduces the gap, of the channel in which it shows best: a cause need not show in all."""
+def _nearer(
+    effects: Sequence[str], reductions: Sequence[GapReduction], touch: float, refitted: Mapping[str, float]
+) -> str:
+    """How far the correction reduces the gap, of the channel in which it shows best: a cause need not show in all. What a
+    refitted surface leaves by itself (by channel) is told where it does much of that."""
     shares = [(e.channel, e.closed) for e in reductions if e.before > _NEARER * e.after] + [("touch", touch)]
     shares = [(channel, share) for channel, share in shares if share > _REPORTED]
     if effects and all(id in CATALOGUE and CATALOGUE[id].acts == "contact" for id in effects):
@@ -98,6 +105,9 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
     before, after, floor = (f"{factor * size:.3g}" for size in (entry.before, entry.after, entry.floor))
     left = entry.after / entry.floor if entry.floor > 0 else 0.0
     more = f", what is left is {left:.0f} times the floor" if left > _LEFT else ""
+    alone = refitted.get(channel)
+    if alone is not None and entry.before**2 - alone**2 > _MUCH * (entry.before**2 - entry.after**2):
+        more += f"; a refitted surface without any named cause leaves {factor * alone:.3g}{unit}"
     return (
         f"; so corrected, {_ERRORS_OF[channel]} on pushes left out of the fit falls from {before} to {after}{unit} rms "
         f"(floor {floor}{unit}): {explained} is explained{more}"
