@@ -11,20 +11,15 @@ import numpy as np
 
 from stablepush.core import FloatArray, first_least, order_with_ties
 from stablepush.diagnosis.contact_friction import P_SLIP, ContactFriction, slip_friction
-from stablepush.diagnosis.equations import ANISOTROPIES, OF_BODY, OF_PRESSURE, SIZES, Fitted, ScoreTest, Values
+from stablepush.diagnosis.equations import OF_PRESSURE, SIZES, Fitted, ScoreTest, Values
+from stablepush.diagnosis.folds import folds_of, halves_of, held_out
+from stablepush.diagnosis.plausibility import exceeds_model_error, identifiable, possible
+from stablepush.diagnosis.reshaping import held_out_of_body, reshaping
 from stablepush.diagnosis.system import IN_CLEARANCES, System
 from stablepush.effects import FAMILIES
 
 #: Draws of the bootstrap of the greatest statistic.
 _DRAWS = 999
-#: Effects count from this share of half of their plausible range; anisotropy from where the contact models of two simulators
-#: differ, a shift of the pressure from 0.8 mm and a spread from 5 %: feet and fingers that give make 0.4 mm and 3 % of them.
-_LEAST = 0.03
-_LEAST_OF: Mapping[str, float] = {
-    "anisotropy-world": 0.12, "anisotropy-object": 0.12, "pressure-shift": 0.08, "pressure-spread": 0.14,
-}  # fmt: skip
-#: No grain is stronger: friction 1.7 times as large along it as across.
-_MOST_GRAIN = 0.5
 #: Effects that may act together, and that are fitted in a step.
 _MOST, _TRIED = 4, 4
 #: Gains and scores (in log density) that differ by no more are alike.
@@ -37,28 +32,15 @@ _MOST_PLAUSIBLE = 1.5
 _LACK = 4.0
 #: Two effects at once must do so many times what one must.
 _TWO = 2.0
-#: An effect in the body frame does all but as well as the free surface with this share of its gain. A change of the pressure in
-#: another form than the catalogue's has the second and more, a surface that the nominal pressure cannot have leaves half or less.
-#: Beside a nominal surface that was fitted to pokes, whose errors look alike, and for a grain it is the first.
-_ALL_BUT, _ALL_BUT_OF_PRESSURE = 0.9, 0.75
-#: Where a free surface, of many parameters, gains nothing clear, an effect in the body frame must do so many times what one must.
-_ALONE = 15.0
 #: A further cause must gain this share of what those before it explain: what an effect of another form leaves is not another's.
 _FURTHER = 0.03
-#: Effects whose estimates are more uncertain than this share of half of their range cannot be seen in a log.
-_BLIND = 0.5
 #: A part of a log would show an effect if that should gain so much there.
 _SHOWS = 6.0
 #: What a term of a family must gain more, and the largest logarithm of the p-value of all of them.
 _CHARGE, _LOG_P = 4.0, math.log(1e-3)
-#: The centre of pressure has moved if it is off by so many standard deviations, and that does this share of what a refit does.
-_MOVED, _MOST_OF = 8.0, 0.4
-#: What an effect beside a nominal surface that was fitted to pokes must exceed. One that reshapes the surface: a share of half of
-#: its plausible range. All: standard deviations of the surface's ensemble, which is too narrow after few pokes, and standard
-#: errors of their own, for the pushes of a plan are alike and share what the surface cannot take.
-_OF_A_MODEL, _OF_ITS_ENSEMBLE, _ERRORS = 0.3, 6.0, 4.0
-#: Parts into which trials fall for held-out judgements.
-FOLDS = 5
+#: Standard errors of its own that an effect beside a nominal surface that was fitted to pokes must exceed: the pushes of a plan
+#: are alike and share what the surface cannot take.
+_ERRORS = 4.0
 #: Effects that a refitted pressure cannot take in.
 BEYOND_PRESSURE = tuple(id for id in SIZES if id not in OF_PRESSURE)
 
@@ -122,31 +104,6 @@ def beyond_pressure(system: System) -> tuple[str, ...]:
     return (*BEYOND_PRESSURE, *system.own)
 
 
-def folds_of(system: System, seed: int = 0) -> np.ndarray:
-    """Number of the fold of each trial; repeats of a push stay together."""
-    order = np.random.default_rng(seed).permutation(int(system.push.max(initial=-1)) + 1)
-    fold = np.empty(len(order), dtype=int)
-    fold[order] = np.arange(len(order)) % FOLDS
-    return fold[system.push]
-
-
-def halves_of(system: System) -> np.ndarray:
-    """Number, 0 or 1, of the half of the pushes that each trial is in; repeats of a push stay together."""
-    order = np.random.default_rng(1).permutation(int(system.push.max(initial=-1)) + 1)
-    return (order % 2)[system.push]
-
-
-def held_out(system: System, effects: Sequence[str], free: bool, folds: np.ndarray) -> FloatArray:
-    """Log density (trials,) of each trial by a fit to the other folds."""
-    result, full = np.zeros(len(folds)), system.fit(effects, free)
-    for k in range(FOLDS):
-        test = folds == k
-        if test.any() and not test.all():
-            density = system.fit(effects, free, ~test, full).density
-            result[: len(density)][test[: len(density)]] = density[test[: len(density)]]
-    return result
-
-
 def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
     """Find which effects act on a log."""
     chosen, current, screened = _steps(system, progress)
@@ -170,30 +127,17 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
         # which base the rest is judged on matters less than what is said: one standard error is enough
         free = system.significantly_better(scores["free"], scores["scaled"], 1.0)
         recalibrated = certain or system.significantly_better(scores["scaled"], scores["nominal"])
-        reshaped: Sequence[str] = ()
         if not chosen and (certain or system.rig.model is None):
-            reshaped = OF_BODY if certain else _reshaping(system)
-        if reshaped:
-            body = {id: held_out(system, [id], False, folds) for id in reshaped}
-            scores |= body
-            # one that is too small to matter stands for something else
-            fits = {id: system.fit([id], False) for id in body}
-            body = {
-                id: density
-                for id, density in body.items()
-                if _possible(system, id, fits[id].values[id])
-                and _exceeds_model_error(system, id, fits[id].values[id], fits[id])
-                and (certain or system.significantly_better(density, scores["scaled"], times=_ALONE))
-            }
-            named = _as_good_as_free(system, scores, body) if body else []
+            scores |= held_out_of_body(system, folds, certain)
+            named, moved = reshaping(system, scores, certain)
             if named:
                 chosen, confounded, free = named[:1], named[1:], False
                 confounded_with = named[0]
-            elif certain and "pressure-shift" in body and _center_has_moved(system, scores, body["pressure-shift"]):
-                # in another form than all of it moved alike: the pressure is fitted freely beside
+            elif moved:
+                # the pressure is fitted freely beside
                 chosen = ["pressure-shift"]
     final = system.fit(chosen, free)
-    small = [] if free else [id for id in chosen if not _possible(system, id, final.values[id])]
+    small = [] if free else [id for id in chosen if not possible(system, id, final.values[id])]
     if small:
         # such an effect was large only where the surface was free to change
         chosen = [id for id in chosen if id not in small]
@@ -240,13 +184,13 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
             # factor on the thresholds of an effect whose family-wise p-value is too large
             times = 1.0 if family_wise_p[id] <= demands.family_wise_p else demands.certain
             screening = Screening(
-                tuple(chosen), test.gain, test.statistic, family_wise_p[id], _possible(system, id, test.estimate)
+                tuple(chosen), test.gain, test.statistic, family_wise_p[id], possible(system, id, test.estimate)
             )
             screened[id] = screening
             least = max(demands.gain, _FURTHER * explained)
             enough = min(screening.gain, screening.statistic) > least and times < np.inf
-            possible = screening.possible and _exceeds_model_error(system, id, test.estimate, current)
-            if enough and possible and identifiable(system, id, test):
+            beyond = screening.possible and exceeds_model_error(system, id, test.estimate, current)
+            if enough and beyond and identifiable(system, id, test):
                 entering.append((test.gain, id, times))
         fits = []
         # of effects that explain as much, which are one on this log, the first of the catalogue
@@ -347,7 +291,7 @@ def _in_other_forms(
         for id, test in tests.items()
         if min(test.gain, test.statistic) > max(system.demands.gain + _CHARGE * (len(test.estimate) - 1), _FURTHER * explained)
         and family_wise_p[id] <= system.demands.family_wise_p
-        and _possible(system, id, test.estimate)
+        and possible(system, id, test.estimate)
     ]
     screened = {}
     for id in sorted(passed, key=lambda id: -tests[id].gain)[:_TRIED]:
@@ -372,46 +316,10 @@ def _masked(system: System, chosen: list[str], current: Fitted) -> list[tuple[Fi
     found = []
     for pair in combinations([id for id in IN_CLEARANCES if id not in chosen and id not in system.nuisance], 2):
         both = system.fit([*chosen, *pair], True)
-        possible = all(_possible(system, id, both.values[id]) for id in pair)
-        if possible and system.significantly_better(both.density, current.density, times=_TWO):
+        makes_sense = all(possible(system, id, both.values[id]) for id in pair)
+        if makes_sense and system.significantly_better(both.density, current.density, times=_TWO):
             found.append((both, list(pair)))
     return found
-
-
-def _reshaping(system: System) -> list[str]:
-    """Effects in the body frame that alone, by one step from the nominal surface, gain enough where a refit does not."""
-    tests = system.tests(system.fit([], False), False, OF_BODY)
-    return [id for id, test in tests.items() if test.gain > _ALONE * system.demands.density]
-
-
-def _as_good_as_free(system: System, scores: dict[str, FloatArray], body: dict[str, FloatArray]) -> list[str]:
-    """Effects in the body frame that predict held-out trials as well as the free surface does, or all but, best first, if the
-    best does."""
-    lenient = OF_PRESSURE if system.rig.model is None else ()
-    gain = float((scores["free"] - scores["scaled"]).sum())
-    enough = [
-        id
-        for id, density in body.items()
-        if system.significantly_better(density, scores["scaled"])
-        and (
-            not system.significantly_better(scores["free"], density)
-            or float((density - scores["scaled"]).sum()) > (_ALL_BUT_OF_PRESSURE if id in lenient else _ALL_BUT) * gain
-        )
-    ]
-    enough.sort(key=lambda id: -float(body[id].sum()))
-    best = max(body, key=lambda id: float(body[id].sum()))
-    return [id for id in enough if id == best or not system.significantly_better(body[best], body[id])] if best in enough else []
-
-
-def _center_has_moved(system: System, scores: dict[str, FloatArray], moved: FloatArray) -> bool:
-    """Whether the centre of the refitted pressure is clearly elsewhere, and that is most of what a refit gains."""
-    if system.logs > 1:
-        # each log has a pressure of its own
-        return False
-    fitted = system.fit([], True)
-    off, deviation = system.moved_center(fitted.loads, system.deviations(fitted, True))
-    most = float((moved - scores["scaled"]).sum()) > _MOST_OF * float((scores["free"] - scores["scaled"]).sum())
-    return most and bool(np.linalg.norm(off / deviation) > _MOVED) and _possible(system, "pressure-shift", off)
 
 
 def family_wise_p_values(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[str, float]:
@@ -430,44 +338,6 @@ def family_wise_p_values(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[
     return {id: max(p, min(1.0, 2.0 ** (1.0 - tests[id].informative_trials()))) for id, p in found.items()}
 
 
-def _possible(system: System, id: str, estimate: FloatArray) -> bool:
-    """Whether an estimate has the sign that the effect must have, and a size that matters."""
-    count = system.size(id, whole=False)
-    own, terms = estimate[:count], estimate[count:]
-    size = float(np.linalg.norm(own)) / system.plausible(id)
-    if len(terms):
-        size = max(size, float(np.linalg.norm(terms)) / FAMILIES[id].plausible)
-    if id in ANISOTROPIES and float(np.linalg.norm(own)) > _MOST_GRAIN:
-        # pushes in one direction show friction as a whole: a grain of any size would fit them
-        return False
-    return size > _LEAST_OF.get(id, _LEAST) and not (id in ("inertia", "latency") and estimate[0] < 0)
-
-
-def _exceeds_model_error(system: System, id: str, estimate: FloatArray, fitted: Fitted) -> bool:
-    """Whether an effect is beyond what pokes leave open of the nominal surface that was fitted to them.
-
-    Each mode of the model's ensemble is what it would be as the effect: the least squares projection on its columns. Pushes
-    whose headings hardly vary do not tell an effect of the table, or of the sensors, from the surface either.
-    """
-    if system.rig.model is None:
-        return True
-    if id in OF_BODY and float(np.linalg.norm(estimate)) <= _OF_A_MODEL * system.plausible(id):
-        return False
-    changes = system.of_modes(fitted.values)
-    columns = system.columns(id, fitted.loads, fitted.values, len(estimate))[: len(changes)]
-    if not (changes.any() and columns.any()):
-        return True
-    modes = np.linalg.lstsq(columns, changes, rcond=None)[0]
-    spread = modes @ modes.T
-    return float(estimate @ np.linalg.pinv(spread, hermitian=True) @ estimate) > _OF_ITS_ENSEMBLE**2
-
-
-def identifiable(system: System, id: str, test: ScoreTest) -> bool:
-    """Whether the pushes of a log, by their design, determine an effect to better than a share of its plausible range."""
-    least = float(np.linalg.eigvalsh(test.information)[0])
-    return least > (_BLIND * system.plausible(id)) ** -2
-
-
 def _confounded(system: System, chosen: list[str], current: Fitted) -> tuple[str, list[str]]:
     """A chosen effect, and those that would explain the log about as well in its place."""
     for id in chosen:
@@ -479,7 +349,7 @@ def _confounded(system: System, chosen: list[str], current: Fitted) -> tuple[str
             if (
                 other in chosen
                 or tests[other].gain < _CONFOUNDED_GAIN * tests[id].gain
-                or not _possible(system, other, tests[other].estimate)
+                or not possible(system, other, tests[other].estimate)
             ):
                 continue
             # what has more terms is compared with what may have them too

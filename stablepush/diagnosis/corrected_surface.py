@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from stablepush.core import BoolArray, FloatArray
-from stablepush.diagnosis.attribution import folds_of
 from stablepush.diagnosis.equations import Fitted, robust_scale, student_density, student_weights
+from stablepush.diagnosis.folds import folds_of
 from stablepush.diagnosis.system import System
 from stablepush.objects import SupportDistribution
 from stablepush.surfaces import IdealLimitSurface, LimitSurface

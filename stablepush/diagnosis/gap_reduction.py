@@ -10,8 +10,9 @@ import numpy as np
 from scipy.stats import chi2, t as student
 
 from stablepush.core import ConvergenceError, FloatArray, InputError
-from stablepush.diagnosis.attribution import FOLDS, Attribution, folds_of
+from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import Values
+from stablepush.diagnosis.folds import FOLDS, folds_of
 from stablepush.diagnosis.replay import Replay, first_contacts
 from stablepush.diagnosis.results import ChannelGap, GapReduction
 from stablepush.diagnosis.system import IN_CLEARANCES, System

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import FloatArray
-from stablepush.diagnosis.attribution import Attribution, identifiable
+from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import SIZES
+from stablepush.diagnosis.plausibility import identifiable
 from stablepush.diagnosis.results import ParameterEstimate, RankedEffect
 from stablepush.diagnosis.system import System
 from stablepush.effects import CATALOGUE, FAMILIES

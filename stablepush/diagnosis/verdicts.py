@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stablepush.diagnosis.attribution import Attribution, folds_of, held_out
+from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import OF_PRESSURE, robust_variance
+from stablepush.diagnosis.folds import folds_of, held_out
 from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.gap_reduction import (
     HeldOut,

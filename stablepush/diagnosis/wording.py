@@ -80,9 +80,7 @@ def sentence_of(
     raise AssertionError(verdict)
 
 
-def _nearer(
-    effects: Sequence[str], reductions: Sequence[GapReduction], touch: float, refitted: Mapping[str, float]
-) -> str:
+def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: float, refitted: Mapping[str, float]) -> str:
     """How far the correction reduces the gap, of the channel in which it shows best: a cause need not show in all. What a
     refitted surface leaves by itself (by channel) is told where it does much of that."""
     shares = [(e.channel, e.closed) for e in reductions if e.before > _NEARER * e.after] + [("touch", touch)]

@@ -8,7 +8,7 @@ from conftest import LOAD, MASS, QUIET, check_schema, edited, make_log, one_line
 
 import stablepush as sp
 from stablepush.cli.program import main
-from stablepush.diagnosis.attribution import halves_of
+from stablepush.diagnosis.folds import halves_of
 from stablepush.diagnosis.observations import observe
 from stablepush.diagnosis.system import System
 from stablepush.diagnosis.together import join
