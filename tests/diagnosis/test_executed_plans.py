@@ -148,7 +148,7 @@ def test_friction_of_fingers_that_slip_is_found_from_final_poses(executed, mu, f
     assert report.effects["contact-friction"]["mu"] == pytest.approx(mu, rel=0.05)
     [correction] = report.corrected
     assert correction.contact_friction == pytest.approx(mu, rel=0.05) and correction.contact_friction_error < 0.1 * mu
-    assert any("the final pose" in note for note in report.notes)
+    assert any("final poses of" in note for note in report.notes)
 
 
 def test_a_channel_that_is_off_is_never_none(executed):
