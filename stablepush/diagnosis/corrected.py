@@ -85,7 +85,7 @@ def _corrections(
     total, result = sum(probable[id] for id in causes), []
     for id in causes:
         fitted = system.fit([*(e for e in found.chosen if e != found.confounded_with), id], found.free)
-        # what else acts is estimated beside this cause, not beside the one in whose place it is
+        # parameters of this fit: those of the ranking were fitted with the other cause
         beside = rank(system, replace(found, final=fitted), [id, *others])
         result.append(_correction(system, found, fitted, [id, *others], beside, probable[id] / total, refitted))
     return result

@@ -27,7 +27,7 @@ from stablepush.diagnosis.equations import (
 )
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.nominal import CELLS, nominal_of, unit_loads
-from stablepush.diagnosis.observations import Observations, contact_velocity
+from stablepush.diagnosis.observations import Observations, beyond_noise, contact_velocity
 from stablepush.diagnosis.replay import Replay, carried, friction_of, pose_errors
 from stablepush.effects import FAMILIES, LabEffect, LogRows
 from stablepush.geometry import rotate_vectors
@@ -488,31 +488,6 @@ def system_of(observations: Observations, rig: Rig, own: Mapping[str, LabEffect]
     if rig.noise is None and system.has_wrench and system.noise_left() > 1:
         return System(observations, rig, system.noise_left(), own)
     return system
-
-
-def beyond_noise(o: Observations, noise: FloatArray) -> FloatArray:
-    """Accelerations (n, 3) less what noise (n, 3) of the twists makes of them, linear and angular apart.
-
-    A slope against a measured quantity is too small by the share that noise has in its square; against ``(1 - share)`` times the
-    quantity it is not (Fuller 1987, *Measurement error models*). So is a mass against accelerations. The share is that of the
-    rows that are as many before the end of their push, or as many after its beginning.
-    """
-    result, place, ends = o.acceleration.copy(), np.zeros(len(o.trial), dtype=int), np.zeros(len(o.trial), dtype=bool)
-    for trial in np.unique(o.trial):
-        rows = np.flatnonzero(o.trial == trial)
-        count = np.arange(len(rows))
-        place[rows] = np.where(count < len(rows) / 2, count, count - len(rows))
-        ends[rows[[0, -1]]] = True
-    # differences over two rows, but for the first and the last
-    spread = np.where(ends, 2.0, 0.5)
-    for part in (slice(0, 2), slice(2, 3)):
-        squares = (o.acceleration[:, part] ** 2).sum(axis=1)
-        of_noise = spread * (noise[:, part] ** 2).sum(axis=1) / o.span**2
-        for number in np.unique(place):
-            rows = np.flatnonzero(place == number)
-            share = min(1.0, float(of_noise[rows].sum()) / max(float(squares[rows].sum()), 1e-300))
-            result[rows, part] *= 1 - share
-    return result
 
 
 def _noise(rig: Rig, o: Observations, noisier: float) -> Noise:

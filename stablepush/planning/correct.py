@@ -64,10 +64,7 @@ def correct(problem: PlanningProblem, report: Diagnosed | Sequence[Correction] |
     uncertainty = problem.uncertainty
     if best.contact_friction is not None:
         contacts = [PushContact(c.points, c.normals, best.contact_friction) for c in contacts]
-        uncertainty = _narrowed(uncertainty, best)
-    elif best.contact_friction_error is not None:
-        share = _ERRORS * best.contact_friction_error / max(contact.mu for contact in contacts)
-        uncertainty = replace(uncertainty, contact_friction=max(uncertainty.relative_friction, min(share, _MOST_WIDTH)))
+    uncertainty = _of_friction(uncertainty, best, max(contact.mu for contact in contacts))
     start, goal = problem.start, problem.goal
     if best.tracker_offset is not None:
         back = np.array((*-best.tracker_offset, 0.0))
@@ -113,13 +110,13 @@ def _moved(contact: PushContact, aside: float | None) -> PushContact:
     return PushContact(contact.points + across, contact.normals, contact.mu)
 
 
-def _narrowed(uncertainty: Uncertainty, found: Correction) -> Uncertainty:
-    """What is left uncertain of the friction of the fingers."""
-    assert found.contact_friction is not None
+def _of_friction(uncertainty: Uncertainty, found: Correction, mu: float) -> Uncertainty:
+    """What is left uncertain of the friction ``mu`` of the fingers: more than before where it was not estimated."""
+    own = uncertainty.relative_friction
     if found.contact_friction_error is None:
-        return replace(uncertainty, contact_friction=max(_LEAST_WIDTH, uncertainty.relative_friction))
-    share = max(_LEAST_WIDTH, _ERRORS * found.contact_friction_error / found.contact_friction)
-    return replace(uncertainty, contact_friction=min(share, _MOST_WIDTH))
+        return uncertainty if found.contact_friction is None else replace(uncertainty, contact_friction=max(_LEAST_WIDTH, own))
+    least = own if found.contact_friction is None else _LEAST_WIDTH
+    return replace(uncertainty, contact_friction=max(least, min(_ERRORS * found.contact_friction_error / mu, _MOST_WIDTH)))
 
 
 def _widened(uncertainty: Uncertainty, best: Correction, radius: float, corrections: Sequence[Correction]) -> Uncertainty:

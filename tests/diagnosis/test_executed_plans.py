@@ -16,6 +16,7 @@ from stablepush.diagnosis.corrected_surface import _least, _Prior, _Shown
 from stablepush.diagnosis.equations import ScoreTest
 from stablepush.diagnosis.nominal import nominal_of
 from stablepush.diagnosis.observations import observe
+from stablepush.diagnosis.plausibility import possible
 from stablepush.diagnosis.system import System
 from stablepush.effects import parse_effect
 
@@ -210,6 +211,23 @@ def test_a_corrected_surface_holds_for_pushes_that_the_plan_had_not(executed, of
     assert np.mean(errors(corrected) < 3 * spread) > 0.8 and spread.mean() < 3 * errors(corrected).mean()
     # members are neither heavier nor lighter
     assert np.mean([m.friction_load for m in members]) == pytest.approx(corrected.friction_load, rel=0.01)
+
+
+def test_fingers_are_uncertain_where_nothing_named_explains_the_gap(executed):
+    feet = three_feet()
+    other = sp.IdealLimitSurface(sp.SupportDistribution(feet.points, feet.weights), 1.15 * LOAD)
+    report = sp.diagnose(log_of(executed, truth=other))
+    assert report.verdict == "absorbed"
+    [found] = report.corrected
+    assert found.contact_friction is None and found.contact_friction_error == pytest.approx(0.15 * 0.9)
+    assert sp.diagnose(log_of(executed)).corrected[0].contact_friction_error is None
+
+
+@pytest.mark.parametrize(("ratio", "makes_sense"), ((1.3, True), (1.6, True), (1.9, False)))
+def test_no_grain_is_stronger_than_friction_allows(executed, ratio, makes_sense):
+    log = log_of(executed)
+    size = (ratio**2 - 1) / (ratio**2 + 1)
+    assert possible(System(observe(log), log.rig), "anisotropy-object", np.array((size, 0.0))) == makes_sense
 
 
 def test_corrected_loads_are_those_of_a_quadratic_program():

@@ -127,6 +127,16 @@ def test_an_interval_of_friction_does_not_hide_that_of_alternatives():
     assert drawn[drawn > 0.5].min() >= 0.8
 
 
+def test_friction_that_no_push_has_shown_is_less_certain_than_before():
+    problem = small_scene()
+    mu, own = problem.contacts[0].mu, problem.uncertainty.relative_friction
+    found = sp.correct(problem, [sp.Correction(contact_friction_error=0.15 * mu)])
+    assert found.contacts[0].mu == mu and found.uncertainty.contact_friction == pytest.approx(0.3)
+    # never more certain
+    found = sp.correct(problem, [sp.Correction(contact_friction_error=1e-3 * mu)])
+    assert found.uncertainty.contact_friction == pytest.approx(own)
+
+
 def test_friction_of_the_support_is_part_of_a_scene(tmp_path):
     save_scene(small_scene().with_changes(support_friction=0.3), tmp_path / "scene.json")
     assert sp.load_scene(tmp_path / "scene.json").support_friction == 0.3
