@@ -28,8 +28,9 @@ def cheapest_link(  # type: ignore[no-untyped-def]
             if push_is_free(world, body, poses[a, 0], poses[a, 1], cosines[a, 0], cosines[a, 1], vx, vy, omega, duration):
                 best[b], chosen = best[a] + prices[a, b], a
                 most = best[b] - best[a] - WORTH
-                link[:] = 0.0
-                link[0] = pushes[a, b]
+                # element by element: compiling the assignment of a whole array takes seconds, for its message on shapes
+                for q in range(4):
+                    link[0, q], link[1, q], link[2, q] = pushes[a, b, q], 0.0, 0.0
         if connects and most > 0.0:
             found = connect(
                 connections, world, body, contact, poses[a, 0], poses[a, 1], poses[a, 2], poses[b, 0], poses[b, 1], poses[b, 2],
@@ -37,5 +38,7 @@ def cheapest_link(  # type: ignore[no-untyped-def]
             )  # fmt: skip
             if found < most:
                 best[b], chosen = best[a] + found, a
-                link[:] = work
+                for k in range(3):
+                    for q in range(4):
+                        link[k, q] = work[k, q]
     return chosen

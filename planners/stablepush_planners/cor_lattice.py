@@ -219,7 +219,7 @@ def _empty_tree(size: int) -> Tree:
         closed=np.zeros(size, dtype=np.bool_),
         table=np.full(4 * size, -1, dtype=np.int32),
         queue=np.zeros(4 * size),
-        queued=np.zeros(4 * size, dtype=np.int32),
+        queued=np.zeros(4 * size, dtype=np.int64),
         counts=np.array((0, 0, 0, -1), dtype=np.int64),
     )
 

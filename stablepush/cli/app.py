@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from stablepush import __version__
-from stablepush.cli import blind, common, diagnosis, effects, export, identification, plans, regions, simulation, view
+from stablepush.cli import blind, building, common, diagnosis, effects, export, identification, plans, regions, simulation, view
 from stablepush.cli.common import require_folder, whole_number
 
 app = typer.Typer(
@@ -71,3 +71,4 @@ app.command()(diagnosis.diagnose)
 app.command()(diagnosis.correct)
 app.command()(effects.effects)
 app.command()(blind.blind)
+app.command("compile")(building.build_all)

@@ -9,14 +9,19 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from numba import njit
+from numba import njit, types
 from numba.core import event
 from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher
 
+from stablepush.core.turns import Turn, announce_build
+
 #: Multiply-adds may be fused, which only makes them more accurate; nothing else of fast maths, for NaN must stay NaN. Threads may
 #: run compiled code side by side: it touches nothing but its arguments.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True, "nogil": True}
+
+#: The event of waiting for another process.
+_WAITING = "stablepush:waiting"
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -39,6 +44,13 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def _kept(dispatcher: Any) -> Any:
     if hasattr(dispatcher, "_cache"):  # not if compiling is turned off
+        template = dispatcher.get_call_template
+
+        def one_for_all_values(args: Any, kws: Any) -> Any:
+            # numba would build the function again for each constant that it is called with
+            return template(tuple(map(types.unliteral, args)), {name: types.unliteral(kind) for name, kind in kws.items()})
+
+        dispatcher.get_call_template = one_for_all_values
         # numba found neither the package nor the user's cache folder writable: no code is kept then
         with suppress(RuntimeError):
             dispatcher._cache = _Cache(dispatcher.py_func)
@@ -47,12 +59,27 @@ def _kept(dispatcher: Any) -> Any:
 
 class _Cache(FunctionCache):  # type: ignore[misc]
     """Machine code on disk, not used once a file has changed from which a function comes that it calls: numba itself looks at the
-    function's own file only."""
+    function's own file only. Processes do not build the same function at the same time."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._turn = Turn(self.cache_path, f"{function.__module__}.{function.__qualname__}")
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         return (*super()._index_key(sig, codegen), _stamps(self._py_func))
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
+        found = self._on_disk(sig, target_context)
+        if found is None and not self._turn.mine:
+            announce_build()
+            with event.trigger_event(_WAITING):
+                self._turn.take()
+            found = self._on_disk(sig, target_context)
+            if found is not None:
+                self._turn.give()
+        return found
+
+    def _on_disk(self, sig: Any, target_context: Any) -> Any:
         try:
             return super().load_overload(sig, target_context)
         except (AttributeError, ImportError, EOFError, pickle.UnpicklingError):
@@ -62,8 +89,11 @@ class _Cache(FunctionCache):  # type: ignore[misc]
 
     def save_overload(self, sig: Any, data: Any) -> None:
         # a disk that is full: the code is built again next time
-        with suppress(OSError):
-            super().save_overload(sig, data)
+        try:
+            with suppress(OSError):
+                super().save_overload(sig, data)
+        finally:
+            self._turn.give()
 
 
 def _stamps(function: Any) -> tuple[tuple[str, int, int], ...]:
@@ -100,6 +130,7 @@ class _Builds(event.Listener):  # type: ignore[misc]
 
 @contextmanager
 def when_built(notify: Callable[[float], None]) -> Iterator[None]:
-    """Call ``notify`` with the time in s whenever code was built in the block, not when it is read from disk."""
-    with event.install_listener("numba:compile", _Builds(notify)):
+    """Call ``notify`` with the time in s whenever code was built in the block, here or by another process that was waited for."""
+    listener = _Builds(notify)
+    with event.install_listener("numba:compile", listener), event.install_listener(_WAITING, listener):
         yield

@@ -1,10 +1,17 @@
 """Machine code that is kept on disk."""
 
+import os
 import pickle
+import subprocess
 import sys
+from contextlib import ExitStack
+from functools import partial
 from importlib import import_module
 
 import pytest
+
+from stablepush.cli import main
+from stablepush.core.turns import Turn
 
 SOURCE = """
 from stablepush.core import compiled
@@ -30,3 +37,98 @@ def test_an_index_that_cannot_be_read_is_built_again(tmp_path, monkeypatch, inde
         head = pickle.dumps(pickle.loads(kept[0].read_bytes()))
         kept[0].write_bytes(head + index)
     sys.modules.pop("kept_code", None)
+
+
+SHARED = """
+import sys
+import time
+from numba.core import event
+from stablepush.core import compiled, inner
+
+
+@inner
+def power(x, n):
+    result = 1.0
+    for _ in range(n):
+        result *= x
+    return result
+
+
+@compiled
+def cube_and_square(x):
+    return power(x, 3) + power(x, 2)
+
+
+class Counter(event.Listener):
+    built = []
+
+    def on_start(self, started):
+        self.built.append(started.data["dispatcher"].py_func.__name__)
+        time.sleep(0.2)
+
+    def on_end(self, ended):
+        pass
+
+
+if __name__ == "__main__":
+    event.register("numba:compile", Counter())
+    print("ready", flush=True)
+    sys.stdin.readline()
+    assert cube_and_square(2.0) == 12.0
+    print(sorted(name for name in Counter.built if name in ("power", "cube_and_square")))
+"""
+
+
+def python(*arguments, **others):
+    return subprocess.Popen(
+        [sys.executable, *map(str, arguments)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, **others
+    )
+
+
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT", "0") != "0", reason="compiling is turned off")
+def test_processes_build_a_function_once_for_all_and_for_all_values(tmp_path):
+    """A function of two constants is one function, and four processes that need it at the same time build it once."""
+    program = tmp_path / "shared_code.py"
+    program.write_text(SHARED, encoding="utf-8")
+    with ExitStack() as stack:
+        start = partial(python, program, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)})
+        processes = [stack.enter_context(start()) for _ in range(4)]
+        for process in processes:
+            assert process.stdout.readline() == "ready\n"
+        for process in processes:
+            process.stdin.write("go\n")
+            process.stdin.flush()
+        built = sorted(process.stdout.readline().strip() for process in processes)
+    assert built == ["['cube_and_square', 'power']", "[]", "[]", "[]"]
+
+
+def test_a_turn_is_had_by_one_process_until_it_ends(tmp_path):
+    hold = (
+        "import sys\nfrom stablepush.core.turns import Turn\nturn = Turn(sys.argv[1], 'f')\nturn.take()\n"
+        "print(turn.mine, flush=True)\nsys.stdin.readline()"
+    )
+    turn, free = Turn(str(tmp_path), "f"), Turn(str(tmp_path), "g")
+    with python("-c", hold, tmp_path) as other:
+        assert other.stdout.readline() == "True\n"
+        turn.take(patience=0.1)
+        free.take(patience=0.1)
+        assert (turn.mine, free.mine) == (False, True)
+        other.kill()
+    turn.take()
+    assert turn.mine
+    turn.give()
+    free.give()
+    assert not turn.mine
+
+
+def test_what_cannot_be_locked_is_built_all_the_same(tmp_path):
+    (tmp_path / "file").write_text("")
+    turn = Turn(str(tmp_path / "file" / "folder"), "f")
+    turn.take()
+    assert not turn.mine
+    turn.give()
+
+
+def test_all_code_is_built_by_a_command(capsys):
+    assert main(["compile"]) == 0
+    assert "compiled code is ready" in capsys.readouterr().out
