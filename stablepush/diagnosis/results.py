@@ -97,7 +97,8 @@ class ChannelGap(Record):
 class GapReduction(Record):
     """The gap in a channel on held-out trials, root mean squares in ``unit`` before and after the correction.
 
-    ``closed = (before² - after²)/(before² - floor²)`` with its 95 % interval.
+    ``closed = (before² - after²)/(before² - floor²)`` with its 95 % interval. ``floor`` is what the noise explains; where less
+    than that remains, the noise was overestimated, and ``floor`` is what remains.
     """
 
     channel: str
@@ -108,6 +109,11 @@ class GapReduction(Record):
     floor: float
     closed: float
     ci95: list[float]
+
+    @property
+    def above_noise(self) -> bool:
+        """Whether more remains than the noise explains."""
+        return self.after > self.floor
 
     @property
     def explained(self) -> str:

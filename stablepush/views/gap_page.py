@@ -16,7 +16,9 @@ from stablepush.objects import EdgePush, Slider
 from stablepush.views.pages import Section, render, script
 from stablepush.views.plot.canvas import figure_png
 from stablepush.views.plot.gaps import (
+    arrow_scale,
     drawn_forms,
+    picture_frame,
     plot_effects,
     plot_final_poses,
     plot_forms,
@@ -26,10 +28,6 @@ from stablepush.views.plot.gaps import (
 
 #: Rows that a page has, at most.
 _MOST_ROWS = 2000
-#: Arrows may make a picture larger by this share of its extent, on each side.
-_CUT = 0.3
-#: Length of a large arrow over the extent of the table.
-_ARROW = 0.12
 #: Covariates that every row has.
 _PLACE = (("x", "m"), ("y", "m"), ("heading", "deg"))
 
@@ -55,12 +53,12 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         sections.append(Section.with_picture("What was found", figure_png(plot_forms(report)), words, found))
     if report.gap:
         sections.append(Section("How large the gap is", size, [(entry.channel, _gap(entry)) for entry in report.gap]))
-    left_out = "Root mean squares on held-out trials. The floor is the noise level, capped at the remaining residual."
+    left_out = "Root mean squares on held-out trials. The floor is what the noise explains."
     reductions = [
         (
             entry.channel,
-            f"{readable(entry.before)}{_unit(entry)} before, {readable(entry.after)} after, "
-            f"floor {readable(entry.floor)}; "
+            f"{_size(entry, entry.before, unit=True)} before, {_size(entry, entry.after)} after, "
+            f"{f'floor {_size(entry, entry.floor)}' if entry.above_noise else 'which is within the noise'}; "
             f"{entry.explained}, {entry.held_out_trials} held-out trials",
         )
         for entry in report.reductions
@@ -138,13 +136,7 @@ class _Seen:
         places = np.array([row["at"][:2] for row in self.rows])
         arrows = np.array([[row["arrow"][key] for key in row["arrow"]] for row in self.rows])
         tips = places[:, None] + (-self.scale if self.behind else self.scale) * arrows
-        low, high = places.min(axis=0) - slider.radius, places.max(axis=0) + slider.radius
-        # a few arrows that are far longer than the others are cut off
-        room = _CUT * float((high - low).max())
-        low, high = (
-            np.minimum(low, np.maximum(tips.min(axis=(0, 1)), low - room)),
-            np.maximum(high, np.minimum(tips.max(axis=(0, 1)), high + room)),
-        )
+        low, high = picture_frame(places, tips, slider.radius)
         return script(
             {
                 "rows": self.rows,
@@ -160,11 +152,8 @@ class _Seen:
 
 def _scale(rows: list[dict[str, Any]], slider: Slider) -> float:
     """Factor by which large arrows get a good length on the table."""
-    if not rows:
-        return 1.0
-    extent = float(np.ptp([row["at"][:2] for row in rows], axis=0).max()) + slider.radius
-    large = float(np.quantile(np.linalg.norm([row["arrow"]["before"] for row in rows], axis=1), 0.95))
-    return _ARROW * extent / max(large, 1e-12)
+    arrows = [np.array([row["arrow"][key] for row in rows]) for key in ("before", "after") if rows and key in rows[0]["arrow"]]
+    return arrow_scale(np.array([row["at"][:2] for row in rows]), arrows, slider.radius)
 
 
 def _rows_of_loads(report: GapReport) -> _Seen:
@@ -230,15 +219,16 @@ def _rows(
 
 def _gap(entry: ChannelGap) -> str:
     """A channel of ``gap``."""
-    unit, p = _unit(entry), entry.p_lack_of_fit
-    nominal, refitted, floor = (readable(size) for size in (entry.nominal, entry.refitted, entry.noise_floor))
-    words = f"{nominal}{unit} from the nominal simulation, {refitted} with a refitted surface, floor {floor}"
+    nominal, p = _size(entry, entry.nominal, unit=True), entry.p_lack_of_fit
+    refitted, floor = _size(entry, entry.refitted), _size(entry, entry.noise_floor)
+    words = f"{nominal} from the nominal simulation, {refitted} with a refitted surface, floor {floor}"
     return f"{words}; p {f'{p:.2g}' if p > 1e-4 else 'below 0.0001'}"
 
 
-def _unit(entry: ChannelGap | GapReduction) -> str:
-    """The unit of a channel, with the space before it; none for numbers."""
-    return f" {entry.unit}".removesuffix(" 1")
+def _size(entry: ChannelGap | GapReduction, value: float, unit: bool = False) -> str:
+    """A root mean square of a channel, lengths in mm; with its unit if that is asked for."""
+    factor, name = (1000, "mm") if entry.unit == "m" else (1, "" if entry.unit == "1" else entry.unit)
+    return f"{readable(factor * value)} {name}".rstrip() if unit else readable(factor * value)
 
 
 def _effect(entry: RankedEffect, evidence: Evidence) -> str:

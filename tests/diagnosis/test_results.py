@@ -65,3 +65,11 @@ def test_the_support_friction_is_told_where_it_was_refitted():
     assert sp.diagnose(log).support_friction is None
     modelled = replace(rig, model=sp.IdealLimitSurface(log.rig.slider.support, 5.0))
     assert sp.diagnose(replace(log, rig=modelled)).support_friction is None
+
+
+def test_what_is_left_is_within_the_noise_or_above_it():
+    def left(after, floor):
+        return GapReduction("pose", "m", 9, 4e-3, after, floor, 1.0, [0.9, 1.0])
+
+    assert left(2e-3, 1e-3).above_noise
+    assert not left(1e-3, 1e-3).above_noise

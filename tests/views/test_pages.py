@@ -14,6 +14,7 @@ import stablepush as sp
 from stablepush.diagnosis.evidence import readable
 from stablepush.views.gap_page import gap_html
 from stablepush.views.pages import plan_html, push_html, region_html, slide_html, surface_html
+from stablepush.views.plot.gaps import arrow_scale, picture_frame
 
 BROWSER = next((p for p in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if p), None)
 SLIDER = sp.Slider(triangle().vertices, MASS, pressure())
@@ -119,3 +120,17 @@ def test_the_page_and_the_picture_of_a_plan_say_how_sure_it_is():
     assert "sticks throughout" in plot_plan(problem, result).get_title()
     unsure = sp.PlanResult.from_segments(list(result.segments), planner="hand")
     assert "unknown" in unsure.outlook and "The plan" not in plan_html(problem, unsure)
+
+
+@pytest.mark.parametrize(("longest", "whole"), ((1.0, True), (3.0, True), (12.0, True), (100.0, False)))
+def test_arrows_are_on_the_picture_unless_one_would_hide_all_others(longest, whole):
+    rng = np.random.default_rng(0)
+    places, arrows = rng.uniform(0, 0.5, (200, 2)), 0.1 * rng.normal(size=(2, 200, 2))
+    arrows[0, 7] = (0.1 * longest, 0.0)
+    scale = arrow_scale(places, list(arrows), 0.05)
+    tips = places + scale * arrows
+    low, high = picture_frame(places, tips, 0.05)
+    assert np.all((low <= tips) & (tips <= high)) == whole
+    # others are still seen: the 95th percentile is some hundredths of the picture at least
+    assert np.quantile(np.linalg.norm(scale * arrows[0], axis=1), 0.95) > 0.025 * (high - low).max() * (0.5 if not whole else 1)
+    assert (high - low).max() < 2 * 0.6

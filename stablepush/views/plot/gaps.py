@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -27,25 +27,55 @@ if TYPE_CHECKING:
 
 #: Names of effects that a log cannot judge; still read on white.
 _HIDDEN = "#767676"
+#: Length of a large arrow, and of the longest that is not cut off, over the extent of the table.
+_GOOD, _LONGEST = 0.12, 0.45
 
 
 def plot_residuals(report: GapReport, ax: Axes | None = None) -> Axes:
     """Draw the forces that the nominal simulation lacks, as arrows over the table, and what remains after the correction."""
-    axes = canvas((8.0, 6.6), ax=ax)
-    for key, word, color in (("before", "nominal", PUSHER), ("after", "corrected", COUNTER_CLOCKWISE)):
-        force = rotate_vectors(report.poses[:, 2], report.residuals[key][:, :2])
-        axes.quiver(*report.poses[:, :2].T, *force.T, color=color, angles="xy", width=0.0025, scale=_scale(report), label=word)
+    places = report.poses[:, :2]
+    forces = {key: rotate_vectors(report.poses[:, 2], report.residuals[key][:, :2]) for key in ("before", "after")}
+    arrows = arrow_scale(places, list(forces.values())) * np.stack(list(forces.values()))
+    return _over_the_table(places, np.stack((places, places)), arrows, "Measured less predicted force, over the table", ax)
+
+
+def arrow_scale(places: FloatArray, arrows: Sequence[FloatArray], room: float = 0.0) -> float:
+    """Length (m) on the table of an arrow of 1: large ones of the first (n, 2) get a good length, the longest of all stays on the
+    picture unless the others would not be seen then. ``room``: what is drawn around the places (m)."""
+    if not len(places):
+        return 1.0
+    extent = max(float(np.ptp(places, axis=0).max()) + room, 0.05)
+    large = max(float(np.quantile(np.linalg.norm(arrows[0], axis=1), 0.95)), 1e-12)
+    longest = max(float(np.linalg.norm(arrow, axis=1).max()) for arrow in arrows)
+    good = _GOOD * extent / large
+    return max(min(good, _LONGEST * extent / max(longest, 1e-12)), good / 4)
+
+
+def picture_frame(places: FloatArray, tips: FloatArray, room: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    """Corners (m) of what shows places (n, 2) with ``room`` around them and the tips (…, 2) of their arrows; arrows that are far
+    longer than the others are cut off."""
+    low, high = places.min(axis=0) - room, places.max(axis=0) + room
+    most = _LONGEST * max(float((high - low).max()), 0.05)
+    ends = tips.reshape(-1, 2)
+    return np.minimum(low, np.maximum(ends.min(axis=0), low - most)), np.maximum(high, np.minimum(ends.max(axis=0), high + most))
+
+
+def _over_the_table(places: FloatArray, tails: FloatArray, arrows: FloatArray, title: str, ax: Axes | None) -> Axes:
+    """Draw places (n, 2) with arrows (2, n, 2) before and after the correction, as high as they are for their width."""
+    low, high = picture_frame(places, np.stack((tails, tails + arrows)), 0.02) if len(places) else (np.zeros(2), np.ones(2))
+    low, high = low - 0.02 * (high - low), high + 0.02 * (high - low)
+    axes = canvas((8.0, float(np.clip(7.3 * (high - low)[1] / (high - low)[0] + 1.2, 3.2, 9.0))), ax=ax)
+    for tail, arrow, word, color in zip(tails, arrows, ("nominal", "corrected"), (PUSHER, COUNTER_CLOCKWISE), strict=True):
+        style = {"color": color, "width": 0.0025, "label": word}
+        axes.quiver(*tail.T, *arrow.T, angles="xy", scale_units="xy", scale=1.0, **style)
+    axes.plot(*places.T, linestyle="none", marker=".", markersize=3, color=OBSTACLE)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    axes.set_title("Measured less predicted force, over the table")
+    axes.set_title(title)
     legend(axes, columns=2)
     return axes
-
-
-def _scale(report: GapReport) -> float:
-    size = float(np.quantile(np.linalg.norm(report.residuals["before"][:, :2], axis=1), 0.95))
-    extent = float(np.ptp(report.poses[:, :2], axis=0).max())
-    return max(size, 1e-9) / max(0.12 * extent, 1e-9)
 
 
 def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np.ndarray:
@@ -81,25 +111,14 @@ def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np
 
 def plot_final_poses(report: GapReport, ax: Axes | None = None) -> Axes:
     """Draw measured against simulated final poses of pushes, as arrows over the table."""
-    axes = canvas((8.0, 6.6), ax=ax)
     good = np.isfinite([report.ends[key] for key in ("before", "after")]).all(axis=(0, 2))
-    places = report.places[good]
-    size = float(np.quantile(np.linalg.norm(report.ends["before"][good][:, :2], axis=1), 0.9)) if good.any() else 0.0
-    extent = float(np.ptp(places[:, :2], axis=0).max()) if good.any() else 1.0
-    times = max(1.0, round(0.08 * max(extent, 0.05) / max(size, 1e-9)))
-    for key, word, color in (("before", "nominal", PUSHER), ("after", "corrected", COUNTER_CLOCKWISE)):
-        error = report.pose_errors(key)[good]
-        # to the measured end
-        tails = places[:, :2] - times * error
-        axes.quiver(*tails.T, *error.T, color=color, angles="xy", scale_units="xy", scale=1 / times, width=0.0025, label=word)
-    axes.plot(*places[:, :2].T, linestyle="none", marker=".", markersize=3, color=OBSTACLE)
-    axes.margins(0.12)
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
+    places = report.places[good][:, :2]
+    errors = [report.pose_errors(key)[good] for key in ("before", "after")]
+    times = max(1.0, round(arrow_scale(places, errors)))
     longer = f", {times:.0f} times as long" if times > 1 else ""
-    axes.set_title(f"From the simulated to the measured final position{longer}")
-    legend(axes, columns=2)
-    return axes
+    arrows = times * np.stack(errors)
+    # to the measured end
+    return _over_the_table(places, places - arrows, arrows, f"From the simulated to the measured final position{longer}", ax)
 
 
 def plot_effects(report: GapReport, ax: Axes | None = None) -> Axes:
