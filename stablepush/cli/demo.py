@@ -11,6 +11,7 @@ import numpy as np
 from stablepush.cli.common import told
 from stablepush.demo import SLIPPERY, demo_log, demo_pokes, demo_scene, demo_slider
 from stablepush.diagnosis import diagnose
+from stablepush.geometry import wrap_angle
 from stablepush.identify import fit_limit_surface
 from stablepush.io import load_model, read_pushlog, save_model, write_atomically, write_json, write_pushlog
 from stablepush.planning import (
@@ -154,7 +155,7 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
     first = demo_log(scene, result, seed)
     write_pushlog(first.log, folder / "run")
     away = _from_goal(scene, first)
-    print(f"{folder / 'run'}: the plan carried out on the rig: the object ends {away:.1f} mm from the goal")
+    print(f"{folder / 'run'}: the plan carried out on the rig: the object ends {away[0]:.1f} mm from the goal{_turned(away)}")
 
     found = diagnose(read_pushlog(folder / "run"), name="run")
     write_json(folder / "diagnosis.json", found.to_json())
@@ -165,9 +166,9 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
     corrected = load_scene(folder / "corrected.json")
     again = plan(corrected, time_limit=60.0, seed=seed)
     save_plan(again, folder / "corrected-plan.json")
-    headings = [f"Before: {away:.0f} mm from the goal"]
+    headings = [f"Before: {away[0]:.0f} mm from the goal"]
     _show_run(folder / "run.html", scene, result, first, "The first plan on the rig")
-    said = f"The object ended {away:.0f} mm from the goal"
+    said = f"The object ended {away[0]:.0f} mm from the goal{_turned(away)}"
     if not again.solved:
         print(f"{folder / 'corrected-plan.json'}: {again.status}: {again.message}")
         diagnosed = Section("What the log of the run says", found.sentence, (), "", "diagnosis.html", "The diagnosis, in full")
@@ -176,18 +177,18 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
     second = demo_log(corrected, again, seed + 1)
     write_pushlog(second.log, folder / "second-run")
     arrived = _from_goal(corrected, second)
-    print(f"{folder / 'corrected-plan.json'}: carried out, the object ends {arrived:.1f} mm from the goal")
+    print(f"{folder / 'corrected-plan.json'}: carried out, the object ends {arrived[0]:.1f} mm from the goal{_turned(arrived)}")
     _show_run(folder / "second-run.html", corrected, again, second, "The second plan on the rig")
-    headings.append(f"After: {arrived:.1f} mm from the goal")
+    headings.append(f"After: {arrived[0]:.1f} mm from the goal")
 
     mu = [problem.contacts[0].mu for problem in (scene, corrected)]
     cause = f"named the cause ({', '.join(found.named)})" if found.named else f"named no cause ({found.verdict})"
-    near = 1000 * scene.tolerance[0]
+    near, turn = 1000 * scene.tolerance[0], math.degrees(scene.tolerance[1])
+    there = "within" if arrived[0] <= near and arrived[1] <= turn else "outside of"
     story = (
         f"A plan made from 40 pokes was carried out on a rig whose fingers have a friction of {SLIPPERY:.2f} where the plan "
-        f"assumes {mu[0]:.2f}, and the object ended {away:.0f} mm from the goal. The diagnosis of the run's log {cause}. A "
-        f"second plan, with the corrected scene, ended {arrived:.1f} mm from the goal, "
-        f"{'within' if arrived <= near else 'outside of'} the tolerance of {near:.0f} mm."
+        f"assumes {mu[0]:.2f}. {said}. The diagnosis of the run's log {cause}. A second plan, with the corrected scene, ended "
+        f"{arrived[0]:.1f} mm from the goal{_turned(arrived)}, {there} the tolerance of {near:.0f} mm and {turn:.1f}°."
     )
     rows = [
         ("friction of the fingers, as assumed", f"{mu[0]:.2f}"),
@@ -213,13 +214,19 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
     return story, told
 
 
-def _outcome(result: PlanResult, away: float) -> str:
-    return f"{result.duration:.1f} s, predicted success {result.success_probability or 0:.2f}, ended {away:.1f} mm off"
+def _outcome(result: PlanResult, away: tuple[float, float]) -> str:
+    success = result.success_probability or 0.0
+    return f"{result.duration:.1f} s, predicted success {success:.2f}, ended {away[0]:.1f} mm and {away[1]:.1f}° off"
 
 
-def _from_goal(problem: PlanningProblem, done: Execution) -> float:
-    """Distance (mm) of the object from the goal after a run."""
-    return 1000 * math.hypot(*(done.final_pose - problem.goal)[:2])
+def _turned(away: tuple[float, float]) -> str:
+    return f" and turned {away[1]:.1f}° away from it"
+
+
+def _from_goal(problem: PlanningProblem, done: Execution) -> tuple[float, float]:
+    """Distance (mm) and angle (deg) of the object from the goal after a run."""
+    off = done.final_pose - problem.goal
+    return 1000 * math.hypot(*off[:2]), abs(math.degrees(wrap_angle(off[2])))
 
 
 def _show_run(path: Path, problem: PlanningProblem, result: PlanResult, done: Execution, title: str) -> None:
