@@ -79,8 +79,9 @@ def import_logs(
 
 
 def fit(
-    log: Annotated[Path, typer.Argument(help="pushlog/1 folder.")],
     output: Output,
+    log: Annotated[Path | None, typer.Argument(help="pushlog/1 folder.")] = None,
+    slider: Annotated[Path | None, typer.Option(help="slider/1 file, instead of a log: a surface from no poke at all.")] = None,
     model: Annotated[str, typer.Option(help="poly4-cvx, poly4, poly6-cvx, quadratic or gp.")] = "poly4-cvx",
     seed: Annotated[
         int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of the folds, the pressures and the ensemble.")
@@ -97,26 +98,37 @@ def fit(
     ] = 0.0,
     view: Annotated[Path | None, typer.Option(help="The surface with the pokes on it, as an HTML page.")] = None,
 ) -> None:
-    """Identify a limit surface from a log of pokes."""
+    """Identify a limit surface from a log of pokes; or, from a slider alone, the mean of what likely pressures give."""
     import numpy as np
 
     from stablepush.identify import fit_limit_surface
-    from stablepush.io import read_pushlog
+    from stablepush.io import load_slider, read_pushlog
 
-    require_files(output, view)
-    for path in (output, view):
-        if path is not None:
-            require_outside(path, log)
-    pokes = read_pushlog(log)
-    loads, twists, names = pokes.pairs()
-    if not names:
-        raise InputError("", "expected push rows with forces and motion, found none", file=log)
-    with Progress("fit") as step, about(log, options=options_of("model", "loss", "com_tolerance", "seed")):
+    source = slider if log is None else log
+    if source is None or None not in (log, slider):
+        raise InputError("LOG", "expected a log of pokes, or --slider without a log", "neither" if source is None else "both")
+    require_files(output, view, read=(slider,))
+    loads, twists = np.empty((0, 3)), np.empty((0, 3))
+    names: list[str] = []
+    if log is None:
+        if no_slider:
+            raise InputError("--no-slider", "expected a log with it")
+        body = load_slider(source)
+    else:
+        for path in (output, view):
+            if path is not None:
+                require_outside(path, log)
+        pokes = read_pushlog(log)
+        loads, twists, names = pokes.pairs()
+        body = pokes.rig.slider
+        if not names:
+            raise InputError("", "expected push rows with forces and motion, found none", file=log)
+    with Progress("fit") as step, about(source, options=options_of("model", "loss", "com_tolerance", "seed")):
         result = fit_limit_surface(
             loads,
             twists,
             model,
-            slider=None if no_slider else pokes.rig.slider,
+            slider=None if no_slider else body,
             seed=seed,
             loss=loss,
             com_tolerance=com_tolerance,
@@ -133,17 +145,18 @@ def fit(
     save_model(result.surface, output)
     told(
         output=output, model=model, pokes=len(names), status=result.status, total_time=result.total_time,
-        validation_error=result.validation_error, angle_error=float(np.mean(result.angle_errors)),
+        validation_error=result.validation_error, angle_error=float(np.mean(result.angle_errors)) if names else None,
         sos_convex=None if result.certificate is None else result.certificate.sos_convex, notes=list(result.warnings),
     )  # fmt: skip
     print(f"{output}: {model} from {len(names)} pokes, {result.status}, {result.total_time:.2f} s")
     for warning in result.warnings:
         print(f"note: {warning}")
     if result.prior_weight:
-        print("prior: pressures under the slider's outline, weighed by the pokes")
+        print(f"prior: pressures under the slider's outline{', weighed by the pokes' if names else '; its loads are in mu*N'}")
     if result.validation_error is not None:
         print(f"angle error on held-out folds: {math.degrees(result.validation_error):.2f} deg")
-    print(f"angle error on the pokes used:  {math.degrees(float(np.mean(result.angle_errors))):.2f} deg")
+    if names:
+        print(f"angle error on the pokes used:  {math.degrees(float(np.mean(result.angle_errors))):.2f} deg")
     if result.certificate is not None:
         word = "SOS-convex" if result.certificate.sos_convex else "NOT certified convex"
         print(

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 import stablepush as sp
@@ -58,3 +59,22 @@ def test_bad_ways_to_fit_are_refused(rig, tmp_path, capsys, options, said):
     assert main(["fit", str(rig / "log"), *options, "-o", str(tmp_path / "m.json")]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and said in error
+
+
+def test_a_surface_from_a_slider_alone_is_that_of_the_library(rig, tmp_path, capsys):
+    body, out = rig / "slider.json", tmp_path / "m.json"
+    assert main(["fit", "--slider", str(body), "-o", str(out), "--view", str(tmp_path / "s.html")]) == 0
+    assert "0 pokes" in capsys.readouterr().out
+    expected = sp.fit_limit_surface(np.empty((0, 3)), np.empty((0, 3)), slider=sp.load_slider(body)).surface
+    twists = np.random.default_rng(0).normal(size=(20, 3))
+    np.testing.assert_allclose(sp.load_model(out).wrench(twists), expected.wrench(twists), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"), (((), "neither"), (("log", "--slider"), "both"), (("--slider", "--no-slider"), "a log"))
+)
+def test_a_surface_needs_a_log_or_a_slider(rig, tmp_path, capsys, given, said):
+    words = {"log": [str(rig / "log")], "--slider": ["--slider", str(rig / "slider.json")], "--no-slider": ["--no-slider"]}
+    assert main(["fit", *(word for name in given for word in words[name]), "-o", str(tmp_path / "m.json")]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "m.json").exists()
