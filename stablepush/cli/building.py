@@ -1,25 +1,39 @@
-"""Compiled code is built at first use: said to whoever watches, and shared with processes on other cores."""
+"""Compiled code is built at first use: shows progress, and starts processes that help on other cores."""
 
 from __future__ import annotations
 
-import atexit
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
 from stablepush.cli.common import Progress, told
+from stablepush.core import UnavailableError
+from stablepush.core.turns import Turn
 
-#: Processes that help, at most: no more of the code is independent.
+#: Processes that help, at most: more would only wait for each other.
 _MOST_HELPERS = 3
+#: Helpers start when this process builds so many functions: a changed file is no first use.
+_MANY = 5
+
+#: Helpers, and the right to start them. Both are needed until this process ends.
+_running: list[object] = []
 
 
 def build_all() -> None:
-    """Build the compiled code of plans, simulated pushes, fits and diagnoses now. It is built at first use otherwise, which then
+    """Build the compiled code of plans, simulated pushes, fits and diagnoses now. Otherwise it is built at first use, which then
     takes half a minute longer. The code is kept beside the package, or in the user's cache if that cannot be written."""
+    from stablepush.core import is_kept
+    from stablepush.mechanics.kernels.rollout import run
+
+    if not is_kept(run):
+        raise UnavailableError(
+            "no compiled code can be kept: expected a folder that can be written, and NUMBA_DISABLE_JIT not set"
+        )
     started = time.perf_counter()
     for part in reversed(_PARTS):
         part()
@@ -27,23 +41,13 @@ def build_all() -> None:
     print(f"compiled code is ready ({time.perf_counter() - started:.1f} s)")
 
 
-def build_with_helpers() -> None:
-    """Say that code is being built, and start the processes that help: for the moment of the first build."""
+def watch_builds() -> None:
+    """Show what is built from now on, and let other processes help: for the moment of the first build."""
     from numba.core import event
 
-    event.register("numba:compile", _listener())
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    for first in range(min(cores - 1, _MOST_HELPERS)):
-        with suppress(OSError):  # without help it takes longer
-            helper = subprocess.Popen(
-                [sys.executable, "-m", "stablepush.cli.building", str(first)],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            )
-            # what it has built by then is kept
-            atexit.register(helper.kill)
+    listener = _listener()
+    for kind in ("numba:compile", "stablepush:waiting"):
+        event.register(kind, listener)
 
 
 def _listener() -> Any:
@@ -58,17 +62,62 @@ def _listener() -> Any:
 
         def on_start(self, started: Any) -> None:
             self._depth += 1
-            function = started.data["dispatcher"].py_func
-            if function.__module__.startswith("stablepush"):
+            if started.data is None:
+                self._line.describe("waiting for another process that does it")
+                return
+            dispatcher = started.data["dispatcher"]
+            function = dispatcher.py_func
+            if (function.__module__ or "").startswith("stablepush"):
                 self._count += 1
                 self._line.describe(f"function {self._count}, {function.__name__.strip('_')}")
+                if self._count == _MANY:
+                    _start_helpers(dispatcher)
 
         def on_end(self, _: Any) -> None:
-            self._depth -= 1
+            self._depth = max(0, self._depth - 1)
             if self._depth == 0:
                 self._line.__exit__()
 
     return Shown()
+
+
+def _start_helpers(dispatcher: Any) -> None:
+    from stablepush.core import is_kept
+
+    if not is_kept(dispatcher):
+        return
+    turn = Turn(dispatcher._cache.cache_path, "helpers")
+    turn.take(patience=0.0)
+    # those of another process help this one, too
+    if not turn.mine:
+        return
+    _running.append(turn)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    for first in range(min(cores - 1, _MOST_HELPERS)):
+        with suppress(OSError):  # without help it takes longer
+            _running.append(_start(first))
+
+
+def _start(first: int) -> subprocess.Popen[bytes]:
+    """Start a process that builds, from the part ``first`` on, until it is done or this process ends."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "stablepush.cli.building", str(first)],
+        # never written to: its end tells the helper that nobody needs it any more
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=_environment(),
+    )
+
+
+def _environment() -> dict[str, str]:
+    """The environment of a helper: it finds modules where this process does, and not in the current folder."""
+    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONSAFEPATH": "1"}
+
+
+def _end_with_parent() -> None:
+    sys.stdin.read()
+    os._exit(1)
 
 
 def _rollouts() -> None:
@@ -112,6 +161,9 @@ _PARTS: tuple[Callable[[], object], ...] = (_rollouts, _plans, _diagnoses, _fits
 
 
 if __name__ == "__main__":
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     from_part = int(sys.argv[1])
     for work in _PARTS[from_part:] + _PARTS[:from_part]:
         work()
+    # without waiting for the thread that reads
+    os._exit(0)

@@ -184,7 +184,7 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
     mu = [problem.contacts[0].mu for problem in (scene, corrected)]
     cause = f"named the cause ({', '.join(found.named)})" if found.named else f"named no cause ({found.verdict})"
     near, turn = 1000 * scene.tolerance[0], math.degrees(scene.tolerance[1])
-    there = "within" if arrived[0] <= near and arrived[1] <= turn else "outside of"
+    there = "within" if arrived[0] <= near and arrived[1] <= turn else "outside"
     story = (
         f"A plan made from 40 pokes was carried out on a rig whose fingers have a friction of {SLIPPERY:.2f} where the plan "
         f"assumes {mu[0]:.2f}. {said}. The diagnosis of the run's log {cause}. A second plan, with the corrected scene, ended "

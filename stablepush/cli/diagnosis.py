@@ -71,9 +71,7 @@ def diagnose(
     print(f"{report.log}: {report.verdict}{': ' + ', '.join(report.named) if report.named else ''}")
     print(report.sentence)
     for entry in report.reductions:
-        unit = "" if entry.unit == "1" else f" {entry.unit}"
-        sizes = f"{entry.before:.4g}{unit} before, {entry.after:.4g} after, floor {entry.floor:.4g}"
-        print(f"{entry.channel}: {sizes}; {entry.explained}")
+        print(f"{entry.channel}: {entry.sizes}; {entry.explained}")
     friction = report.support_friction
     if friction is not None:
         print(f"support friction: {friction:.3g} as refitted, where {report.rig.support_friction:.3g} was assumed")

@@ -17,7 +17,7 @@ from .arrays import (
     read_only as read_only,
 )
 from .brief import brief as brief
-from .compiled import compiled as compiled, inlined as inlined, inner as inner
+from .compiled import compiled as compiled, inlined as inlined, inner as inner, is_kept as is_kept
 from .deadline import Deadline as Deadline, within as within
 from .errors import (
     ConvergenceError as ConvergenceError,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import time
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 
 from numba import njit, types
 from numba.core import event
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
 
 from stablepush.core.turns import Turn, announce_build
@@ -25,7 +26,10 @@ _WAITING = "stablepush:waiting"
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile on first call; keep the machine code on disk unless no place can be written."""
+    """Compile on first call; keep the machine code on disk unless no place can be written.
+
+    A constant argument is an argument like others: a tuple of different types cannot be indexed by it.
+    """
     return _kept(njit(**_OPTIONS)(function))  # type: ignore[no-any-return]
 
 
@@ -53,8 +57,33 @@ def _kept(dispatcher: Any) -> Any:
         dispatcher.get_call_template = one_for_all_values
         # numba found neither the package nor the user's cache folder writable: no code is kept then
         with suppress(RuntimeError):
-            dispatcher._cache = _Cache(dispatcher.py_func)
+            cache = dispatcher._cache = _Cache(dispatcher.py_func)
+            build = dispatcher._compiler.compile
+
+            def build_or_give_up(args: Any, return_type: Any) -> Any:
+                try:
+                    return build(args, return_type)
+                except BaseException:
+                    cache.give_up()
+                    raise
+
+            dispatcher._compiler.compile = build_or_give_up
     return dispatcher
+
+
+def is_kept(function: Any) -> bool:
+    """Tell whether the machine code of a compiled function is kept on disk."""
+    return isinstance(getattr(function, "_cache", None), _Cache)
+
+
+class _Files(IndexDataCacheFile):  # type: ignore[misc]
+    """Data is written before the index that refers to it, under a name that no other source or signature has: whoever reads while
+    another process writes, or was killed, finds the right code or none."""
+
+    def save(self, key: Any, data: Any) -> None:
+        name = self._data_name(zlib.crc32(repr((self._source_stamp, key)).encode()))
+        self._save_data(name, data)
+        self._save_index(self._load_index() | {key: name})
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
@@ -63,6 +92,7 @@ class _Cache(FunctionCache):  # type: ignore[misc]
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
+        self._cache_file = _Files(self.cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
         self._turn = Turn(self.cache_path, f"{function.__module__}.{function.__qualname__}")
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
@@ -74,10 +104,18 @@ class _Cache(FunctionCache):  # type: ignore[misc]
             announce_build()
             with event.trigger_event(_WAITING):
                 self._turn.take()
-            found = self._on_disk(sig, target_context)
+            try:
+                found = self._on_disk(sig, target_context)
+            except BaseException:
+                self._turn.give()
+                raise
             if found is not None:
                 self._turn.give()
         return found
+
+    def give_up(self) -> None:
+        """Let another process build the function."""
+        self._turn.give()
 
     def _on_disk(self, sig: Any, target_context: Any) -> Any:
         try:

@@ -9,4 +9,5 @@ from .results import (
     RankedEffect as RankedEffect,
     Verdict as Verdict,
     readable as readable,
+    size_in_words as size_in_words,
 )

@@ -97,8 +97,8 @@ class ChannelGap(Record):
 class GapReduction(Record):
     """The gap in a channel on held-out trials, root mean squares in ``unit`` before and after the correction.
 
-    ``closed = (before² - after²)/(before² - floor²)`` with its 95 % interval. ``floor`` is what the noise explains; where less
-    than that remains, the noise was overestimated, and ``floor`` is what remains.
+    ``closed = (before² - after²)/(before² - floor²)`` with its 95 % interval. ``floor`` is what the noise explains, and no more
+    than ``after`` or than 0.9995 times ``before``: where less remains, the noise was overestimated.
     """
 
     channel: str
@@ -111,9 +111,9 @@ class GapReduction(Record):
     ci95: list[float]
 
     @property
-    def above_noise(self) -> bool:
-        """Whether more remains than the noise explains."""
-        return self.after > self.floor
+    def within_noise(self) -> bool:
+        """Whether the noise explains what remains."""
+        return 0 < self.after <= self.floor or 0 < max(self.before, self.after) <= _WITHIN * self.floor
 
     @property
     def explained(self) -> str:
@@ -123,6 +123,16 @@ class GapReduction(Record):
         # where the gap is near the noise the interval of its share is very wide
         share, low, high = ("less than -100" if part < -1 else f"{100 * part:.0f}" for part in (self.closed, *self.ci95))
         return f"explained {share} % ({low} to {high})"
+
+    @property
+    def sizes(self) -> str:
+        """What there was, what remains, and how much of that is noise, in words; lengths in mm."""
+        before, after = size_in_words(self.before, self.unit), size_in_words(self.after, self.unit, named=False)
+        if self.within_noise and max(self.before, self.after) > _WITHIN * self.floor:
+            return f"{before} before, {after} after, which is within the noise"
+        # a channel that is right or wrong has no noise
+        floor = f", floor {size_in_words(self.floor, self.unit, named=False)}" if self.floor > 0 and not self.within_noise else ""
+        return f"{before} before, {after} after{floor}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,6 +145,12 @@ class NextExperiment(Record):
 
     def __repr__(self) -> str:
         return brief(self)
+
+
+def size_in_words(value: float, unit: str, named: bool = True) -> str:
+    """A root mean square of a channel, lengths in mm; with its unit if it has one and that is asked for."""
+    factor, name = (1000, " mm") if unit == "m" else (1, "" if unit == "1" else f" {unit}")
+    return readable(factor * value) + (name if named else "")
 
 
 def readable(value: float) -> str:

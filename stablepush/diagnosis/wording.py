@@ -108,7 +108,7 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
         more += f"; a refitted surface without any named cause leaves {factor * alone:.3g}{unit}"
     return (
         f"; so corrected, {_ERRORS_OF[channel]} on pushes left out of the fit falls from {before} to {after}{unit} rms "
-        f"({f'floor {floor}{unit}' if entry.above_noise else 'within the noise'}): {explained} is explained{more}"
+        f"({'within the noise' if entry.within_noise else f'floor {floor}{unit}'}): {explained} is explained{more}"
     )
 
 

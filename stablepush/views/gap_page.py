@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import FloatArray
-from stablepush.diagnosis import ChannelGap, Evidence, GapReduction, GapReport, RankedEffect, readable
+from stablepush.diagnosis import ChannelGap, Evidence, GapReport, RankedEffect, readable, size_in_words
 from stablepush.geometry import rotate_vectors
 from stablepush.objects import EdgePush, Slider
 from stablepush.views.pages import Section, render, script
@@ -24,6 +24,7 @@ from stablepush.views.plot.gaps import (
     plot_forms,
     plot_residuals,
     plot_residuals_against,
+    times_as_long,
 )
 
 #: Rows that a page has, at most.
@@ -53,16 +54,8 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         sections.append(Section.with_picture("What was found", figure_png(plot_forms(report)), words, found))
     if report.gap:
         sections.append(Section("How large the gap is", size, [(entry.channel, _gap(entry)) for entry in report.gap]))
-    left_out = "Root mean squares on held-out trials. The floor is what the noise explains."
-    reductions = [
-        (
-            entry.channel,
-            f"{_size(entry, entry.before, unit=True)} before, {_size(entry, entry.after)} after, "
-            f"{f'floor {_size(entry, entry.floor)}' if entry.above_noise else 'which is within the noise'}; "
-            f"{entry.explained}, {entry.held_out_trials} held-out trials",
-        )
-        for entry in report.reductions
-    ]
+    left_out = "Root mean squares on held-out trials. Floor: the noise alone."
+    reductions = [(e.channel, f"{e.sizes}; {e.explained}, {e.held_out_trials} held-out trials") for e in report.reductions]
     sections.append(Section("Gap reduction", left_out, reductions))
     if report.residuals:
         sections.append(Section.with_picture("Where: over the table", figure_png(plot_residuals(report))))
@@ -184,7 +177,7 @@ def _rows_of_final_poses(report: GapReport) -> _Seen:
     arrows = {key: report.pose_errors(key) for key in ends}
     covariates = np.column_stack((report.places[:, :2], np.degrees(report.places[:, 2]), np.arange(len(report.places))))
     rows = _rows(report.end_names, report.places, arrows, parts, covariates)
-    scale = max(1.0, round(_scale(rows, report.rig.slider)))
+    scale = times_as_long(_scale(rows, report.rig.slider))
     longer = f", {scale:.0f} times as long" if scale > 1 else ""
     return _Seen(
         f"Arrows: from the simulated to the measured final position{longer}.",
@@ -219,16 +212,10 @@ def _rows(
 
 def _gap(entry: ChannelGap) -> str:
     """A channel of ``gap``."""
-    nominal, p = _size(entry, entry.nominal, unit=True), entry.p_lack_of_fit
-    refitted, floor = _size(entry, entry.refitted), _size(entry, entry.noise_floor)
+    nominal, p = size_in_words(entry.nominal, entry.unit), entry.p_lack_of_fit
+    refitted, floor = (size_in_words(size, entry.unit, named=False) for size in (entry.refitted, entry.noise_floor))
     words = f"{nominal} from the nominal simulation, {refitted} with a refitted surface, floor {floor}"
     return f"{words}; p {f'{p:.2g}' if p > 1e-4 else 'below 0.0001'}"
-
-
-def _size(entry: ChannelGap | GapReduction, value: float, unit: bool = False) -> str:
-    """A root mean square of a channel, lengths in mm; with its unit if that is asked for."""
-    factor, name = (1000, "mm") if entry.unit == "m" else (1, "" if entry.unit == "1" else entry.unit)
-    return f"{readable(factor * value)} {name}".rstrip() if unit else readable(factor * value)
 
 
 def _effect(entry: RankedEffect, evidence: Evidence) -> str:

@@ -9,8 +9,9 @@ from functools import partial
 from importlib import import_module
 
 import pytest
+from numba.core.errors import TypingError
 
-from stablepush.cli import main
+from stablepush.cli import building
 from stablepush.core.turns import Turn
 
 SOURCE = """
@@ -38,6 +39,8 @@ def test_an_index_that_cannot_be_read_is_built_again(tmp_path, monkeypatch, inde
         kept[0].write_bytes(head + index)
     sys.modules.pop("kept_code", None)
 
+
+no_code = pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT", "0") != "0", reason="compiling is turned off")
 
 SHARED = """
 import sys
@@ -85,7 +88,7 @@ def python(*arguments, **others):
     )
 
 
-@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT", "0") != "0", reason="compiling is turned off")
+@no_code
 def test_processes_build_a_function_once_for_all_and_for_all_values(tmp_path):
     """A function of two constants is one function, and four processes that need it at the same time build it once."""
     program = tmp_path / "shared_code.py"
@@ -129,6 +132,82 @@ def test_what_cannot_be_locked_is_built_all_the_same(tmp_path):
     turn.give()
 
 
-def test_all_code_is_built_by_a_command(capsys):
-    assert main(["compile"]) == 0
-    assert "compiled code is ready" in capsys.readouterr().out
+FAILING = """
+from stablepush.core import compiled, inner
+
+
+@inner
+def half(x):
+    return x / 2
+
+
+@compiled
+def quarter(x):
+    return half(half(x))
+"""
+
+
+@no_code
+def test_who_fails_to_build_gives_the_turn_back(tmp_path, monkeypatch):
+    (tmp_path / "failing_code.py").write_text(FAILING, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    code = import_module("failing_code")
+    with pytest.raises(TypingError):
+        code.quarter("word")
+    assert not code.quarter._cache._turn.mine
+    assert not code.half._cache._turn.mine
+    assert code.quarter(4.0) == 1.0
+
+
+@no_code
+def test_code_of_another_source_is_never_read_under_its_name(tmp_path):
+    """As if a process were killed after one of the two files of a function was written, or another looked between the two."""
+    program = tmp_path / "changing_code.py"
+    run = partial(subprocess.run, [sys.executable, program], capture_output=True, text=True, check=False)
+    text = "import sys, os\nfrom stablepush.core import compiled\nfrom stablepush.core.compiled import _Files\n{}\n\n"
+    text += "@compiled\ndef plus(x):\n    return x + {}\n\n\nprint(plus(1.0))\n"
+    program.write_text(text.format("", 1))
+    assert run().stdout == "2.0\n"
+    for name in ("_save_data", "_save_index"):
+        program.write_text(text.format(f"_Files.{name} = lambda *_: os._exit(9)", 100))
+        assert run().returncode == 9
+        program.write_text(text.format("", 100))
+        assert run().stdout == "101.0\n"
+        program.write_text(text.format("", 1))
+        assert run().stdout == "2.0\n"
+
+
+def test_a_process_does_not_wait_again_and_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(Turn, "patience", 0.2)
+    monkeypatch.setattr(Turn, "_lock", lambda self: False)
+    for name in ("f", "g"):
+        Turn(str(tmp_path), name).take()
+    assert Turn.patience == 0.0
+
+
+def test_a_helper_ends_with_its_parent_and_reads_no_module_of_the_current_folder(tmp_path, monkeypatch):
+    (tmp_path / "numba.py").write_text("raise SystemExit(77)")
+    monkeypatch.chdir(tmp_path)
+    with building._start(0) as helper:
+        helper.stdin.close()
+        assert helper.wait(timeout=120) == 1
+    found = subprocess.run([sys.executable, "-c", "import numba"], env=building._environment(), check=False)
+    assert found.returncode == 0
+
+
+@no_code
+def test_all_code_is_built_by_a_command():
+    ask = (
+        "from stablepush.cli import main\nassert main(['compile']) == 0\n"
+        "from stablepush.mechanics.kernels.rollout import run\nfrom stablepush_planners._search import expand\n"
+        "from stablepush.identify.kernels.pressure_draws import weigh\nfrom stablepush.diagnosis._readings import read\n"
+        "print([len(f.overloads) for f in (run, expand, weigh, read)])"
+    )
+    with python("-c", ask) as process:
+        assert process.stdout.read().splitlines()[-1] == "[1, 1, 1, 1]"
+
+
+def test_nothing_is_built_where_nothing_is_kept():
+    command = [sys.executable, "-m", "stablepush", "compile"]
+    done = subprocess.run(command, env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr.count("\n"), "NUMBA_DISABLE_JIT" in done.stderr) == (2, 1, True)

@@ -3,10 +3,12 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from conftest import make_log
 
 import stablepush as sp
+from stablepush.diagnosis.gap_reduction import _reduction
 from stablepush.diagnosis.results import GapReduction, as_json
 
 
@@ -67,9 +69,19 @@ def test_the_support_friction_is_told_where_it_was_refitted():
     assert sp.diagnose(replace(log, rig=modelled)).support_friction is None
 
 
-def test_what_is_left_is_within_the_noise_or_above_it():
-    def left(after, floor):
-        return GapReduction("pose", "m", 9, 4e-3, after, floor, 1.0, [0.9, 1.0])
-
-    assert left(2e-3, 1e-3).above_noise
-    assert not left(1e-3, 1e-3).above_noise
+@pytest.mark.parametrize(
+    ("before", "after", "noise", "words"),
+    (
+        (4e-3, 2e-3, 1e-3, "4 mm before, 2 after, floor 1"),
+        (4e-3, 1e-3, 1.2e-3, "4 mm before, 1 after, which is within the noise"),
+        # the correction changes nothing, and there was nothing to correct
+        (1.6e-3, 1.6e-3, 5e-3, "1.6 mm before, 1.6 after"),
+        # a channel without noise, of which nothing is left
+        (0.4, 0.0, 0.0, "400 mm before, 0 after"),
+    ),
+)
+def test_what_is_left_is_told_beside_the_noise(before, after, noise, words):
+    squares = {"before": np.full(6, before**2), "after": np.full(6, after**2)}
+    entry = _reduction("pose", "m", np.arange(6), squares, noise**2)
+    assert entry.sizes == words
+    assert (entry.explained == "within the noise") == (before == after)

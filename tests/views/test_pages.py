@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import FORCES, LOAD, MASS, edited, make_log, pressure, small_scene, triangle
+from matplotlib.figure import Figure
 
 import stablepush as sp
 from stablepush.diagnosis.evidence import readable
 from stablepush.views.gap_page import gap_html
 from stablepush.views.pages import plan_html, push_html, region_html, slide_html, surface_html
-from stablepush.views.plot.gaps import arrow_scale, picture_frame
+from stablepush.views.plot.gaps import arrow_scale, picture_frame, plot_residuals, times_as_long
 
 BROWSER = next((p for p in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if p), None)
 SLIDER = sp.Slider(triangle().vertices, MASS, pressure())
@@ -134,3 +135,21 @@ def test_arrows_are_on_the_picture_unless_one_would_hide_all_others(longest, who
     # others are still seen: the 95th percentile is some hundredths of the picture at least
     assert np.quantile(np.linalg.norm(scale * arrows[0], axis=1), 0.95) > 0.025 * (high - low).max() * (0.5 if not whole else 1)
     assert (high - low).max() < 2 * 0.6
+
+
+def test_arrows_of_no_length_are_drawn_as_they_are():
+    places = np.random.default_rng(0).uniform(size=(9, 2))
+    assert arrow_scale(places, [np.zeros((9, 2))] * 2) == 1.0
+    assert arrow_scale(np.zeros((0, 2)), []) == 1.0
+    assert times_as_long(arrow_scale(places, [np.full((9, 2), 1e-9)])) == 1000
+    # what only the corrected simulation leaves is seen, too
+    assert 0.05 < 0.3 * arrow_scale(places, [np.zeros((9, 2)), np.full((9, 2), 0.3)]) < 0.5
+
+
+def test_a_picture_in_axes_of_others_leaves_what_they_show():
+    figure = Figure()
+    axes = figure.subplots()
+    axes.plot([-1, 2], [0, 0])
+    plot_residuals(sp.diagnose(make_log("latency:delay=0.08", count=16)), ax=axes)
+    assert axes.get_xlim()[0] < -0.9
+    assert axes.get_xlim()[1] > 1.9

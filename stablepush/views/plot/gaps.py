@@ -29,26 +29,37 @@ if TYPE_CHECKING:
 _HIDDEN = "#767676"
 #: Length of a large arrow, and of the longest that is not cut off, over the extent of the table.
 _GOOD, _LONGEST = 0.12, 0.45
+#: Errors of final positions are drawn so many times as long, at most.
+_MOST_TIMES = 1000
 
 
 def plot_residuals(report: GapReport, ax: Axes | None = None) -> Axes:
     """Draw the forces that the nominal simulation lacks, as arrows over the table, and what remains after the correction."""
-    places = report.poses[:, :2]
-    forces = {key: rotate_vectors(report.poses[:, 2], report.residuals[key][:, :2]) for key in ("before", "after")}
-    arrows = arrow_scale(places, list(forces.values())) * np.stack(list(forces.values()))
+    good = np.isfinite([report.residuals[key] for key in ("before", "after")]).all(axis=(0, 2))
+    places = report.poses[good][:, :2]
+    forces = [rotate_vectors(report.poses[good][:, 2], report.residuals[key][good][:, :2]) for key in ("before", "after")]
+    arrows = arrow_scale(places, forces) * np.stack(forces)
     return _over_the_table(places, np.stack((places, places)), arrows, "Measured less predicted force, over the table", ax)
 
 
 def arrow_scale(places: FloatArray, arrows: Sequence[FloatArray], room: float = 0.0) -> float:
-    """Length (m) on the table of an arrow of 1: large ones of the first (n, 2) get a good length, the longest of all stays on the
-    picture unless the others would not be seen then. ``room``: what is drawn around the places (m)."""
+    """Length (m) on the table of an arrow of 1: large ones get a good length, and the longest stays on the picture unless the
+    others would not be seen then. ``arrows``: one or more (n, 2); ``room``: what is drawn around the places (m)."""
     if not len(places):
         return 1.0
     extent = max(float(np.ptp(places, axis=0).max()) + room, 0.05)
-    large = max(float(np.quantile(np.linalg.norm(arrows[0], axis=1), 0.95)), 1e-12)
-    longest = max(float(np.linalg.norm(arrow, axis=1).max()) for arrow in arrows)
+    lengths = [np.linalg.norm(arrow, axis=1) for arrow in arrows]
+    large = max(float(np.quantile(one, 0.95)) for one in lengths)
+    longest = max(float(one.max()) for one in lengths)
+    if large == 0.0:
+        return 1.0
     good = _GOOD * extent / large
-    return max(min(good, _LONGEST * extent / max(longest, 1e-12)), good / 4)
+    return max(min(good, _LONGEST * extent / longest), good / 4)
+
+
+def times_as_long(scale: float) -> float:
+    """How many times as long as it is a distance is drawn, as a whole number."""
+    return float(np.clip(round(scale), 1, _MOST_TIMES))
 
 
 def picture_frame(places: FloatArray, tips: FloatArray, room: float = 0.0) -> tuple[FloatArray, FloatArray]:
@@ -69,8 +80,13 @@ def _over_the_table(places: FloatArray, tails: FloatArray, arrows: FloatArray, t
         style = {"color": color, "width": 0.0025, "label": word}
         axes.quiver(*tail.T, *arrow.T, angles="xy", scale_units="xy", scale=1.0, **style)
     axes.plot(*places.T, linestyle="none", marker=".", markersize=3, color=OBSTACLE)
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
+    if ax is None:
+        axes.set_xlim(low[0], high[0])
+        axes.set_ylim(low[1], high[1])
+    else:
+        # what else is in these axes stays in sight
+        axes.update_datalim((low, high))
+        axes.autoscale_view()
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.set_title(title)
@@ -114,7 +130,7 @@ def plot_final_poses(report: GapReport, ax: Axes | None = None) -> Axes:
     good = np.isfinite([report.ends[key] for key in ("before", "after")]).all(axis=(0, 2))
     places = report.places[good][:, :2]
     errors = [report.pose_errors(key)[good] for key in ("before", "after")]
-    times = max(1.0, round(arrow_scale(places, errors)))
+    times = times_as_long(arrow_scale(places, errors))
     longer = f", {times:.0f} times as long" if times > 1 else ""
     arrows = times * np.stack(errors)
     # to the measured end
