@@ -53,6 +53,7 @@ from .io import (
     read_pushlog as read_pushlog,
     save_contact as save_contact,
     save_model as save_model,
+    save_slider as save_slider,
     write_pushlog as write_pushlog,
 )
 from .mechanics import (

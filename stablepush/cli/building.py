@@ -12,8 +12,7 @@ from contextlib import suppress
 from typing import Any
 
 from stablepush.cli.common import Progress, told
-from stablepush.core import UnavailableError
-from stablepush.core.turns import Turn
+from stablepush.core import Turn, UnavailableError
 
 #: Processes that help, at most: more would only wait for each other.
 _MOST_HELPERS = 3
@@ -27,13 +26,11 @@ _running: list[object] = []
 def build_all() -> None:
     """Build the compiled code of plans, simulated pushes, fits and diagnoses now. Otherwise it is built at first use, which then
     takes half a minute longer. The code is kept beside the package, or in the user's cache if that cannot be written."""
-    from stablepush.core import is_kept
-    from stablepush.mechanics.kernels.rollout import run
+    from stablepush.core import compiled, is_kept
 
-    if not is_kept(run):
-        raise UnavailableError(
-            "no compiled code can be kept: expected a folder that can be written, and NUMBA_DISABLE_JIT not set"
-        )
+    # a function of this package: those of other folders are kept likewise
+    if not is_kept(compiled(lambda: None)):
+        raise UnavailableError("no compiled code is kept: expected a folder that can be written, and NUMBA_DISABLE_JIT not set")
     started = time.perf_counter()
     for part in reversed(_PARTS):
         part()

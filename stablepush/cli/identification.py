@@ -152,7 +152,9 @@ def fit(
     for warning in result.warnings:
         print(f"note: {warning}")
     if result.prior_weight:
-        print(f"prior: pressures under the slider's outline{', weighed by the pokes' if names else '; its loads are in mu*N'}")
+        print(
+            f"prior: pressures under the slider's outline{', weighed by the pokes' if names else '; loads are in units of mu*N'}"
+        )
     if result.validation_error is not None:
         print(f"angle error on held-out folds: {math.degrees(result.validation_error):.2f} deg")
     if names:

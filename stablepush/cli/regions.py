@@ -183,7 +183,7 @@ def contacts(
         float, typer.Option(parser=number, metavar="METRES", help="Radius of the fingers: where they have no room is left out.")
     ] = 0.0,
     best_file: Annotated[
-        Path | None, typer.Option("--best", help="File to write the best contact to, as classify, map and margins take it.")
+        Path | None, typer.Option("--best", help="File to write the best contact to, as classify and map take it.")
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture of the contacts as PNG.")] = None,
 ) -> None:

@@ -59,5 +59,5 @@ from .plugins import load_plugin as load_plugin, plugin_names as plugin_names
 from .renamed import renamed as renamed, renamed_fields as renamed_fields
 from .rich import shown_as as shown_as
 from .shares import binomial_interval as binomial_interval
-from .turns import at_first_build as at_first_build
+from .turns import Turn as Turn, at_first_build as at_first_build
 from .words import Word as Word

@@ -16,7 +16,7 @@ class Verdict(Word):
     """The result of a diagnosis, in one word."""
 
     NONE = "none", "the nominal simulation fits within the noise: nothing to correct"
-    ABSORBED = "absorbed", "a refitted surface and friction fit: use the corrected model; no other cause stands out"
+    ABSORBED = "absorbed", "a refitted surface and friction fit, no other cause stands out: stablepush correct, then plan again"
     NAMED = "named", "use the corrected simulation, or remove the cause"
     AMBIGUOUS = "ambiguous", "make the pushes of next_experiment: this log cannot separate the causes"
     UNKNOWN = "unknown", "no effect of the catalogue explains the gap: see where it lies"

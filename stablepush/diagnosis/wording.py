@@ -34,8 +34,8 @@ _LEFT = 2.0
 _LAST_BIT = 1e-9
 #: Channels as a sentence has them.
 _ERRORS_OF = {
-    "wrench": "the error of the wrench", "twist": "the error of the direction of motion", "pose": "the error of the final pose",
-    "stability": "the share of wrong labels of stability",
+    "wrench": "the error of the wrench", "twist": "the error of the direction of motion",
+    "pose": "the error of the final pose, push by push,", "stability": "the share of wrong labels of stability",
 }  # fmt: skip
 #: Units of parameters as people say them: factor and unit.
 _SHOWN = {

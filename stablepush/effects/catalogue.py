@@ -198,7 +198,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "the slider's poses lag the pusher's and the forces",
             "sensing",
             "poses of pusher and slider at speeds that vary",
-            "import the log again with pose_delay, or subtract the delay from the stamps of the poses; plans stay as they are",
+            "put the delay (s) as pose_delay into the mapping and import the log again; you need no new plan",
             "The slider's poses lag the forces and the pusher by {delay}",
             (Parameter("delay", "s", 0.0, 0.0, 0.3, least=0.0),),
         ),

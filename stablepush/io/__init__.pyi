@@ -9,6 +9,7 @@ from .formats import (
     model_to_json as model_to_json,
     save_contact as save_contact,
     save_model as save_model,
+    save_slider as save_slider,
     slider_from_node as slider_from_node,
     slider_to_json as slider_to_json,
 )

@@ -43,6 +43,11 @@ def load_slider(path: str | Path) -> Slider:
     return slider_from_node(read_json(path, "slider/1"))
 
 
+def save_slider(slider: Slider, path: str | Path) -> None:
+    """Write a ``slider/1`` file, as ``map``, ``contacts``, ``fit`` and mappings of logs take it."""
+    write_json(path, slider_to_json(slider))
+
+
 def contact_from_node(node: Node) -> PushContact:
     """Read the value of a ``contact``."""
     node.expect_keys("format", "points", "normals", "mu")

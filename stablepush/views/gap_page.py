@@ -95,9 +95,10 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         "how far off it is. Without forces the final poses are fitted instead of wrenches: each push is simulated again. "
         "An effect is named if its family-wise p-value is below 1 % (a bootstrap over the signs of the trials' scores; without "
         "forces a larger gain may take its place) and the log density rises by more than its scatter between pushes explains; "
-        "the others are judged given it. Pressure is named if it predicts held-out trials as well as any pressure does, friction "
-        "of the fingers if the forces of slipping fingers differ significantly. All trials decide which effects act. Reductions "
-        "of the gap are those of trials left out of the fit, in five folds that keep repeats together."
+        "the others are judged given it. A wrong pressure is named if it predicts held-out trials as well as any pressure does. "
+        "A wrong friction of the fingers is named if the forces of slipping fingers show it significantly. All trials decide "
+        "which effects act. Reductions of the gap are those of trials left out of the fit, in five folds that keep repeats "
+        "together."
     )
     sections.append(Section("How it was computed", how))
     sections.append(Section("Data quality", "", [("note", note) for note in report.notes] or [("note", "none")]))
