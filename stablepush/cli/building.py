@@ -1,4 +1,4 @@
-"""Compiled code is built at first use: shows progress, and starts processes that help on other cores."""
+"""Code is compiled at first use: progress of that, and processes that help on other cores."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import Any
 
 from stablepush.cli.common import Progress, told
-from stablepush.core import Turn, UnavailableError
+from stablepush.core import BuildLock, UnavailableError, usable_cores
 
 #: Processes that help, at most: more would only wait for each other.
 _MOST_HELPERS = 3
@@ -25,11 +25,11 @@ _running: list[object] = []
 
 def build_all() -> None:
     """Build the compiled code of plans, simulated pushes, fits and diagnoses now. Otherwise it is built at first use, which then
-    takes half a minute longer. The code is kept beside the package, or in the user's cache if that cannot be written."""
-    from stablepush.core import compiled, is_kept
+    takes up to a minute longer. The code is kept beside the package, or in the user's cache if that cannot be written."""
+    from stablepush.core import compiled, is_cached
 
     # a function of this package: those of other folders are kept likewise
-    if not is_kept(compiled(lambda: None)):
+    if not is_cached(compiled(lambda: None)):
         raise UnavailableError("no compiled code is kept: expected a folder that can be written, and NUMBA_DISABLE_JIT not set")
     started = time.perf_counter()
     for part in reversed(_PARTS):
@@ -38,61 +38,39 @@ def build_all() -> None:
     print(f"compiled code is ready ({time.perf_counter() - started:.1f} s)")
 
 
-def watch_builds() -> None:
-    """Show what is built from now on, and let other processes help: for the moment of the first build."""
-    from numba.core import event
+class FirstUse:
+    """A line of progress while code is built, and processes that help: for the moment of the first build."""
 
-    listener = _listener()
-    for kind in ("numba:compile", "stablepush:waiting"):
-        event.register(kind, listener)
+    def __init__(self) -> None:
+        from stablepush.core import watch_builds
 
+        self._line = Progress("first use: compiling for this machine, once")
+        self._count = 0
+        watch_builds(self._began, lambda _: self._line.__exit__())
 
-def _listener() -> Any:
-    from numba.core import event
-
-    class Shown(event.Listener):  # type: ignore[misc]
-        """A line of progress while code is built."""
-
-        def __init__(self) -> None:
-            self._line = Progress("first use: compiling for this machine, once")
-            self._depth = self._count = 0
-
-        def on_start(self, started: Any) -> None:
-            self._depth += 1
-            if started.data is None:
-                self._line.describe("waiting for another process that does it")
-                return
-            dispatcher = started.data["dispatcher"]
-            function = dispatcher.py_func
-            if (function.__module__ or "").startswith("stablepush"):
-                self._count += 1
-                self._line.describe(f"function {self._count}, {function.__name__.strip('_')}")
-                if self._count == _MANY:
-                    _start_helpers(dispatcher)
-
-        def on_end(self, _: Any) -> None:
-            self._depth = max(0, self._depth - 1)
-            if self._depth == 0:
-                self._line.__exit__()
-
-    return Shown()
+    def _began(self, built: Any) -> None:
+        if built is None:
+            self._line.describe("waiting for another process that does it")
+        elif (built.py_func.__module__ or "").startswith("stablepush"):
+            self._count += 1
+            self._line.describe(f"function {self._count}, {built.py_func.__name__.strip('_')}")
+            if self._count == _MANY:
+                _start_helpers(built)
 
 
-def _start_helpers(dispatcher: Any) -> None:
-    from stablepush.core import is_kept
+def _start_helpers(built: Any) -> None:
+    from stablepush.core import is_cached
 
-    if not is_kept(dispatcher):
+    if not is_cached(built):
         return
-    turn = Turn(dispatcher._cache.cache_path, "helpers")
-    turn.take(patience=0.0)
-    # those of another process help this one, too
-    if not turn.mine:
-        return
-    _running.append(turn)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    for first in range(min(cores - 1, _MOST_HELPERS)):
-        with suppress(OSError):  # without help it takes longer
-            _running.append(_start(first))
+    # held until this process ends: if another one has started helpers, they build for this one as well
+    lock = BuildLock(built._cache.cache_path, "helpers")
+    lock.acquire(timeout=0.0)
+    if lock.held:
+        _running.append(lock)
+        for first in range(min(usable_cores() - 1, _MOST_HELPERS)):
+            with suppress(OSError):  # without help it takes longer
+                _running.append(_start(first))
 
 
 def _start(first: int) -> subprocess.Popen[bytes]:

@@ -152,9 +152,8 @@ def fit(
     for warning in result.warnings:
         print(f"note: {warning}")
     if result.prior_weight:
-        print(
-            f"prior: pressures under the slider's outline{', weighed by the pokes' if names else '; loads are in units of mu*N'}"
-        )
+        told_of_loads = ", weighed by the pokes" if names else "; loads are in units of mu*N"
+        print(f"prior: pressures under the slider's outline{told_of_loads}")
     if result.validation_error is not None:
         print(f"angle error on held-out folds: {math.degrees(result.validation_error):.2f} deg")
     if names:

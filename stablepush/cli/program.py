@@ -23,12 +23,12 @@ def main(arguments: list[str] | None = None) -> int:
     import typer
 
     from stablepush.cli.app import app
-    from stablepush.cli.building import watch_builds
+    from stablepush.cli.building import FirstUse
     from stablepush.cli.common import heard, is_quiet
     from stablepush.core import at_first_build
 
     if arguments is None:
-        at_first_build(watch_builds)
+        at_first_build(FirstUse)
 
     # the class that all argument errors derive from is not a public name of every typer
     usage_error: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")

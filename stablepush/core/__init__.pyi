@@ -17,7 +17,14 @@ from .arrays import (
     read_only as read_only,
 )
 from .brief import brief as brief
-from .compiled import compiled as compiled, inlined as inlined, inner as inner, is_kept as is_kept
+from .build_lock import BuildLock as BuildLock
+from .compiled import (
+    compiled as compiled,
+    inlined as inlined,
+    inner as inner,
+    is_cached as is_cached,
+    watch_builds as watch_builds,
+)
 from .deadline import Deadline as Deadline, within as within
 from .errors import (
     ConvergenceError as ConvergenceError,
@@ -32,8 +39,9 @@ from .errors import (
     UnavailableError as UnavailableError,
     UnsupportedContactError as UnsupportedContactError,
 )
+from .first_build import at_first_build as at_first_build
 from .json_node import Node as Node, describe as describe
-from .parallel import in_threads as in_threads, run_parallel as run_parallel
+from .parallel import in_threads as in_threads, run_parallel as run_parallel, usable_cores as usable_cores
 from .plausibility import (
     note_cors as note_cors,
     note_distance as note_distance,
@@ -59,5 +67,4 @@ from .plugins import load_plugin as load_plugin, plugin_names as plugin_names
 from .renamed import renamed as renamed, renamed_fields as renamed_fields
 from .rich import shown_as as shown_as
 from .shares import binomial_interval as binomial_interval
-from .turns import Turn as Turn, at_first_build as at_first_build
 from .words import Word as Word

@@ -15,14 +15,15 @@ from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
 
-from stablepush.core.turns import Turn, announce_build
+from stablepush.core.build_lock import BuildLock
+from stablepush.core.first_build import announce_build
 
 #: Multiply-adds may be fused, which only makes them more accurate; nothing else of fast maths, for NaN must stay NaN. Threads may
 #: run compiled code side by side: it touches nothing but its arguments.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True, "nogil": True}
 
-#: The event of waiting for another process.
-_WAITING = "stablepush:waiting"
+#: The events of building a function, and of waiting for another process that does.
+_BUILDING, _WAITING = "numba:compile", "stablepush:waiting"
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -60,18 +61,15 @@ def _kept(dispatcher: Any) -> Any:
             cache = dispatcher._cache = _Cache(dispatcher.py_func)
             build = dispatcher._compiler.compile
 
-            def build_or_give_up(args: Any, return_type: Any) -> Any:
-                try:
+            def build_or_release(args: Any, return_type: Any) -> Any:
+                with cache.lock.released_on_error():
                     return build(args, return_type)
-                except BaseException:
-                    cache.give_up()
-                    raise
 
-            dispatcher._compiler.compile = build_or_give_up
+            dispatcher._compiler.compile = build_or_release
     return dispatcher
 
 
-def is_kept(function: Any) -> bool:
+def is_cached(function: Any) -> bool:
     """Tell whether the machine code of a compiled function is kept on disk."""
     return isinstance(getattr(function, "_cache", None), _Cache)
 
@@ -93,29 +91,22 @@ class _Cache(FunctionCache):  # type: ignore[misc]
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         self._cache_file = _Files(self.cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
-        self._turn = Turn(self.cache_path, f"{function.__module__}.{function.__qualname__}")
+        self.lock = BuildLock(self.cache_path, f"{function.__module__}.{function.__qualname__}")
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         return (*super()._index_key(sig, codegen), _stamps(self._py_func))
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         found = self._on_disk(sig, target_context)
-        if found is None and not self._turn.mine:
+        if found is None and not self.lock.held:
             announce_build()
             with event.trigger_event(_WAITING):
-                self._turn.take()
-            try:
+                self.lock.acquire()
+            with self.lock.released_on_error():
                 found = self._on_disk(sig, target_context)
-            except BaseException:
-                self._turn.give()
-                raise
             if found is not None:
-                self._turn.give()
+                self.lock.release()
         return found
-
-    def give_up(self) -> None:
-        """Let another process build the function."""
-        self._turn.give()
 
     def _on_disk(self, sig: Any, target_context: Any) -> Any:
         try:
@@ -131,7 +122,7 @@ class _Cache(FunctionCache):  # type: ignore[misc]
             with suppress(OSError):
                 super().save_overload(sig, data)
         finally:
-            self._turn.give()
+            self.lock.release()
 
 
 def _stamps(function: Any) -> tuple[tuple[str, int, int], ...]:
@@ -150,25 +141,36 @@ def _stamps(function: Any) -> tuple[tuple[str, int, int], ...]:
 
 
 class _Builds(event.Listener):  # type: ignore[misc]
-    """Times the outermost of nested builds."""
+    """Tells of each function that is built, None for a wait for another process, and the time in s of the outermost of nested
+    builds."""
 
-    def __init__(self, notify: Callable[[float], None]) -> None:
-        self._notify, self._depth, self._began = notify, 0, 0.0
+    def __init__(self, began: Callable[[Any], None], ended: Callable[[float], None]) -> None:
+        self._tell_start, self._tell_end, self._depth, self._began = began, ended, 0, 0.0
 
-    def on_start(self, _: Any) -> None:
+    def on_start(self, started: Any) -> None:
         if self._depth == 0:
             self._began = time.perf_counter()
         self._depth += 1
+        self._tell_start(None if started.data is None else started.data["dispatcher"])
 
     def on_end(self, _: Any) -> None:
-        self._depth -= 1
+        # whoever listens from within a build hears of its end only
+        self._depth = max(0, self._depth - 1)
         if self._depth == 0:
-            self._notify(time.perf_counter() - self._began)
+            self._tell_end(time.perf_counter() - self._began)
+
+
+def watch_builds(began: Callable[[Any], None], ended: Callable[[float], None]) -> None:
+    """Call ``began`` with each function that is built from now on, with None if another process is waited for, and ``ended`` with
+    the time in s when that is over."""
+    listener = _Builds(began, ended)
+    for kind in (_BUILDING, _WAITING):
+        event.register(kind, listener)
 
 
 @contextmanager
 def when_built(notify: Callable[[float], None]) -> Iterator[None]:
     """Call ``notify`` with the time in s whenever code was built in the block, here or by another process that was waited for."""
-    listener = _Builds(notify)
-    with event.install_listener("numba:compile", listener), event.install_listener(_WAITING, listener):
+    listener = _Builds(lambda _: None, notify)
+    with event.install_listener(_BUILDING, listener), event.install_listener(_WAITING, listener):
         yield

@@ -96,9 +96,14 @@ def _on_cluster(function: Callable[..., Any], jobs: list[tuple[Any, ...]], clien
             client.cancel(futures)
 
 
+def usable_cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def in_threads(function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
     """Return what a function returns of each item, side by side in threads: for compiled code, which releases the interpreter."""
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    usable = usable_cores()
     if min(usable, len(items)) < 2:
         return [function(item) for item in items]
     with ThreadPoolExecutor(min(_MOST_THREADS, usable, len(items))) as threads:

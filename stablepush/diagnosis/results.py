@@ -113,12 +113,16 @@ class GapReduction(Record):
     @property
     def within_noise(self) -> bool:
         """Whether the noise explains what remains."""
-        return 0 < self.after <= self.floor or 0 < max(self.before, self.after) <= _WITHIN * self.floor
+        return 0 < self.after <= self.floor or self._had_no_gap
+
+    @property
+    def _had_no_gap(self) -> bool:
+        return 0 < max(self.before, self.after) <= _WITHIN * self.floor
 
     @property
     def explained(self) -> str:
         """How much of the gap is explained, in words."""
-        if 0 < max(self.before, self.after) <= _WITHIN * self.floor:
+        if self._had_no_gap:
             return "within the noise"
         # where the gap is near the noise the interval of its share is very wide
         share, low, high = ("less than -100" if part < -1 else f"{100 * part:.0f}" for part in (self.closed, *self.ci95))
@@ -127,12 +131,13 @@ class GapReduction(Record):
     @property
     def sizes(self) -> str:
         """What there was, what remains, and how much of that is noise, in words; lengths in mm."""
-        before, after = size_in_words(self.before, self.unit), size_in_words(self.after, self.unit, named=False)
-        if self.within_noise and max(self.before, self.after) > _WITHIN * self.floor:
-            return f"{before} before, {after} after, which is within the noise"
-        # a channel that is right or wrong has no noise
-        floor = f", floor {size_in_words(self.floor, self.unit, named=False)}" if self.floor > 0 and not self.within_noise else ""
-        return f"{before} before, {after} after{floor}"
+        before = size_in_words(self.before, self.unit)
+        after, floor = (size_in_words(value, self.unit, named=False) for value in (self.after, self.floor))
+        words = f"{before} before, {after} after"
+        # a channel of labels, right or wrong, has no floor
+        if self._had_no_gap or self.floor == 0:
+            return words
+        return f"{words}, {'which is within the noise' if self.within_noise else f'floor {floor}'}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,8 +154,13 @@ class NextExperiment(Record):
 
 def size_in_words(value: float, unit: str, named: bool = True) -> str:
     """A root mean square of a channel, lengths in mm; with its unit if it has one and that is asked for."""
-    factor, name = (1000, " mm") if unit == "m" else (1, "" if unit == "1" else f" {unit}")
+    factor, name = shown_unit(unit)
     return readable(factor * value) + (name if named else "")
+
+
+def shown_unit(unit: str) -> tuple[float, str]:
+    """Return the factor and the name of the unit in which errors of a channel are told: final poses in mm, the rest as it is."""
+    return (1000.0, " mm") if unit == "m" else (1.0, "" if unit == "1" else f" {unit}")
 
 
 def readable(value: float) -> str:

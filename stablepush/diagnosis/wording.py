@@ -9,7 +9,7 @@ import numpy as np
 
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import robust_variance
-from stablepush.diagnosis.results import ChannelGap, GapReduction, ParameterEstimate, RankedEffect, readable
+from stablepush.diagnosis.results import ChannelGap, GapReduction, ParameterEstimate, RankedEffect, readable, shown_unit
 from stablepush.diagnosis.system import System
 from stablepush.effects import CATALOGUE, EffectKind, Parameter
 from stablepush.io import PushLog
@@ -98,8 +98,7 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
     if channel == "touch":
         return f"; so corrected, {explained} in how fingers touch is explained"
     entry = next(e for e in reductions if e.channel == channel)
-    # final poses in mm, the rest as it is
-    factor, unit = (1000, " mm") if entry.unit == "m" else (1, "" if entry.unit == "1" else f" {entry.unit}")
+    factor, unit = shown_unit(entry.unit)
     before, after, floor = (f"{factor * size:.3g}" for size in (entry.before, entry.after, entry.floor))
     left = entry.after / entry.floor if entry.floor > 0 else 0.0
     more = f", what is left is {left:.0f} times the floor" if left > _LEFT else ""

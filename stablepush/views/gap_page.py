@@ -18,13 +18,13 @@ from stablepush.views.plot.canvas import figure_png
 from stablepush.views.plot.gaps import (
     arrow_scale,
     drawn_forms,
-    picture_frame,
+    magnification,
     plot_effects,
     plot_final_poses,
     plot_forms,
     plot_residuals,
     plot_residuals_against,
-    times_as_long,
+    view_limits,
 )
 
 #: Rows that a page has, at most.
@@ -130,7 +130,7 @@ class _Seen:
         places = np.array([row["at"][:2] for row in self.rows])
         arrows = np.array([[row["arrow"][key] for key in row["arrow"]] for row in self.rows])
         tips = places[:, None] + (-self.scale if self.behind else self.scale) * arrows
-        low, high = picture_frame(places, tips, slider.radius)
+        low, high = view_limits(places, tips, slider.radius)
         return script(
             {
                 "rows": self.rows,
@@ -178,7 +178,7 @@ def _rows_of_final_poses(report: GapReport) -> _Seen:
     arrows = {key: report.pose_errors(key) for key in ends}
     covariates = np.column_stack((report.places[:, :2], np.degrees(report.places[:, 2]), np.arange(len(report.places))))
     rows = _rows(report.end_names, report.places, arrows, parts, covariates)
-    scale = times_as_long(_scale(rows, report.rig.slider))
+    scale = magnification(_scale(rows, report.rig.slider))
     longer = f", {scale:.0f} times as long" if scale > 1 else ""
     return _Seen(
         f"Arrows: from the simulated to the measured final position{longer}.",

@@ -12,7 +12,7 @@ import pytest
 from numba.core.errors import TypingError
 
 from stablepush.cli import building
-from stablepush.core.turns import Turn
+from stablepush.core import BuildLock
 
 SOURCE = """
 from stablepush.core import compiled
@@ -105,31 +105,31 @@ def test_processes_build_a_function_once_for_all_and_for_all_values(tmp_path):
     assert built == ["['cube_and_square', 'power']", "[]", "[]", "[]"]
 
 
-def test_a_turn_is_had_by_one_process_until_it_ends(tmp_path):
+def test_a_lock_is_held_by_one_process_until_it_ends(tmp_path):
     hold = (
-        "import sys\nfrom stablepush.core.turns import Turn\nturn = Turn(sys.argv[1], 'f')\nturn.take()\n"
-        "print(turn.mine, flush=True)\nsys.stdin.readline()"
+        "import sys\nfrom stablepush.core import BuildLock\nlock = BuildLock(sys.argv[1], 'f')\nlock.acquire()\n"
+        "print(lock.held, flush=True)\nsys.stdin.readline()"
     )
-    turn, free = Turn(str(tmp_path), "f"), Turn(str(tmp_path), "g")
+    lock, free = BuildLock(str(tmp_path), "f"), BuildLock(str(tmp_path), "g")
     with python("-c", hold, tmp_path) as other:
         assert other.stdout.readline() == "True\n"
-        turn.take(patience=0.1)
-        free.take(patience=0.1)
-        assert (turn.mine, free.mine) == (False, True)
+        lock.acquire(timeout=0.1)
+        free.acquire(timeout=0.1)
+        assert (lock.held, free.held) == (False, True)
         other.kill()
-    turn.take()
-    assert turn.mine
-    turn.give()
-    free.give()
-    assert not turn.mine
+    lock.acquire()
+    assert lock.held
+    lock.release()
+    free.release()
+    assert not lock.held
 
 
 def test_what_cannot_be_locked_is_built_all_the_same(tmp_path):
     (tmp_path / "file").write_text("")
-    turn = Turn(str(tmp_path / "file" / "folder"), "f")
-    turn.take()
-    assert not turn.mine
-    turn.give()
+    lock = BuildLock(str(tmp_path / "file" / "folder"), "f")
+    lock.acquire()
+    assert not lock.held
+    lock.release()
 
 
 FAILING = """
@@ -148,14 +148,14 @@ def quarter(x):
 
 
 @no_code
-def test_who_fails_to_build_gives_the_turn_back(tmp_path, monkeypatch):
+def test_who_fails_to_build_releases_the_lock(tmp_path, monkeypatch):
     (tmp_path / "failing_code.py").write_text(FAILING, encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
     code = import_module("failing_code")
     with pytest.raises(TypingError):
         code.quarter("word")
-    assert not code.quarter._cache._turn.mine
-    assert not code.half._cache._turn.mine
+    assert not code.quarter._cache.lock.held
+    assert not code.half._cache.lock.held
     assert code.quarter(4.0) == 1.0
 
 
@@ -178,11 +178,11 @@ def test_code_of_another_source_is_never_read_under_its_name(tmp_path):
 
 
 def test_a_process_does_not_wait_again_and_again(tmp_path, monkeypatch):
-    monkeypatch.setattr(Turn, "patience", 0.2)
-    monkeypatch.setattr(Turn, "_lock", lambda self: False)
+    monkeypatch.setattr(BuildLock, "timeout", 0.2)
+    monkeypatch.setattr(BuildLock, "_lock", lambda self: False)
     for name in ("f", "g"):
-        Turn(str(tmp_path), name).take()
-    assert Turn.patience == 0.0
+        BuildLock(str(tmp_path), name).acquire()
+    assert BuildLock.timeout == 0.0
 
 
 def test_a_helper_ends_with_its_parent_and_reads_no_module_of_the_current_folder(tmp_path, monkeypatch):

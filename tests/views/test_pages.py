@@ -15,7 +15,7 @@ import stablepush as sp
 from stablepush.diagnosis.evidence import readable
 from stablepush.views.gap_page import gap_html
 from stablepush.views.pages import plan_html, push_html, region_html, slide_html, surface_html
-from stablepush.views.plot.gaps import arrow_scale, picture_frame, plot_residuals, times_as_long
+from stablepush.views.plot.gaps import arrow_scale, magnification, plot_residuals, view_limits
 
 BROWSER = next((p for p in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if p), None)
 SLIDER = sp.Slider(triangle().vertices, MASS, pressure())
@@ -130,7 +130,7 @@ def test_arrows_are_on_the_picture_unless_one_would_hide_all_others(longest, who
     arrows[0, 7] = (0.1 * longest, 0.0)
     scale = arrow_scale(places, list(arrows), 0.05)
     tips = places + scale * arrows
-    low, high = picture_frame(places, tips, 0.05)
+    low, high = view_limits(places, tips, 0.05)
     assert np.all((low <= tips) & (tips <= high)) == whole
     # others are still seen: the 95th percentile is some hundredths of the picture at least
     assert np.quantile(np.linalg.norm(scale * arrows[0], axis=1), 0.95) > 0.025 * (high - low).max() * (0.5 if not whole else 1)
@@ -141,7 +141,7 @@ def test_arrows_of_no_length_are_drawn_as_they_are():
     places = np.random.default_rng(0).uniform(size=(9, 2))
     assert arrow_scale(places, [np.zeros((9, 2))] * 2) == 1.0
     assert arrow_scale(np.zeros((0, 2)), []) == 1.0
-    assert times_as_long(arrow_scale(places, [np.full((9, 2), 1e-9)])) == 1000
+    assert magnification(arrow_scale(places, [np.full((9, 2), 1e-9)])) == 1000
     # what only the corrected simulation leaves is seen, too
     assert 0.05 < 0.3 * arrow_scale(places, [np.zeros((9, 2)), np.full((9, 2), 0.3)]) < 0.5
 

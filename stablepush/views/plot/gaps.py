@@ -39,12 +39,15 @@ def plot_residuals(report: GapReport, ax: Axes | None = None) -> Axes:
     places = report.poses[good][:, :2]
     forces = [rotate_vectors(report.poses[good][:, 2], report.residuals[key][good][:, :2]) for key in ("before", "after")]
     arrows = arrow_scale(places, forces) * np.stack(forces)
-    return _over_the_table(places, np.stack((places, places)), arrows, "Measured less predicted force, over the table", ax)
+    return _draw_over_table(places, np.stack((places, places)), arrows, "Measured less predicted force, over the table", ax)
 
 
 def arrow_scale(places: FloatArray, arrows: Sequence[FloatArray], room: float = 0.0) -> float:
-    """Length (m) on the table of an arrow of 1: large ones get a good length, and the longest stays on the picture unless the
-    others would not be seen then. ``arrows``: one or more (n, 2); ``room``: what is drawn around the places (m)."""
+    """Return the length (m) at which an arrow of length 1 is drawn at places (n, 2).
+
+    The longest stays on the picture, unless the others would become too small to see. ``arrows``: one or more (n, 2); ``room``
+    (m): what else is drawn around the places.
+    """
     if not len(places):
         return 1.0
     extent = max(float(np.ptp(places, axis=0).max()) + room, 0.05)
@@ -57,23 +60,25 @@ def arrow_scale(places: FloatArray, arrows: Sequence[FloatArray], room: float = 
     return max(min(good, _LONGEST * extent / longest), good / 4)
 
 
-def times_as_long(scale: float) -> float:
-    """How many times as long as it is a distance is drawn, as a whole number."""
+def magnification(scale: float) -> float:
+    """Return the whole number by which distances are drawn larger than they are."""
     return float(np.clip(round(scale), 1, _MOST_TIMES))
 
 
-def picture_frame(places: FloatArray, tips: FloatArray, room: float = 0.0) -> tuple[FloatArray, FloatArray]:
-    """Corners (m) of what shows places (n, 2) with ``room`` around them and the tips (…, 2) of their arrows; arrows that are far
-    longer than the others are cut off."""
+def view_limits(places: FloatArray, tips: FloatArray, room: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    """Return lower and upper corner (m) of a picture of places (n, 2), with ``room`` around them, and of arrow ends (…, 2).
+
+    Arrows that are far longer than the others are cut off.
+    """
     low, high = places.min(axis=0) - room, places.max(axis=0) + room
     most = _LONGEST * max(float((high - low).max()), 0.05)
     ends = tips.reshape(-1, 2)
     return np.minimum(low, np.maximum(ends.min(axis=0), low - most)), np.maximum(high, np.minimum(ends.max(axis=0), high + most))
 
 
-def _over_the_table(places: FloatArray, tails: FloatArray, arrows: FloatArray, title: str, ax: Axes | None) -> Axes:
-    """Draw places (n, 2) with arrows (2, n, 2) before and after the correction, as high as they are for their width."""
-    low, high = picture_frame(places, np.stack((tails, tails + arrows)), 0.02) if len(places) else (np.zeros(2), np.ones(2))
+def _draw_over_table(places: FloatArray, tails: FloatArray, arrows: FloatArray, title: str, ax: Axes | None) -> Axes:
+    """Draw places (n, 2), and arrows (2, n, 2) before and after the correction. The picture is as high as that needs."""
+    low, high = view_limits(places, np.stack((tails, tails + arrows)), 0.02) if len(places) else (np.zeros(2), np.ones(2))
     low, high = low - 0.02 * (high - low), high + 0.02 * (high - low)
     axes = canvas((8.0, float(np.clip(7.3 * (high - low)[1] / (high - low)[0] + 1.2, 3.2, 9.0))), ax=ax)
     for tail, arrow, word, color in zip(tails, arrows, ("nominal", "corrected"), (PUSHER, COUNTER_CLOCKWISE), strict=True):
@@ -130,11 +135,11 @@ def plot_final_poses(report: GapReport, ax: Axes | None = None) -> Axes:
     good = np.isfinite([report.ends[key] for key in ("before", "after")]).all(axis=(0, 2))
     places = report.places[good][:, :2]
     errors = [report.pose_errors(key)[good] for key in ("before", "after")]
-    times = times_as_long(arrow_scale(places, errors))
+    times = magnification(arrow_scale(places, errors))
     longer = f", {times:.0f} times as long" if times > 1 else ""
     arrows = times * np.stack(errors)
     # to the measured end
-    return _over_the_table(places, places - arrows, arrows, f"From the simulated to the measured final position{longer}", ax)
+    return _draw_over_table(places, places - arrows, arrows, f"From the simulated to the measured final position{longer}", ax)
 
 
 def plot_effects(report: GapReport, ax: Axes | None = None) -> Axes:
