@@ -96,7 +96,7 @@ class Attribution:
         mu = system.rig.contact_friction
         if self.contact is None or mu is None or "contact-friction" not in self.named:
             return {}
-        return {"contact-friction": np.array([self.contact.estimate - mu])}
+        return {"contact-friction": self.contact.beside(mu)}
 
 
 def beyond_pressure(system: System) -> tuple[str, ...]:

@@ -127,7 +127,7 @@ def _drawn(system: Motions) -> list[tuple[EdgePush, Replay]]:
         motion = [(np.array((speed, 0.0, 0.0)), _BACK / speed), *command.motion]
         place = compose(command.pusher_pose, (-_BACK, 0.0, 0.0))
         push = Replay(
-            len(found), start, start, pusher, place, motion_profile(pusher, motion, step_of(slider)), like.logged, like.off
+            len(found), 0.5, start, start, pusher, place, motion_profile(pusher, motion, step_of(slider)), like.logged, like.off
         )
         found.append((entry, push))
     return found

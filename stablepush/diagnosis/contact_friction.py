@@ -1,171 +1,234 @@
-"""Friction of the fingers from trials that slip: the direction of the force while they do."""
+"""Friction of the fingers from the forces of all pushes: fingers that slip show it, those that stick bound it from below.
+
+The ratio ``r`` of tangential to normal force of a trial is Student-distributed about the friction ``mu`` where fingers slip.
+Where they stick it is at most ``mu``. Where they creep it may be either. A few trials may say anything. ``mu`` is one number, or
+changes in a straight line from the first push of the log to the last. This is a censored regression (Tobin 1958).
+"""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.stats import binom, norm, t as student
+from scipy.stats import chi2
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.equations import Fitted
+from stablepush.diagnosis.finger_forces import FingerForces, finger_forces
+from stablepush.diagnosis.results import readable
 from stablepush.diagnosis.system import System
-from stablepush.effects import CATALOGUE
 
-#: Slip counts from so many of its own standard errors, and from this share of the speed.
-_SLIPS, _SLIP_SHARE, _OPPOSED = 4.0, 0.2, 0.8
-#: Standard errors to either side of a 95 % interval.
-_NORMAL = 1.96
-#: Fingers creep if they slip by this share of the way of a push. Trials give the same friction if none is off by the other share,
-#: and so many are needed.
-_CREEP, _SAME, _FEWEST_TRIALS = 0.02, 0.15, 3
-#: A force is steeper than friction allows by so many standard errors, of which this is the angle (rad) by which normals are off.
-_STEEPER, _TURNED = 4.0, 0.01
-#: Contact friction is off if it differs by at least this much, with so small a p-value.
+#: Degrees of freedom of the ratios' scatter.
+_FREEDOM = 4
+#: Share of trials whose fingers slip that are at the edge of the cone, and of those that creep; of those that stick, but are
+#: beyond it; and the density of ratios that say nothing.
+_AT_EDGE, _CREEPING, _BEYOND, _ANY = 0.9, 0.3, 0.02, 0.05
+#: Friction, its change over the log and its scatter between trials as they are before any force is seen: medians (of the first it
+#: is what the rig has, else this), and standard deviations, of logarithms but for that of the change.
+_FRICTION, _CHANGE, _SCATTER = (0.5, 0.7), 0.3, (0.025, 0.7)
+#: Values that are tried, and how often the grid about the best is made finer.
+_TRIED = (np.geomspace(0.02, 1.6, 34), np.linspace(-1.2, 1.2, 13), np.geomspace(0.006, 0.12, 6))
+_FINER = 6
+#: How often the grid of the interval is narrowed to what is not negligible (log density), and its values then.
+_NARROWER, _NEGLIGIBLE, _FINE = 3, -9.0, (41, 15, 9)
+#: Least friction of a straight line.
+_LEAST = 0.01
+#: A trial informs if it raises the log density by so much. So many must, and this many times as many as speak against it; of a
+#: change so many must, over this share of the log.
+_INFORMS, _FEWEST_TRIALS, _AGAINST, _FEWEST_OF_CHANGE, _OVER = 1.0, 3, 3, 5, 0.3
+#: Friction opposes true slip: where it does in a smaller share of the trials, the slip is noise.
+_OPPOSED = 0.8
+#: Contact friction is off if it differs by at least this much in the trials that inform, with so small a p-value.
 _MU, P_SLIP = 0.03, 1e-3
+#: Least standard error over the friction.
+_LEAST_ERROR = 0.02
+#: Standard errors to either side of a 95 % interval.
+NORMAL = 1.96
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactFriction:
-    """Friction between pusher and slider: estimate, standard error, trials that slip, p-value, and which readings show it."""
+    """Friction between pusher and slider in the middle of the log, its 95 % interval, trials behind it, p-value of the rig's
+    friction, which readings show it, and what it gains from the first push to the last, with its standard error."""
 
     estimate: float
-    error: float
+    interval: tuple[float, float]
     trials: int
     p_value: float
     readings: str = "forces"
+    change: float = 0.0
+    change_error: float = 0.0
 
     @property
-    def interval(self) -> list[float]:
-        """The 95 % interval: the scatter of trials where forces alone give it, else what else fits as well."""
-        times = float(student.ppf(0.975, self.trials - 1)) if self.readings == "forces" else _NORMAL
-        return [max(0.0, self.estimate - times * self.error), self.estimate + times * self.error]
+    def error(self) -> float:
+        """Standard error towards less friction: fingers that stick leave open how much more it is."""
+        return max((self.estimate - self.interval[0]) / NORMAL, _LEAST_ERROR * self.estimate)
+
+    @property
+    def in_words(self) -> str:
+        """The friction, and how it changes over the log."""
+        if not self.change:
+            return readable(self.estimate)
+        return f"{readable(self.at(0.0))} in the first push to {readable(self.at(1.0))} in the last"
+
+    @property
+    def form(self) -> dict[str, Any] | None:
+        """The change over the log, as the terms of a family are told; None if the friction is one number."""
+        if not self.change:
+            return None
+        reach = NORMAL * self.change_error
+        return {
+            "covariate": "place o of the push in the log, 0 to 1",
+            "basis": ["o - 1/2"],
+            "coefficients": [self.change],
+            "ci95": [[self.change - reach, self.change + reach]],
+            "unit": "1",
+        }
+
+    def at(self, order: float) -> float:
+        """Return the friction at a place in the log, 0 to 1."""
+        return max(0.0, self.estimate + self.change * (order - 0.5))
+
+    @property
+    def last(self) -> tuple[float, float]:
+        """Friction at the end of the log, and its standard error."""
+        return self.at(1.0), float(np.hypot(self.error, self.change_error / 2))
+
+    def beside(self, nominal: float) -> FloatArray:
+        """Return the value of the effect, (1,) or (2,): what it adds to the rig's friction, and its change if it has one."""
+        return np.array([self.estimate - nominal, self.change] if self.change else [self.estimate - nominal])
 
 
 def slip_friction(system: System, fitted: Fitted) -> ContactFriction | None:
-    """Friction of the contact from the direction of the force while fingers slip; None if too few trials do, or forces lack.
+    """Return the friction of the fingers from the forces of a log; None if too few trials show any."""
+    forces = finger_forces(system, fitted)
+    return None if forces is None else friction_of(forces, system.rig.contact_friction)
 
-    Slip shows in single rows, or where it creeps in a whole push. Trials whose fingers creep count where too few slip fast, and
-    only if all give the same friction, which no trial exceeds. A force that is steeper than the rig's friction allows shows by
-    itself that friction is higher.
+
+def friction_of(forces: FingerForces, nominal: float | None) -> ContactFriction | None:
+    """Return the friction of the fingers, with the p-value of the rig's ``nominal`` one; None if too few trials show any.
+
+    The p-value is that of the likelihood ratio. It is 1 where few trials inform, or where the friction is as good as the nominal.
     """
-    slip = slipping(system, fitted)
-    if slip is None:
+    model = _Model(forces, nominal)
+    slipping, moving = int(forces.slips.sum()), int(forces.moving.sum())
+    constant = model.best(changes=False)
+    line = model.best(changes=True)
+    better = 2 * (model.posterior(line) - model.posterior(constant))
+    others = [constant] if nominal is None else [constant, np.array((nominal, 0.0, line[2]))]
+    found, terms = constant, 1
+    if chi2.sf(better, 1) < P_SLIP and model.shows_change(line, others):
+        found, terms = line, 2
+    p, count = 1.0, moving if slipping >= _FEWEST_TRIALS or forces.agree else 0
+    opposed = slipping == 0 or float((forces.ratio[forces.slips] > 0).mean()) >= _OPPOSED
+    if nominal is not None and opposed:
+        none = model.best_scatter(nominal)
+        gains = model.terms(found) - model.terms(np.array((nominal, 0.0, found[2])))
+        informing, against = gains > _INFORMS, int((gains < -_INFORMS).sum())
+        off = np.abs(model.friction(found)[informing] - nominal)
+        enough = informing.sum() >= max(_FEWEST_TRIALS, _AGAINST * against)
+        if enough and float(np.median(off)) > _MU:
+            p = float(chi2.sf(2 * (model.posterior(found) - model.posterior(none)), terms))
+            count = int(informing.sum())
+    if count < _FEWEST_TRIALS or not opposed:
         return None
-    nominal = system.rig.contact_friction
-    ratios = np.array(list(slip.fast.values()))
-    found = None
-    # friction opposes true slip: where it often does not, the slip is noise
-    if len(ratios) >= _FEWEST_TRIALS and (ratios > 0).mean() >= _OPPOSED:
-        found = _of_ratios(ratios, nominal)
-    elif slip.agree and len(slip.ratios) >= _FEWEST_TRIALS:
-        found = _of_ratios(np.array(list(slip.ratios.values())), nominal)
-    # forces of a median that agrees with the rig speak against it
-    if nominal is not None and (found is None or (found.p_value > P_SLIP and found.interval[0] > nominal)):
-        return _steeper(slip, nominal) or found
-    return found
+    (low, high), of_change = model.spread(terms == 2)
+    friction, change = float(found[0]), float(found[1])
+    return ContactFriction(friction, (min(low, friction), max(high, friction)), count, p, "forces", change, of_change)
 
 
-def _steeper(slip: Slip, nominal: float) -> ContactFriction | None:
-    """Friction from forces that are steeper than the rig's friction allows, each clearly by its own error; None if too few are.
+class _Model:
+    """Log densities of trials (n,) under parameters (..., 3): friction in the middle of the log, its change over the log, and its
+    scatter between trials."""
 
-    The p-value is that of so many among all trials that slip.
-    """
-    trials = list(slip.ratios)
-    clear = [k for k in trials if slip.ratios[k] - nominal > _STEEPER * slip.errors[k]]
-    ratios = np.array([slip.ratios[k] for k in clear])
-    if len(clear) < _FEWEST_TRIALS or slip.most > (1 + _SAME) * float(np.median(ratios)):
-        return None
-    # those that are not clear may creep without slipping
-    top = ratios[ratios > (1 - _SAME) * ratios.max()]
-    if len(top) < _FEWEST_TRIALS:
-        return None
-    p = float(binom.sf(len(clear) - 1, len(trials), norm.sf(_STEEPER)))
-    found = _of_ratios(top, nominal)
-    return replace(found, p_value=p) if found.p_value < 1 else None
+    def __init__(self, forces: FingerForces, nominal: float | None) -> None:
+        self._forces = forces
+        self._middle = _FRICTION[0] if nominal is None else max(nominal, _LEAST)
+
+    def friction(self, parameters: FloatArray) -> FloatArray:
+        """Friction (..., n) of each trial."""
+        at = parameters[..., :1] + parameters[..., 1:2] * (self._forces.order - 0.5)
+        return np.maximum(at, _LEAST)
+
+    def terms(self, parameters: FloatArray) -> FloatArray:
+        """Log density (..., n) of each trial."""
+        f = self._forces
+        mu, scatter = self.friction(parameters), np.hypot(f.error, parameters[..., 2:])
+        there = _density((f.ratio - mu) / scatter) / scatter
+        below = _share((mu - np.abs(f.ratio)) / scatter)
+        slipping = _AT_EDGE * there + _ANY
+        creeping = np.where(f.ratio > 0, _CREEPING * there + (1 - _CREEPING - 2 * _ANY) * below, 0.0) + _ANY
+        sticking = (1 - _BEYOND) * below + _BEYOND
+        return np.log(np.where(f.slips, slipping, np.where(f.creeps, creeping, sticking)))
+
+    def posterior(self, parameters: FloatArray) -> FloatArray:
+        """Log density (...) of all trials, and of the parameters themselves."""
+        friction, change, scatter = np.moveaxis(np.asarray(parameters), -1, 0)
+        own = (np.log(friction / self._middle) / _FRICTION[1]) ** 2 + (change / _CHANGE) ** 2
+        own = own + (np.log(scatter / _SCATTER[0]) / _SCATTER[1]) ** 2
+        return np.asarray(self.terms(np.asarray(parameters)).sum(axis=-1) - own / 2)
+
+    def shows_change(self, line: FloatArray, others: list[FloatArray]) -> bool:
+        """Whether enough trials, over enough of the log, are nearer to a straight line than to one of other frictions."""
+        least = np.min([self.terms(other) for other in others], axis=0)
+        at = self._forces.order[self.terms(line) - least > _INFORMS]
+        return len(at) >= _FEWEST_OF_CHANGE and float(np.ptp(at)) >= _OVER
+
+    def best(self, changes: bool) -> FloatArray:
+        """Parameters (3,) of the greatest density: the best of a grid, made finer about it."""
+        axes = [_TRIED[0], _TRIED[1] if changes else np.zeros(1), _TRIED[2]]
+        for k in range(_FINER + 1):
+            grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+            at = np.unravel_index(int(np.argmax(self.posterior(grid))), grid.shape[:-1])
+            found = grid[at]
+            if k < _FINER:
+                axes = [_about(axis, int(i)) for axis, i in zip(axes, at, strict=True)]
+        return np.asarray(found)
+
+    def best_scatter(self, nominal: float) -> FloatArray:
+        """Parameters (3,) with the nominal friction and the scatter that is best for it."""
+        scatters = np.geomspace(_TRIED[2][0], _TRIED[2][-1], 60)
+        grid = np.column_stack((np.full(60, max(nominal, _LEAST)), np.zeros(60), scatters))
+        return np.asarray(grid[int(np.argmax(self.posterior(grid)))])
+
+    def spread(self, changes: bool) -> tuple[tuple[float, float], float]:
+        """Return the 95 % interval of the friction in the middle of the log, and the standard deviation of its change, from the
+        density over a grid that holds all but a little of it."""
+        axes = [_TRIED[0], _TRIED[1] if changes else np.zeros(1), _TRIED[2]]
+        for k in range(_NARROWER + 1):
+            density = self.posterior(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))
+            density = density - density.max()
+            if k < _NARROWER:
+                held = [np.flatnonzero(np.moveaxis(density, i, 0).reshape(len(axis), -1).max(axis=1) > _NEGLIGIBLE)
+                        for i, axis in enumerate(axes)]  # fmt: skip
+                axes = [
+                    axis if len(axis) == 1 else np.linspace(axis[max(at[0] - 1, 0)], axis[min(at[-1] + 1, len(axis) - 1)], n)
+                    for axis, at, n in zip(axes, held, _FINE, strict=True)
+                ]
+        weights = np.exp(density)
+        weights /= weights.sum()
+        of_friction, of_change = weights.sum(axis=(1, 2)), weights.sum(axis=(0, 2))
+        # half of a value's weight lies below it
+        below = np.cumsum(of_friction) - of_friction / 2
+        low, high = np.interp((0.025, 0.975), below, axes[0])
+        mean = float(of_change @ axes[1])
+        return (float(low), float(high)), float(np.sqrt(of_change @ (axes[1] - mean) ** 2))
 
 
-def _of_ratios(ratios: FloatArray, nominal: float | None) -> ContactFriction:
-    """Friction from that of each trial (n,), and whether it is another than the rig's."""
-    estimate = float(np.median(ratios))
-    deviation = max(1e-4, 1.4826 * float(np.median(np.abs(ratios - estimate))))
-    error = 1.2533 * deviation / np.sqrt(len(ratios))
-    off = 0.0 if nominal is None else abs(estimate - nominal)
-    p = float(2 * student.sf(off / error, len(ratios) - 1)) if off > _MU else 1.0
-    return ContactFriction(estimate, error, len(ratios), p)
+def _about(axis: FloatArray, at: int) -> FloatArray:
+    """Five values from the neighbour below a value of an axis to that above."""
+    if len(axis) == 1:
+        return axis
+    return np.linspace(axis[max(at - 1, 0)], axis[min(at + 1, len(axis) - 1)], 5)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Slip:
-    """Friction by trial where fingers slip: ``fast`` in single rows, ``creeping`` in a whole push; ``most``: of the other trials,
-    the greatest median of the tangential over the normal force; ``errors``: standard errors of the former, by trial."""
-
-    fast: dict[int, float]
-    creeping: dict[int, float]
-    most: float
-    errors: dict[int, float]
-
-    @property
-    def ratios(self) -> dict[int, float]:
-        return {**self.creeping, **self.fast}
-
-    @property
-    def agree(self) -> bool:
-        """Whether all trials give the same friction, and no sticking one has a greater tangential over its normal force."""
-        ratios = np.array(list(self.ratios.values()))
-        middle = float(np.median(ratios)) if len(ratios) else 0.0
-        return bool(middle > 0 and (np.abs(ratios - middle) < _SAME * middle).all() and self.most < (1 + _SAME) * middle)
+def _density(z: FloatArray) -> FloatArray:
+    """Density of Student's distribution of four degrees of freedom."""
+    return np.asarray(0.375 * (1 + z**2 / _FREEDOM) ** -2.5)
 
 
-def _of_median(errors: FloatArray, slopes: FloatArray) -> float:
-    """Standard error of the median of ratios (n,), with what their normals are off alike."""
-    scatter = 1.2533 * float(np.sqrt((errors**2).mean() / len(errors)))
-    return math.hypot(scatter, _TURNED * float((slopes**2).mean()))
-
-
-def slipping(system: System, fitted: Fitted) -> Slip | None:
-    """Return the trials whose fingers slip against the object; None without forces, or if no row shows the contact.
-
-    What ``fitted`` effects of the sensors do to the force is taken back: they turn it away from the normal as friction would.
-    """
-    o = system.observations
-    if not system.has_wrench:
-        return None
-    acting = system.of_wrench(fitted.values)
-    rest = {id: v for id, v in acting.items() if (system.own.get(id) or CATALOGUE[id]).acts != "sensing"}
-    sensed = system.model.predict(fitted.loads, acting) - system.model.predict(fitted.loads, rest)
-    normal = np.where(np.isfinite(o.normal[:, 0]), o.normal[:, 0], o.normal[:, 1])
-    known = np.isfinite(normal).all(axis=1) & np.isfinite(o.slip)
-    # two fingers on one face only
-    both = np.isfinite(o.normal).all(axis=(1, 2))
-    known &= ~both | (np.nansum(o.normal[:, 0] * o.normal[:, 1], axis=1) > 0.99)
-    force = (o.wrench - sensed)[:, :2]
-    along = (force * normal).sum(axis=1)
-    across = force[:, 1] * normal[:, 0] - force[:, 0] * normal[:, 1]
-    lever = np.linalg.norm(np.where(np.isfinite(o.place[:, 0]), o.place[:, 0], o.place[:, 1]), axis=1)
-    jitter = np.hypot(1.05 * system.noise.position, system.noise.angle * lever)
-    fast_rows = np.abs(o.slip) > np.maximum(_SLIPS * jitter / o.span, _SLIP_SHARE * o.speed)
-    pressed = known & (along > 3 * system.noise.force)
-    if not pressed.any():
-        return None
-    ratio = np.where(pressed, across / np.where(pressed, along, 1.0), 0.0)
-    # noise of the force turns it, noise of the heading the normal
-    slope = np.hypot(1.0, ratio)
-    error = np.hypot(slope * system.noise.force / np.where(pressed, along, 1.0), slope**2 * system.noise.angle)
-    found, most = Slip({}, {}, 0.0, {}), 0.0
-    for trial in np.unique(o.trial[pressed]):
-        rows = np.flatnonzero((o.trial == trial) & pressed)
-        fast = rows[fast_rows[rows]]
-        if len(fast):
-            found.fast[int(trial)] = float(np.median(-np.sign(o.slip[fast]) * ratio[fast]))
-            found.errors[int(trial)] = _of_median(error[fast], slope[fast])
-            continue
-        crept, way = float((o.slip[rows] * o.span[rows]).sum()), float((o.speed[rows] * o.span[rows]).sum())
-        # steps from row to row add up to the first and the last place
-        if len(rows) > 2 and abs(crept) > max(_SLIPS * math.sqrt(2) * float(jitter[rows].max()), _CREEP * way):
-            found.creeping[int(trial)] = float(np.median(-np.sign(crept) * ratio[rows]))
-            found.errors[int(trial)] = _of_median(error[rows], slope[rows])
-        else:
-            most = max(most, float(abs(np.median(ratio[rows]))))
-    return replace(found, most=most) if found.ratios else None
+def _share(z: FloatArray) -> FloatArray:
+    """Share of Student's distribution of four degrees of freedom below z."""
+    s = z / np.sqrt(_FREEDOM + z**2)
+    return np.asarray(0.5 + 0.75 * (s - s**3 / 3))

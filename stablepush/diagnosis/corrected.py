@@ -104,7 +104,7 @@ def _correction(
     friction, error = None, None
     # what a fit takes for friction that is not stated is no estimate of it
     if found.contact is not None and ("contact-friction" in effects or rig.contact_friction is None):
-        friction, error = found.contact.estimate, found.contact.error
+        friction, error = found.contact.last
     elif "contact-friction" in effects and "contact-friction" in values and rig.contact_friction is not None:
         friction = max(0.0, system.mu + float(values["contact-friction"][0]))
         error = _error(system, fitted, "contact-friction")

@@ -60,10 +60,7 @@ def _of_slip(system: System, found: Attribution) -> Evidence:
     contact, nominal = found.contact, system.rig.contact_friction
     assert contact is not None
     assert nominal is not None
-    words = (
-        f"the {contact.readings} of {contact.trials} pushes whose fingers slip give {readable(contact.estimate)}; "
-        f"{readable(nominal)} was assumed"
-    )
+    words = f"the {contact.readings} of {contact.trials} pushes give {contact.in_words}; {readable(nominal)} was assumed"
     if "contact-friction" in found.named:
         return Evidence([f"{words}, p {contact.p_value:.1g}"], [])
     unsure = f"p {contact.p_value:.1g}, above the limit of {P_SLIP:g}"

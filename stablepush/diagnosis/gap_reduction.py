@@ -13,7 +13,7 @@ from stablepush.core import ConvergenceError, FloatArray, InputError
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import Values
 from stablepush.diagnosis.folds import FOLDS, folds_of
-from stablepush.diagnosis.replay import Replay, first_contacts
+from stablepush.diagnosis.replay import Replay, first_contacts, friction_change
 from stablepush.diagnosis.results import ChannelGap, GapReduction
 from stablepush.diagnosis.system import IN_CLEARANCES, System
 from stablepush.geometry import angle_between, twist_from_cor
@@ -80,7 +80,7 @@ def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[
         held.floors["pose"] = held.floors["touch"] + _rigid(system)
     labels = _labels(system, log) if system.has_surface and system.rig.contact_friction is not None else {}
     if labels:
-        _stability(held, folds, labels, system.rig.model, system.log)
+        _stability(held, folds, labels, system.rig.model, system)
     return held
 
 
@@ -171,18 +171,17 @@ def _stability(
     folds: list[_Fold],
     labels: dict[int, tuple[PushContact, FloatArray, bool]],
     model: LimitSurface | None,
-    log: np.ndarray,
+    system: System,
 ) -> None:
-    """Labels of stability: 1 where the oracle errs. ``model``: the nominal surface, if it is not that of points; ``log``
-    (trials,): which log a trial is of."""
+    """Labels of stability: 1 where the oracle errs. ``model``: the nominal surface, if it is not that of points."""
+    order = system.observations.trial_order
     held.squares["stability"] = {k: np.zeros(len(labels)) for k in _FITS}
     held.trials["stability"], held.floors["stability"] = np.array(list(labels)), 0.0
     for at, (trial, (contact, twist, stable)) in enumerate(labels.items()):
         fold = next(fold for fold in folds if fold.test[trial])
         for key, surfaces in fold.surfaces.items():
-            shift_of_mu = float(fold.values[key].get("contact-friction", np.zeros(1))[0])
-            touching = replace(contact, mu=max(0.0, contact.mu + shift_of_mu))
-            believed = model if model is not None and key == "before" else surfaces[log[trial]]
+            touching = replace(contact, mu=max(0.0, contact.mu + friction_change(fold.values[key], order[trial])))
+            believed = model if model is not None and key == "before" else surfaces[system.log[trial]]
             held.squares["stability"][key][at] = float(StabilityOracle(believed, touching).is_stable(twist) != stable)
 
 

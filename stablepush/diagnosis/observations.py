@@ -111,6 +111,13 @@ class Observations:
         return np.asarray(np.isfinite(self.wrench).all(axis=1))
 
     @property
+    def trial_order(self) -> FloatArray:
+        """Place (trials,) of each trial in the log, from 0 to 1; the middle for those without rows."""
+        result = np.full(len(self.names), 0.5)
+        result[self.trial] = self.order
+        return result
+
+    @property
     def speed(self) -> FloatArray:
         """Speed (n,) of the body origin, in m/s."""
         return np.hypot(self.twist[:, 0], self.twist[:, 1])

@@ -104,6 +104,8 @@ def rank(system: System, found: Attribution, effects: list[str]) -> list[RankedE
             probability *= _NOT_NAMED
         reason = None if seen else system.own[id].needs if id in system.own else _unseen(id, found)
         form = _form(id, system, found) if id in found.final.values else None
+        if id == "contact-friction" and found.contact is not None:
+            form = found.contact.form
         entries.append(RankedEffect(id, float(np.clip(probability, 1e-4, 0.999)), parameters, seen, reason, form))
     return sorted(entries, key=lambda entry: -entry.probability)
 
@@ -112,7 +114,7 @@ def _unseen(id: str, found: Attribution) -> str:
     """Why a log cannot show an effect."""
     contact = found.contact
     if id == "contact-friction" and contact is not None:
-        slip = f"{contact.readings} of {contact.trials} pushes whose fingers slip give {contact.estimate:.4g}"
+        slip = f"{contact.readings} of {contact.trials} pushes give {contact.in_words}"
         return f"needs the friction that the rig believes the fingers have; {slip}"
     return UNSEEN[id]
 
@@ -126,7 +128,7 @@ def _of_slip(system: System, found: Attribution) -> Entry:
     if contact is None or system.rig.contact_friction is None:
         return 0.02, {}, False
     probability = 1 - min(1.0, 50 * contact.p_value) if contact.p_value < 1 else 0.02
-    return probability, {"mu": ParameterEstimate(contact.estimate, contact.interval, "1")}, True
+    return probability, {"mu": ParameterEstimate(contact.estimate, list(contact.interval), "1")}, True
 
 
 def _of_fit(id: str, system: System, found: Attribution, effects: list[str]) -> Entry:

@@ -60,6 +60,8 @@ class Replay:
     ----------
     trial : int
         Its number in the log.
+    order : float
+        Its place in the log, from 0 to 1.
     start, end : array, shape (3,)
         First and last pose of the tracked frame in W.
     pusher : Pusher
@@ -72,6 +74,7 @@ class Replay:
     """
 
     trial: int
+    order: float
     start: FloatArray
     end: FloatArray
     pusher: Pusher
@@ -107,7 +110,7 @@ class _Sheet:
         if not self.two:
             # how a single round finger is turned does not matter
             self.pushers[:, 2] = np.where(np.isfinite(self.pushers[:, 2]), self.pushers[:, 2], 0.0)
-        self.places = finger_places(log)
+        self.places, self.order = finger_places(log), observations.trial_order
         self.off = observations.off if self.two else (1.0,)
         self.radius = observations.finger_radius if observations.finger_radius is not None else _RADIUS
         self.mu = rig.contact_friction if rig.contact_friction is not None else 1.0
@@ -175,7 +178,9 @@ def _logged(sheet: _Sheet, trial: int, name: str) -> Replay | None:
     first, last = rows[0], rows[-1]
     pusher = Pusher(sheet.places, sheet.radius)
     profile = motion_profile(pusher, motion, sheet.step)
-    return Replay(trial, sheet.poses[first], sheet.poses[last], pusher, sheet.pushers[first], profile, True, sheet.off)
+    return Replay(
+        trial, sheet.order[trial], sheet.poses[first], sheet.poses[last], pusher, sheet.pushers[first], profile, True, sheet.off
+    )
 
 
 def _commanded(sheet: _Sheet, trial: int, name: str) -> Replay | None:
@@ -196,7 +201,7 @@ def _commanded(sheet: _Sheet, trial: int, name: str) -> Replay | None:
     twist = transport_twist(twist_from_cor((cor_x, cor_y), sense), inverse(docked))
     start, end = sheet.poses[seen[0]], sheet.poses[seen[-1]]
     profile = motion_profile(pusher, [(twist, abs(angle))], sheet.step)
-    return Replay(trial, start, end, pusher, compose(start, docked), profile, False, sheet.off)
+    return Replay(trial, sheet.order[trial], start, end, pusher, compose(start, docked), profile, False, sheet.off)
 
 
 def _knots(rows: np.ndarray, pushers: FloatArray, phases: np.ndarray | None) -> np.ndarray:
@@ -267,6 +272,13 @@ def carried(pushes: Sequence[Replay], friction: TableFriction, slider: Slider, m
     return np.asarray(np.sqrt(np.where(counts > 0, squares / np.maximum(counts, 1), np.nan)))
 
 
+def friction_change(values: Mapping[str, FloatArray], order: float) -> float:
+    """Return what effects add to the friction of the fingers in a push at a place in the log, 0 to 1: a number, or one in the
+    middle of the log and its change from the first push to the last."""
+    middle, *change = np.atleast_1d(values.get("contact-friction", np.zeros(1))).tolist()
+    return float(middle + sum(change) * (order - 0.5))
+
+
 def carry_out(replay: Replay, table: Any, slider: Slider, mu: float, values: Mapping[str, FloatArray]) -> FloatArray:
     """Return the pose (3,) of the tracked frame where a push ends, on a table as compiled; NaN where it cannot be simulated."""
     offset = np.array((*values.get("frame-offset", np.zeros(2))[:2], 0.0))
@@ -274,7 +286,7 @@ def carry_out(replay: Replay, table: Any, slider: Slider, mu: float, values: Map
     pusher = replay.pusher
     if replay.logged and "contact-geometry" in values:
         pusher = replay.thicker(float(values["contact-geometry"][0]))
-    mu = max(0.0, mu + float(values.get("contact-friction", np.zeros(1))[0]))
+    mu = max(0.0, mu + friction_change(values, replay.order))
     # the tracked origin lies off the centre of mass by the offset
     start = compose(replay.start, -offset)
     try:

@@ -13,7 +13,8 @@ import numpy as np
 
 from stablepush.core import BoolArray, FloatArray
 from stablepush.diagnosis.attribution import Attribution
-from stablepush.diagnosis.contact_friction import ContactFriction, slipping
+from stablepush.diagnosis.contact_friction import NORMAL, ContactFriction
+from stablepush.diagnosis.finger_forces import finger_forces
 from stablepush.diagnosis.replay import Replay
 from stablepush.diagnosis.system import System
 
@@ -67,17 +68,18 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
 
     before = sizes(nominal)
     off = before > _OFF
-    seen = slipping(system, final)
+    seen = finger_forces(system, final)
     if seen is not None and seen.agree and off.any():
         # few fingers slip fast enough for their forces alone to tell, but the object ends where that friction takes it
-        mu = float(np.median(list(seen.ratios.values())))
+        trials = seen.trial[seen.moving]
+        mu = float(np.median(seen.ratio[seen.moving]))
         after = sizes(mu)
-        told = off & np.array([push.trial in seen.ratios for push in pushes])
+        told = off & np.isin([push.trial for push in pushes], trials)
         # the force of a single push might be turned by fingers that are aside
-        alone = len(seen.ratios) == 1 and (not told.any() or least_aside(told) <= float((after[told] ** 2).sum()))
+        alone = len(trials) == 1 and (not told.any() or least_aside(told) <= float((after[told] ** 2).sum()))
         agrees = float((after[off] ** 2).sum()) < _AGREES * float((before[off] ** 2).sum())
         if abs(mu - nominal) > _CLEARLY and agrees and not alone:
-            return ContactFriction(mu, _ROUGHLY * mu, len(seen.ratios), _P_VALUE, "forces and final poses")
+            return _with_error(mu, _ROUGHLY * mu, len(trials), "forces and final poses")
     if off.sum() < _LEAST:
         return None
     grid, losses = _TRIED, np.array([loss(float(mu)) for mu in _TRIED])
@@ -97,7 +99,13 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
     # above the friction at which all fingers stick any fits as well
     near = [mu for mu, found_loss in tried if found_loss <= losses.min() + 1.0]
     error = max(0.5 * (max(near) - min(near)), 0.02 * best)
-    return ContactFriction(best, error, int(off.sum()), _P_VALUE, "final poses")
+    return _with_error(best, error, int(off.sum()), "final poses")
+
+
+def _with_error(mu: float, error: float, trials: int, readings: str) -> ContactFriction:
+    """A friction of few trials, with what else fits as well."""
+    interval = (max(0.0, mu - NORMAL * error), mu + NORMAL * error)
+    return ContactFriction(mu, interval, trials, _P_VALUE, readings)
 
 
 def all_pushes(system: System, pushes: Sequence[Replay]) -> tuple[list[Replay], FloatArray]:
@@ -127,8 +135,9 @@ def without_contradiction(system: System, found: Attribution, pushes: Sequence[R
         return found
     noise = np.linalg.norm(system.final_pose_noise, axis=1)
 
-    def loss(mu: float) -> float:
-        values = {**found.final.values, "contact-friction": np.array([mu - system.mu])}
+    def loss(friction: FloatArray) -> float:
+        values = {**found.final.values, "contact-friction": friction}
         return _robust(np.linalg.norm(system.simulated_errors(pushes, found.final.loads, values), axis=1) / noise)
 
-    return found if loss(contact.estimate) <= loss(nominal) else replace(found, contact=replace(contact, p_value=1.0))
+    holds = loss(contact.beside(system.mu)) <= loss(np.zeros(1))
+    return found if holds else replace(found, contact=replace(contact, p_value=1.0))

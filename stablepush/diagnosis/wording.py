@@ -127,6 +127,8 @@ def _cause(system: System, entry: RankedEffect) -> str:
     if believed is not None:
         factor, unit = _SHOWN[kind.parameters[0].unit.partition(" ")[0]]
         words += f", where {factor * believed:.3g}{unit} was assumed"
+    if id == "contact-friction" and entry.form is not None:
+        words += f"; it changes by {entry.form['coefficients'][0]:+.2g} over the log"
     return f"{id}: {words[0].lower()}{words[1:]}"
 
 
@@ -253,9 +255,7 @@ def notes_on(
             )
     if found.contact is not None:
         contact = found.contact
-        notes.append(
-            f"friction at the fingers from {contact.readings} of {contact.trials} trials that slip: {contact.estimate:.4g}"
-        )
+        notes.append(f"friction of the fingers from {contact.readings} of {contact.trials} pushes: {contact.in_words}")
     return notes
 
 

@@ -11,7 +11,6 @@ from conftest import LOAD, MASS, make_log, pairs, small_scene, three_feet, trian
 import stablepush as sp
 from stablepush.cli.program import main
 from stablepush.diagnosis.attribution import family_wise_p_values
-from stablepush.diagnosis.contact_friction import ContactFriction, Slip
 from stablepush.diagnosis.corrected_surface import _least, _Prior, _Shown
 from stablepush.diagnosis.equations import ScoreTest
 from stablepush.diagnosis.nominal import nominal_of
@@ -163,14 +162,6 @@ def test_a_channel_that_is_off_is_never_none(executed):
     # the direction of the force and where the push ends agree on the friction
     seen = sp.diagnose(log)
     assert seen.named == ["contact-friction"] and seen.effects["contact-friction"]["mu"] == pytest.approx(0.4, rel=0.1)
-
-
-def test_friction_of_few_trials_has_an_interval():
-    for trials, readings in ((1, "forces and final poses"), (2, "final poses"), (5, "forces")):
-        low, high = ContactFriction(0.3, 0.015, trials, 1e-6, readings).interval
-        assert 0 <= low < 0.3 < high < 0.45
-    assert Slip({}, {1: 0.3, 2: 0.31}, 0.29, {}).agree and not Slip({}, {1: 0.3, 2: 0.31}, 0.5, {}).agree
-    assert not Slip({1: 0.3}, {2: 0.5}, 0.0, {}).agree and not Slip({}, {1: -0.3}, 0.0, {}).agree
 
 
 def test_few_trials_have_no_small_p_value():

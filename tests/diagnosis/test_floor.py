@@ -6,7 +6,6 @@ from conftest import edited, make_log
 
 import stablepush as sp
 from stablepush.diagnosis import gap_reduction
-from stablepush.diagnosis.contact_friction import Slip, _steeper
 from stablepush.diagnosis.verdicts import stands_clear
 
 NOISE = sp.Noise(0.05, 5e-5, 5e-4)
@@ -60,24 +59,6 @@ def test_noise_that_is_larger_than_said_is_not_none():
     report = sp.diagnose(edited(log, noise=NOISE))
     assert report.verdict == "unknown" or any("leaves more of the wrench than noise" in note for note in report.notes)
     assert not report.named
-
-
-def test_steep_forces_of_noise_are_no_friction():
-    """Friction as the rig has it, its ratios as noisy as their errors say: in thousands of logs none is steeper."""
-    rng, alarms = np.random.default_rng(0), 0
-    for count in (20, 80):
-        for _ in range(2000):
-            errors = rng.uniform(0.015, 0.1, count)
-            ratios = 0.5 + errors * rng.normal(size=count)
-            slip = Slip({}, dict(enumerate(ratios)), 0.3, dict(enumerate(errors)))
-            alarms += _steeper(slip, 0.5) is not None
-    assert alarms == 0
-    # three pushes at a higher friction, beside fingers that creep without slipping
-    ratios = {0: 0.66, 1: 0.67, 2: 0.665, 3: 0.3, 4: 0.45}
-    found = _steeper(Slip({}, ratios, 0.6, dict.fromkeys(ratios, 0.02)), 0.5)
-    assert found is not None and found.estimate == pytest.approx(0.665) and found.p_value < 1e-9
-    # a finger that sticks at a steeper force still
-    assert _steeper(Slip({}, ratios, 0.8, dict.fromkeys(ratios, 0.02)), 0.5) is None
 
 
 def test_noise_of_a_weak_sensor_is_no_friction():
