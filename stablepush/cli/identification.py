@@ -81,7 +81,9 @@ def import_logs(
 def fit(
     output: Output,
     log: Annotated[Path | None, typer.Argument(help="pushlog/1 folder.")] = None,
-    slider: Annotated[Path | None, typer.Option(help="slider/1 file, instead of a log: a surface from no poke at all.")] = None,
+    slider: Annotated[
+        Path | None, typer.Option(help="slider/1 file or scene, instead of a log: a surface from no poke at all.")
+    ] = None,
     model: Annotated[str, typer.Option(help="poly4-cvx, poly4, poly6-cvx, quadratic or gp.")] = "poly4-cvx",
     seed: Annotated[
         int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of the folds, the pressures and the ensemble.")

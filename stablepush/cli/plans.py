@@ -142,6 +142,9 @@ def plan(
         arrival_interval=result.arrival_interval,
     )  # fmt: skip
     print(f"{output}: {_plan_line(result)}")
+    if result.solved:
+        away, turned = result.from_goal(problem.goal)
+        print(f"it ends {1000 * away:.1f} mm and {math.degrees(turned):.1f} deg from the goal; it {result.outlook}")
     if interrupted():
         raise InterruptedError(f"{output} holds the best plan found so far")
     raise typer.Exit(0 if result.solved else 1)
@@ -264,9 +267,10 @@ def trajectory(
 def _plan_line(result: PlanResult) -> str:
     if not result.solved:
         return f"{result.status}: {result.message}"
-    bound = "" if result.lower_bound is None else f" (at least {result.lower_bound:.1f} s)"
+    bound = "" if result.lower_bound is None else f" (no plan takes less than {result.lower_bound:.1f} s)"
+    pushes, changes = len(result.pushes), result.switches
     return (
-        f"solved in {result.planning_time:.2f} s: {len(result.pushes)} pushes, {result.length:.3f} m, "
-        f"{result.duration:.1f} s{bound}, {result.switches} changes of contact, "
-        f"least margin {math.degrees(result.min_margin):.2f} deg, {result.outlook}"
+        f"solved in {result.planning_time:.2f} s: {pushes} push{'es' * (pushes != 1)} over {result.length:.3f} m, "
+        f"{result.duration:.1f} s{bound}, {changes or 'no'} change{'s' * (changes > 1)} of contact, "
+        f"least margin {math.degrees(result.min_margin):.2f} deg"
     )

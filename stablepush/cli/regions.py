@@ -47,7 +47,7 @@ def draw_map(
     contact: Contact,
     output: Output,
     slider: Annotated[
-        Path | None, typer.Option(help="slider/1 file; needed for the all-pressure and the conservative region.")
+        Path | None, typer.Option(help="slider/1 file, or a scene; needed for the all-pressure and the conservative region.")
     ] = None,
     regions_file: Annotated[Path | None, typer.Option("--json", help="Regions as JSON.")] = None,
     extent: Annotated[float | None, typer.Option(parser=number, metavar="METRES", help="Half side of the map in m.")] = None,
@@ -159,7 +159,7 @@ def draw_map(
 
 def contacts(
     model: Annotated[Path, typer.Argument(help="model/1 file.")],
-    slider: Annotated[Path, typer.Option(help="slider/1 file.")],
+    slider: Annotated[Path, typer.Option(help="slider/1 file, or a scene.")],
     mu: Annotated[
         float,
         typer.Option(

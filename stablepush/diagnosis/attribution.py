@@ -33,7 +33,8 @@ _LACK = 4.0
 #: Two effects at once must do so many times what one must.
 _TWO = 2.0
 #: A further cause must gain this share of what those before it explain: what an effect of another form leaves is not another's.
-_FURTHER = 0.03
+#: The latter share where one of those has shown that its form is another than the catalogue's.
+_FURTHER, _BESIDE_FORMS = 0.03, 0.06
 #: A part of a log would show an effect if that should gain so much there.
 _SHOWS = 6.0
 #: What a term of a family must gain more, and the largest logarithm of the p-value of all of them.
@@ -187,7 +188,7 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
                 tuple(chosen), test.gain, test.statistic, family_wise_p[id], possible(system, id, test.estimate)
             )
             screened[id] = screening
-            least = max(demands.gain, _FURTHER * explained)
+            least = max(demands.gain, _further(system) * explained)
             enough = min(screening.gain, screening.statistic) > least and times < np.inf
             beyond = screening.possible and exceeds_model_error(system, id, test.estimate, current)
             if enough and beyond and identifiable(system, id, test):
@@ -225,6 +226,11 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
                     screened[id], given=tuple(chosen), gain=test.gain, statistic=test.statistic, significantly_better=False
                 )
     return chosen, current, screened
+
+
+def _further(system: System) -> float:
+    """Share of what is explained that a further cause must gain."""
+    return _BESIDE_FORMS if system.opened else _FURTHER
 
 
 def _replicates(system: System, chosen: Sequence[str], id: str) -> bool:
@@ -289,7 +295,8 @@ def _in_other_forms(
     passed = [
         id
         for id, test in tests.items()
-        if min(test.gain, test.statistic) > max(system.demands.gain + _CHARGE * (len(test.estimate) - 1), _FURTHER * explained)
+        if min(test.gain, test.statistic)
+        > max(system.demands.gain + _CHARGE * (len(test.estimate) - 1), _further(system) * explained)
         and family_wise_p[id] <= system.demands.family_wise_p
         and possible(system, id, test.estimate)
     ]

@@ -84,9 +84,9 @@ def _of_acting(id: str, system: System, found: Attribution) -> Evidence:
     else:
         gain = readable(found.tests[id].gain)
         if id in found.confounded:
-            clauses.supporting.append(f"in the place of {found.confounded_with}, {_FALLS} {gain}")
+            clauses.supporting.append(f"in the place of {found.confounded_with}, {_GAINS} {gain}")
         else:
-            clauses.supporting.append(f"{_beside([e for e in found.chosen if e != id])}{_FALLS} {gain}")
+            clauses.supporting.append(f"{_beside([e for e in found.chosen if e != id])}{_GAINS} {gain}")
             screening = found.screened.get(id)
             if screening is not None and screening.significantly_better:
                 certain = screening.family_wise_p <= system.demands.family_wise_p
@@ -111,7 +111,7 @@ def _of_others(id: str, system: System, found: Attribution, reshaped: bool) -> E
     if id in found.scores:
         return Evidence([], [_of_held_out(id, found)])
     if screening is not None:
-        words = f"{_beside(screening.given)}{_FALLS} {readable(screening.gain)}"
+        words = f"{_beside(screening.given)}{_GAINS} {readable(screening.gain)}"
         if not found.free:
             words += " after the pressure is refitted"
         return Evidence([], [f"{words}: {_failed(screening, system)}"])
@@ -120,7 +120,8 @@ def _of_others(id: str, system: System, found: Attribution, reshaped: bool) -> E
     return Evidence([], ["a refitted pressure does not predict held-out pushes significantly better than the nominal one"])
 
 
-_FALLS = "the sum of squares, over the scatter that is left, falls by"
+#: The fit gains what its sum of squares, over the scatter that is left, falls by.
+_GAINS = "the fit gains"
 
 
 def _beside(others: Sequence[str]) -> str:
@@ -131,9 +132,9 @@ def _failed(screening: Screening, system: System) -> str:
     """Why an effect did not enter, or did not stay."""
     least = system.demands.gain
     if screening.gain <= least:
-        return f"too little, the threshold is {readable(least)}"
+        return f"too little, it takes {readable(least)}"
     if screening.statistic <= least:
-        return f"but its statistic over pushes is {readable(screening.statistic)}, the threshold is {readable(least)}"
+        return f"but its statistic over pushes is {readable(screening.statistic)}, it takes {readable(least)}"
     if not screening.possible:
         return "but it is too small to matter, or of a sign that it cannot have"
     if screening.significantly_better is False:

@@ -25,6 +25,10 @@ VERDICTS = tuple(Verdict)
 _SAME = 0.01
 
 
+#: Causes that are less probable than this need no further experiment.
+_UNLIKELY = 0.05
+
+
 @renamed_fields(shrink="reductions")
 @dataclass(frozen=True, slots=True, eq=False)
 class GapReport:
@@ -74,6 +78,12 @@ class GapReport:
         if self.verdict != "named":
             return [self.verdict.advice]
         return [f"{id}: {CATALOGUE[id].remedy if id in CATALOGUE else LAB_REMEDY}" for id in self.named]
+
+    @property
+    def settled(self) -> bool:
+        """Whether the log tells the causes that it names from all others."""
+        others = [entry.probability for entry in self.ranking if entry.effect not in self.named and entry.identifiable]
+        return self.verdict == "named" and max(others, default=0.0) < _UNLIKELY
 
     @property
     def changes_plans(self) -> bool:

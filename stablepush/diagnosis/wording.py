@@ -83,14 +83,15 @@ def sentence_of(
 def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: float, refitted: Mapping[str, float]) -> str:
     """How far the correction reduces the gap, of the channel in which it shows best: a cause need not show in all. What a
     refitted surface leaves by itself (by channel) is told where it does much of that."""
+    certain = {e.channel for e in reductions if e.ci95[0] > 0} | {"touch"}
     shares = [(e.channel, e.closed) for e in reductions if e.before > _NEARER * e.after] + [("touch", touch)]
     shares = [(channel, share) for channel, share in shares if share > _REPORTED]
     if effects and all(id in CATALOGUE and CATALOGUE[id].acts == "contact" for id in effects):
         # what the fingers do decides where the object goes
         shares.sort(key=lambda entry: entry[0] != "pose")
     else:
-        # the channel in which it shows best; of those that are alike, the first
-        shares.sort(key=lambda entry: -round(entry[1], 1))
+        # the channel in which it shows best, one whose share is known; of those that are alike, the first
+        shares.sort(key=lambda entry: (entry[0] not in certain, -round(entry[1], 1)))
     if not shares:
         return ""
     channel, share = shares[0]

@@ -39,8 +39,9 @@ def slider_to_json(slider: Slider) -> dict[str, Any]:
 
 
 def load_slider(path: str | Path) -> Slider:
-    """Read a ``slider/1`` file."""
-    return slider_from_node(read_json(path, "slider/1"))
+    """Read a ``slider/1`` file, or the slider of a ``scene/1`` file or of a log's ``rig.json``."""
+    root = read_json(path, "slider/1", "scene/1", "pushlog/1")
+    return slider_from_node(root if root["format"].value == "slider/1" else root["slider"])
 
 
 def save_slider(slider: Slider, path: str | Path) -> None:

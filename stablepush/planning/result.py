@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stablepush.core import LARGEST_MAGNITUDE, FloatArray, Node, Word, check_share, read_only, shown_as
-from stablepush.geometry import compose, exp
+from stablepush.geometry import compose, exp, inverse, wrap_angle
 from stablepush.io import read_json, write_json
 
 if TYPE_CHECKING:
@@ -157,8 +157,13 @@ class PlanResult:
         )
         if self.success is not None and self.success.failures:
             number, _, cause = self.success.failures[0]
-            words += f"; push {number + 1} fails most often: {cause}"
+            words += f"; where it slips, it does so most often in push {number + 1}, {cause}"
         return words
+
+    def from_goal(self, goal: ArrayLike) -> tuple[float, float]:
+        """Return how far (m) the last pose is from a goal (3,), and how much it is turned (rad)."""
+        offset = compose(inverse(self.pushes[-1].end), np.asarray(goal))
+        return float(np.hypot(offset[0], offset[1])), abs(float(wrap_angle(offset[2])))
 
     @property
     def pushes(self) -> list[Push]:

@@ -242,19 +242,19 @@ def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
     """What the scenarios that lose the slider in a push have in common: what differs most from the other scenarios."""
     everything = {
         "contact friction": (scenarios.contact_mu[:, push.contact], ""),
-        "fingers": (1000 * scenarios.aside[:, push.contact], " mm aside"),
-        "centre of mass, x": (1000 * scenarios.center_of_mass[:, 0], " mm"),
-        "centre of mass, y": (1000 * scenarios.center_of_mass[:, 1], " mm"),
+        "the place of the fingers along the edge": (1000 * scenarios.aside[:, push.contact], " mm"),
+        "the centre of mass in x": (1000 * scenarios.center_of_mass[:, 0], " mm"),
+        "the centre of mass in y": (1000 * scenarios.center_of_mass[:, 1], " mm"),
     }
     if 2 * np.count_nonzero(~scenarios.flush[rows]) > len(rows):
-        return "the slider is not square to the fingers after the docking"
+        return "because the slider is not square to the fingers after the docking"
     if len(rows) > 0.9 * len(scenarios):
-        return "nearly every scenario"
-    best, words = 0.0, "another limit surface"
+        return "in nearly every scenario"
+    best, words = 0.0, "for no single reason"
     for name, (values, unit_of) in everything.items():
         scatter = float(values.std())
         shift = (float(values[rows].mean()) - float(values.mean())) / scatter if scatter > 0 else 0.0
         if abs(shift) > max(best, 0.7):
             end = values[rows].max() if shift < 0 else values[rows].min()
-            best, words = abs(shift), f"{name} {'below' if shift < 0 else 'above'} {end:.3g}{unit_of}"
+            best, words = abs(shift), f"with {name} {'below' if shift < 0 else 'above'} {end:.3g}{unit_of}"
     return words

@@ -76,13 +76,19 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     rows = [(entry.effect, _effect(entry, report.evidence[entry.effect])) for entry in report.ranking]
     text = (
         "Probability of each effect of the catalogue given the others that are named, its parameters with 95 % intervals, and "
-        "the evidence for and against it; or why it is not identifiable from this log."
+        "the evidence for and against it; or why it is not identifiable from this log. The fit gains what its sum of "
+        "squares, over the scatter that is left, falls by."
     )
     sections.append(Section.with_picture("Why", figure_png(plot_effects(report)), text, rows))
     after = report.next_experiment
     numbers = count(1)
     pushes = [(f"push {' and '.join(str(next(numbers)) for _ in same)}", _push(push)) for push, same in groupby(after.pushes)]
     words = f"To separate {' and '.join(after.separates)}: {after.why}." if after.separates else f"{after.why}."
+    if report.settled:
+        words = (
+            "Nothing is left to separate. Check the correction: execute a plan of the corrected scene, and diagnose its log. "
+            f"{words}"
+        )
     if pushes:
         words += (
             " Edges are counted from 0, places along them from their first corner; directions turn counter-clockwise "

@@ -60,11 +60,9 @@ def report_html(title: str, lead: str, sections: Sequence[Section]) -> str:
 
 def plan_html(problem: PlanningProblem, result: PlanResult, title: str = "Plan of stable pushes") -> str:
     """Return the animation of a plan as one HTML page that needs no network."""
-    key = "Blue crosses are counter-clockwise rotation centres, orange ones clockwise; white dots are contact points."
+    key = "A dashed line joins the slider to the rotation centre of the push."
     if result.success_probability is not None:
         key += f" The plan {result.outlook}."
-    if result.success is not None and len(result.success.ends):
-        key += " Red outlines: where the slider ends after a slip, simulated."
     label = "The slider and its pusher among obstacles"
     return render("plan.html", title=title, label=label, key=key, data=script(_plan_data(problem, result)))
 

@@ -70,6 +70,15 @@ def test_a_surface_from_a_slider_alone_is_that_of_the_library(rig, tmp_path, cap
     np.testing.assert_allclose(sp.load_model(out).wrench(twists), expected.wrench(twists), rtol=1e-9)
 
 
+def test_a_scene_and_a_rig_have_a_slider(rig, tmp_path, capsys):
+    body = sp.load_slider(rig / "slider.json")
+    for path in (rig / "scene.json", rig / "log" / "rig.json"):
+        np.testing.assert_array_equal(sp.load_slider(path).vertices, body.vertices)
+    assert main(["fit", "--slider", str(rig / "model.json"), "-o", str(tmp_path / "m.json")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "slider/1" in error and "model/1" in error
+
+
 @pytest.mark.parametrize(
     ("given", "said"), (((), "neither"), (("log", "--slider"), "both"), (("--slider", "--no-slider"), "a log"))
 )

@@ -4,6 +4,7 @@ import json
 import re
 
 import numpy as np
+import pytest
 from conftest import one_line
 
 import stablepush as sp
@@ -15,7 +16,14 @@ from stablepush.io.tables import read_table
 def test_plan_is_checked_and_drawn(rig, tmp_path, capsys):
     outputs = ["-o", str(tmp_path / "p.json"), "--view", str(tmp_path / "v.html"), "--picture", str(tmp_path / "p.png")]
     assert main(["plan", str(rig / "scene.json"), "--planner", "cor-lattice", "--time-limit", "30", *outputs]) == 0
-    assert "solved" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    # the goal's tolerance of the rig's scene
+    away, turned = map(float, re.search(r"it ends ([\d.]+) mm and ([\d.]+) deg from the goal", out).groups())
+    problem, result = sp.load_scene(rig / "scene.json"), sp.load_plan(tmp_path / "p.json")
+    near, square = problem.tolerance[0], problem.tolerance[1]
+    assert "solved" in out and 0 <= away <= 1000 * near + 0.05 and turned <= np.degrees(square) + 0.05
+    end = result.pushes[-1].end
+    assert result.from_goal(np.add(end, (0.003, 0.004, 0.1))) == pytest.approx((0.005, 0.1))
     assert main(["check", str(rig / "scene.json"), str(tmp_path / "p.json")]) == 0
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
     page = (tmp_path / "v.html").read_text()
