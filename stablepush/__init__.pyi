@@ -102,6 +102,7 @@ from .planning import (
     load_trajectory as load_trajectory,
     plan as plan,
     planner_names as planner_names,
+    push_margins as push_margins,
     sample_plan as sample_plan,
     save_plan as save_plan,
     save_rosbag as save_rosbag,

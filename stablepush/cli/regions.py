@@ -18,7 +18,10 @@ def classify(
     cors: Annotated[Path, typer.Option("--cors", help="CSV with columns cor_x, cor_y, sense.")],
     output: Output,
 ) -> None:
-    """Tell which rotation centres are stable, and by what margin."""
+    """Tell which rotation centres are stable, and by what margin.
+
+    The table gets the columns stable (1 or 0), margin (rad; negative: not stable) and probability (blank without an ensemble).
+    """
     import numpy as np
 
     from stablepush.core import note_cors

@@ -5,7 +5,12 @@ from .comparison import RegionPlan as RegionPlan, certified_share as certified_s
 from .correct import correct as correct
 from .correction import Correction as Correction, load_corrections as load_corrections
 from .feasibility import infeasibility as infeasibility
-from .loads import PushLoads as PushLoads, loads_of as loads_of, require_loads as require_loads
+from .loads import (
+    PushLoads as PushLoads,
+    loads_of as loads_of,
+    push_margins as push_margins,
+    require_loads as require_loads,
+)
 from .options import REGIONS as REGIONS, PlanOptions as PlanOptions, promised_region as promised_region
 from .problem import (
     PlanningProblem as PlanningProblem,

@@ -17,8 +17,9 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from stablepush.core import BoolArray, EffectError, FloatArray, InputError
+from stablepush.core import BoolArray, EffectError, FloatArray, InputError, check_vectors
 from stablepush.effects import CREEP, KnownEffect, resting_share, table_friction
 from stablepush.geometry import compose, exp, normalize_wrench
 from stablepush.mechanics import TableFriction
@@ -82,7 +83,6 @@ class PushLoads:
             self.friction = table_friction(self._slider, surface, self._effects, self.newtons, GRAVITY, self._points)
         except EffectError as error:
             raise InputError("effects", str(error)) from None
-        gradient = np.array(self.friction.gradient)
         gradient = np.array(self.friction.gradient)
         self.places, self._least_share, self._most_share = np.zeros((1, 2)), 1.0, 1.0
         if gradient.any():
@@ -210,6 +210,33 @@ def _narrowed(function: Callable[[FloatArray], FloatArray], low: float, high: fl
 def loads_of(problem: PlanningProblem) -> PushLoads | None:
     """Return the loads of pushes of a problem; None where no effect changes them."""
     return PushLoads(problem, problem.surface, problem.effects) if problem.acting_effects else None
+
+
+def push_margins(problem: PlanningProblem, twists: ArrayLike, poses: ArrayLike | None = None, contact: int = 0) -> FloatArray:
+    """Return the margins (...) in rad of body twists (..., 3) at poses (..., 3) of B in W, with the effects of a problem.
+
+    The angle from the load that the pusher must supply to the nearest facet of the cone of a contact (by number). It is negative
+    where the push is not stable. ``poses``: the start of the problem if not given. Where no effect acts this is
+    :meth:`StabilityOracle.margin`, whatever the pose. It is of one pose, not of the arc that a push makes from there: a plan's
+    ``margin`` is the least along it.
+
+    Raises :class:`InputError` for shapes that do not fit, a contact that there is not, and where mass, friction or bounds lack
+    that an effect needs.
+    """
+    motions = check_vectors(twists, "twists", 3)
+    places = np.asarray(problem.start) if poses is None else check_vectors(poses, "poses", 3)
+    if not 0 <= contact < len(problem.contacts):
+        raise InputError("contact", f"expected a number from 0 to {len(problem.contacts) - 1}", str(contact))
+    loads, rho = loads_of(problem), problem.surface.characteristic_length
+    cone = problem.contacts[contact].cone(rho)
+    if loads is None:
+        return cone.margin(normalize_wrench(problem.surface.wrench(motions), rho))
+    try:
+        motions, places = np.broadcast_arrays(motions, places)
+    except ValueError:
+        raise InputError("poses", "expected one for all twists, or one for each", f"{places.shape} for {motions.shape}") from None
+    found = cone.margin(normalize_wrench(loads.at(motions.reshape(-1, 3), places.reshape(-1, 3)), rho))
+    return np.asarray(found).reshape(motions.shape[:-1])
 
 
 def require_loads(problem: PlanningProblem) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from conftest import small_scene, three_feet, triangle
 from hypothesis import given, settings, strategies as st
+from scipy.optimize import nnls
 
 import stablepush as sp
 from stablepush.geometry import compose, exp, normalize_wrench
@@ -55,6 +56,31 @@ def test_the_load_on_a_slope_is_friction_less_the_pull():
     np.testing.assert_allclose(loads_of(problem).at(twists, poses), expected, atol=1e-7)
     # the feet hold the least where the pull turns the slider: never more than the sum of their friction
     assert np.hypot(*pull) / 5.0 - 1e-9 <= loads_of(problem).resting_share < 1.2 * np.hypot(*pull) / 5.0
+
+
+def test_margins_at_poses_are_those_of_the_load_that_the_pusher_supplies():
+    rng = np.random.default_rng(1)
+    level, sloped = scene(), scene(TILT)
+    twists, poses = 0.02 * rng.normal(size=(4, 6, 3)) * (1, 1, 20), rng.uniform(-3, 3, size=(4, 6, 3))
+    oracle = sp.StabilityOracle(level.surface, level.contacts[0])
+    np.testing.assert_allclose(sp.push_margins(level, twists, poses), oracle.margin(twists), atol=1e-12)
+    # a load that is in the cone can be made of forces at the edges of the contacts' cones, and no other can
+    loads = loads_of(sloped).at(twists.reshape(-1, 3), poses.reshape(-1, 3))
+    contact, margins = sloped.contacts[0], sp.push_margins(sloped, twists, poses).ravel()
+    edges = []
+    for point, normal in zip(contact.points, contact.normals, strict=True):
+        for side in (-contact.mu, contact.mu):
+            force = normal + side * np.array((-normal[1], normal[0]))
+            edges.append((*force, point[0] * force[1] - point[1] * force[0]))
+    for load, margin in zip(loads, margins, strict=True):
+        _, left = nnls(np.array(edges).T * np.array((1, 1, 10))[:, None], load * (1, 1, 10))
+        assert (left < 1e-9) == (margin >= 0), (left, margin)
+    assert (margins > 0).any() and (margins < 0).any()
+    # one pose for all twists, the start if none is given
+    np.testing.assert_array_equal(sp.push_margins(sloped, twists), sp.push_margins(sloped, twists, sloped.start))
+    for wrong in ({"poses": np.zeros((5, 3))}, {"contact": 7}, {"poses": (0, 0)}):
+        with pytest.raises(sp.InputError, match=next(iter(wrong))):
+            sp.push_margins(sloped, twists, **wrong)
 
 
 @pytest.mark.parametrize(
