@@ -80,6 +80,20 @@ poses:drift,drift:rate=0.1,5,0.15,one,none,,0,,1,drift=0.310 tilt=0.020
     assert bins == [(0.01, 0.0, 2), (0.02, 0.0, 1), (0.305, 0.5, 4), (0.987, 1.0, 3)]
 
 
+def test_every_part_of_the_diagnosis_can_be_switched_off(monkeypatch):
+    """What the ablation takes out is still called as it says, and is there again afterwards."""
+    monkeypatch.syspath_prepend(ROOT / "examples" / "diagnosis")
+    ablation = importlib.import_module("ablation")
+    before = ablation.attribution.possible
+    assert len(ablation.PARTS) >= 10
+    for part in ablation.PARTS:
+        with ablation.without(part):
+            pass
+    with ablation.without("plausibility off"):
+        assert ablation.attribution.possible is not before
+    assert ablation.attribution.possible is before
+
+
 def test_the_readme_s_python_runs(tmp_path):
     """All blocks of it, and of the page of the library, one after the other, in a folder in which the demo has run."""
     from stablepush.demo import demo_pokes

@@ -101,9 +101,9 @@ PARTS: Mapping[str, list[Part]] = {
     "families off": _OWN_FORMS,
     "heredity off: families as a whole": [
         *_OWN_FORMS, patch.object(Equations, "tests", _whole), patch.object(Equations, "opened", frozenset(FAMILIES)),
-        patch.object(attribution, "_FURTHER", 0.0),
+        patch.object(attribution, "_further", lambda *_: 0.0),
     ],
-    "further causes at any share": [patch.object(attribution, "_FURTHER", 0.0)],
+    "further causes at any share": [patch.object(attribution, "_further", lambda *_: 0.0)],
     "channel final poses off": [patch.object(gap_report, "replays", lambda *_: [])],
     "channel clearances off": [_observed(clearance=lambda o: np.full_like(o.clearance, np.nan))],
     "channel rest off": [_observed(rest=lambda o: (o.rest[0][:0], o.rest[1][:0]))],
@@ -112,7 +112,7 @@ PARTS: Mapping[str, list[Part]] = {
         patch.object(gap_report, "friction_from_poses", lambda *_: None),
     ],
     "plausibility off": [
-        patch.object(attribution, "_possible", lambda *_: True), patch.object(attribution, "identifiable", lambda *_: True),
+        patch.object(attribution, "possible", lambda *_: True), patch.object(attribution, "identifiable", lambda *_: True),
         patch.object(System, "clipped", lambda self, id, value: value), patch.object(System, "at_bound", lambda *_: False),
     ],
     "replication off": [patch.object(attribution, "_replicates", lambda *_: True)],
