@@ -19,6 +19,7 @@ from stablepush.core import (
     check_seed,
     check_vectors,
     first_least,
+    in_threads,
     read_only,
     renamed,
     renamed_fields,
@@ -238,13 +239,15 @@ def fit_limit_surface(
         taken_over += solution.taken_over
         return solution
 
+    # what takes longest, drawing pressures, side by side
+    rows_of = [train, *(np.setdiff1d(train, rows) for rows in tests)]
+    whole, *parts = in_threads(lambda rows: estimator.prepare(pairs.take(rows)), rows_of)
     chosen, error = estimator.default, None
     if tests:
-        errors = _held_out_errors(estimator, pairs, train, tests, degree, solve)
+        errors = _held_out_errors(estimator, pairs, parts, tests, degree, solve)
         chosen = _choose(errors, estimator.with_prior)
         error = float(errors[chosen].mean())
     weights = estimator.candidates[chosen]
-    whole = estimator.prepare(pairs.take(train))
     best = solve(whole, weights)
     if convex and isinstance(estimator, NormLoss) and isinstance(weights, NormWeights):
         best = estimator.solve(whole, weights, PROVABLE * float(np.abs(best.coefficients).max()))
@@ -300,15 +303,15 @@ def fit_limit_surface(
 def _held_out_errors(
     estimator: Estimator,
     pairs: Pairs,
-    train: np.ndarray,
+    parts: Sequence[Part],
     tests: Sequence[np.ndarray],
     degree: int,
     solve: Callable[[Part, Any], Estimate],
 ) -> FloatArray:
-    """Angles (rad) of pairs that were left out, (candidates, pairs), by fits with every candidate for the weights."""
+    """Angles (rad) of pairs that were left out, (candidates, pairs), by fits to the other ``parts`` with every candidate for the
+    weights."""
     errors = np.empty((len(estimator.candidates), len(pairs)))
-    for rows in tests:
-        part = estimator.prepare(pairs.take(np.setdiff1d(train, rows)))
+    for rows, part in zip(tests, parts, strict=True):
         gradient = gradient_rows(pairs.loads[rows], degree)
         for c, candidate in enumerate(estimator.candidates):
             try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 import warnings
 from dataclasses import dataclass, replace
@@ -112,6 +113,7 @@ class SquaredProgram(_Program):
 
         super().__init__(degree, True, LEAST_EIGENVALUE)
         count = self._a.size
+        self._alone = threading.Lock()
         self._root = cp.Parameter((count, count))
         self._linear = cp.Parameter(count)
         self._pose(cp.sum_squares(self._root @ self._a) - 2 * self._linear @ self._a)
@@ -133,9 +135,11 @@ class SquaredProgram(_Program):
         direct = self._direct(quadratic / scale, linear / scale)
         if direct is not None:
             return direct
-        self._root.value = _factor(quadratic / scale)
-        self._linear.value = linear / scale
-        return replace(self._solve(_SOLVERS[1:]), taken_over=True)
+        # one at a time: the parameters are those of the program
+        with self._alone:
+            self._root.value = _factor(quadratic / scale)
+            self._linear.value = linear / scale
+            return replace(self._solve(_SOLVERS[1:]), taken_over=True)
 
     def _direct(self, quadratic: FloatArray, linear: FloatArray) -> Estimate | None:
         import clarabel
