@@ -121,14 +121,17 @@ def correct(
         found = corrected(problem, corrections)
     save_scene(found, output)
     before, after = problem.contacts[0].mu, found.contacts[0].mu
-    changes = ["another limit surface"] if found.surface is not problem.surface else []
+    changes = ["limit surface as refitted to the log"] if found.surface is not problem.surface else []
     changes += [f"finger friction {after:.3g} for {before:.3g}"] if after != before else []
     width, own = found.uncertainty.relative_friction, problem.uncertainty.relative_friction
     changes += [f"finger friction uncertain by {100 * width:.0f} %"] if width > own else []
     changes += [f"finger radius {1000 * found.finger_radius:.3g} mm"] if found.finger_radius != problem.finger_radius else []
     aside = any((a.points != b.points).any() for a, b in zip(found.contacts, problem.contacts, strict=True))
     changes += ["contacts elsewhere"] if aside else []
-    changes += ["start and goal about the centre of mass"] if (found.goal != problem.goal).any() else []
+    offset = corrections[0].tracker_offset
+    if (found.goal != problem.goal).any() and offset is not None:
+        by = ", ".join(f"{1000 * value:.3g}" for value in (-offset[0], -offset[1]))
+        changes += [f"start and goal are of the centre of mass, at ({by}) mm of the tracked frame"]
     changes += [f"effects {', '.join(entry.effect.id for entry in found.effects)}"] if found.effects else []
     changes += [f"{len(found.alternatives)} alternatives"] if found.alternatives else []
     told(

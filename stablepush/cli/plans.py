@@ -50,6 +50,7 @@ _OPTIONS = options_of(
     "margin_weight",
     "max_twist_rate",
     "refinement_budget",
+    "clearance",
 )
 
 
@@ -95,13 +96,19 @@ def plan(
         ),
     ] = math.inf,
     refinement_budget: RefinementBudget = 20_000,
+    clearance: Annotated[
+        float,
+        typer.Option(
+            parser=number, metavar="METRES", help="Least distance of slider and pusher from obstacles; 0: they may touch."
+        ),
+    ] = 0.0,
     view: Annotated[Path | None, typer.Option(help="Animation of the plan as an HTML page.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture of the plan as PNG, if one is found.")] = None,
 ) -> None:
     """Plan a path of stable pushes."""
     from stablepush.core import check_number
     from stablepush.io import write_atomically
-    from stablepush.planning import load_scene, plan as make_plan, save_plan
+    from stablepush.planning import clearance_of, load_scene, plan as make_plan, save_plan
 
     check_number(time_limit, "--time-limit", at_least=0.0)
     require_files(output, view, picture, read=(scene,))
@@ -120,6 +127,7 @@ def plan(
             margin_weight=margin_weight,
             max_twist_rate=max_twist_rate,
             refinement_budget=refinement_budget,
+            clearance=clearance,
             stop=interrupted,
             progress=step.describe,
         )
@@ -134,8 +142,10 @@ def plan(
         from stablepush.views.plot import plot_plan, save_figure
 
         save_figure(plot_plan(problem, result), picture)
+    nearest = clearance_of(problem, result) if result.solved else None
     told(
         output=output, status=result.status, message=result.message, pushes=len(result.pushes), duration=result.duration,
+        clearance=None if nearest is None else nearest.distance,
         length=result.length, switches=result.switches, min_margin=result.min_margin, lower_bound=result.lower_bound,
         planning_time=result.planning_time, success_probability=result.success_probability,
         success_interval=result.success_interval, arrival_probability=result.arrival_probability,
@@ -144,7 +154,16 @@ def plan(
     print(f"{output}: {_plan_line(result)}")
     if result.solved:
         away, turned = result.from_goal(problem.goal)
-        print(f"it ends {1000 * away:.1f} mm and {math.degrees(turned):.1f} deg from the goal; it {result.outlook}")
+        near, square = problem.tolerance
+        print(
+            f"it ends {1000 * away:.1f} mm and {math.degrees(turned):.1f} deg from the goal (tolerance {1000 * near:.3g} mm, "
+            f"{math.degrees(square):.2g} deg); it {result.outlook}"
+        )
+        if nearest is not None:
+            print(
+                f"closest to an obstacle: {1000 * nearest.distance:.1f} mm, in push {nearest.push}; "
+                "the probabilities do not count collisions"
+            )
     if interrupted():
         raise InterruptedError(f"{output} holds the best plan found so far")
     raise typer.Exit(0 if result.solved else 1)

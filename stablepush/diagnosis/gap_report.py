@@ -174,6 +174,8 @@ def _diagnose(
     untested = [effect.id for effect in effects if not system.has_wrench]
     if untested:
         notes.append(f"effects of the lab's own need forces: {', '.join(untested)} was not tested")
+    elif system.has_wrench:
+        notes += [f"{id} was not tested: it needs {effect.needs}" for id, effect in lab_effects(effects).items() if id not in own]
     if comparison is not None:
         notes = [*comparison.notes(), *notes]
     if verdict == "absorbed" and system.has_wrench and not refit_leaves_noise(system, held):

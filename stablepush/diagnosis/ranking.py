@@ -44,8 +44,8 @@ UNSEEN = {
     "force-rotation": "needs forces in directions that vary against the motion",
     "frame-offset": "needs moments, or fingers on several faces",
     "latency": "needs poses of pusher and slider at different speeds",
-    "contact-geometry": "needs poses of the pusher and the radius of its fingers",
-    "contact-friction": "needs forces while fingers slip along a face",
+    "contact-geometry": "needs poses of the pusher, the radius of its fingers, and forces or pushes of several faces",
+    "contact-friction": "needs forces of three pushes whose fingers slip along a face",
     "model-capacity": "needs forces of motions all round the limit surface",
 }
 

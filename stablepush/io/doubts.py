@@ -14,6 +14,8 @@ from stablepush.io.pushlog import PushLog
 #: While it pushes the tip is at most so far (share of the slider's radius, and m) from where its own radius puts it; largest
 #: radius (m) of a finger where it is not known.
 _OFF, _OFF_LEAST, _WIDEST = 0.2, 5e-3, 0.03
+#: Fingers of a known radius are off from so far (m).
+_SEEN_OFF = 1e-3
 #: A slider does not travel so many of its radii in a push, nor turn so far (rad).
 _FARTHEST, _TURNS = 50.0, 2 * np.pi
 #: A push whose power is a smaller share of the greatest was none.
@@ -29,7 +31,7 @@ def doubts(log: PushLog, zeroed: bool = True) -> list[str]:
 
     ``zeroed``: the offset of the force sensor was to be taken from rows at rest.
     """
-    return [*_opposed(log), *(_restless(log) if zeroed else ()), *_away(log), *_large(log), *_clock(log)]
+    return [*_opposed(log), *(_restless(log) if zeroed else ()), *(list(_away(log)) or _apart(log)), *_large(log), *_clock(log)]
 
 
 def _powers(log: PushLog) -> dict[str, float]:
@@ -80,6 +82,32 @@ def _away(log: PushLog) -> Iterator[str]:
         finger = "" if radius is None else f", with a finger of {1000 * radius:.3g} mm radius"
         asked = "units (length, angle), body_pose, outline?"
         yield f"while it pushes the centre of the tip is {where} the slider's outline{finger}: {asked}"
+
+
+def _apart(log: PushLog) -> Iterator[str]:
+    """Fingers of a known radius touch the outline while they push."""
+    radius, slider = log.rig.finger_radius, log.rig.slider
+    pushing = np.isfinite(log.columns("x", "y", "theta", "px", "py")).all(axis=1) & (log.samples["phase"] == "push")
+    # of two fingers the pusher's pose is midway: on a straight face it is as far from it as they are
+    if radius is None or log.rig.contact_kind == "held" or not pushing.any():
+        return
+    body, tips = log.columns("x", "y", "theta"), log.columns("px", "py")
+    off = []
+    for name in map(str, log.trials["trial"]):
+        rows = log.rows(name)
+        rows = rows[pushing[rows]]
+        if len(rows):
+            local = rotate_vectors(-body[rows, 2], tips[rows] - body[rows, :2])
+            away = shapely.distance(slider.polygon.exterior, shapely.points(local))
+            inside = shapely.contains_xy(slider.polygon, *local.T)
+            off.append(float(np.median(np.where(inside, -away, away))) - radius)
+    far = [value for value in off if abs(value) > _SEEN_OFF]
+    if 2 * len(far) > len(off):
+        most = max(far, key=abs)
+        yield (
+            f"in {len(far)} of {len(off)} pushes the fingers seem more than {1000 * _SEEN_OFF:g} mm off the outline, up to "
+            f"{1000 * abs(most):.2g} mm {'away from it' if most > 0 else 'inside'}: tracked origin (body_pose), or radius?"
+        )
 
 
 def _large(log: PushLog) -> Iterator[str]:

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush.core import FloatArray, InputError, StablepushWarning, check_array, check_choice, check_number
+from stablepush.core import BoolArray, FloatArray, InputError, StablepushWarning, check_array, check_choice, check_number
 from stablepush.geometry import compose, nearest_on_outline, point_velocity, rotate_vectors, transform_points
 from stablepush.identify import SlipPairs
 from stablepush.io.doubts import doubts, largest_step
@@ -28,6 +28,8 @@ _MOVES, _SLIPS, _LEAST_TRAVEL = 0.15, 0.3, 3e-4
 _STEP, _LEFT, _LEAST_STEP = 0.3, 0.1, 0.3
 #: A finger that is farther (m) from the outline does not touch it.
 _TOUCHES = 1e-3
+#: So far (m) from it a finger that touches it may seem to be.
+_SEEMS = 8e-3
 #: A slider that travels no farther (m) than noise takes its median rests.
 _STILL = 1e-4
 #: A new trial begins after so many seconds in which the slider rests; so many before it moves are kept.
@@ -90,7 +92,8 @@ def log_from_arrays(
         s. Shorter follows faster motion, longer leaves less noise.
     finger_distance : float, optional
         m, between the centres of two fingers, along the touched edge; ``tip_positions`` is midway between them. With it and
-        ``rig.finger_radius`` the log has the contact point of each finger, where it is nearer than 1 mm to the outline.
+        ``rig.finger_radius`` the log has the contact point of each finger: of the one that is nearest to the outline in a
+        push, and of the other where it is less than 1 mm farther.
     pose_delay : float
         s by which the poses lag the tip and the forces, as a diagnosis may have found it; less than 0 if they are ahead. The pose
         of a row is then the one that was recorded so much later, between two of the same trial; the last rows have none.
@@ -184,10 +187,9 @@ def log_from_arrays(
         columns |= dict(zip(("px", "py", "ptheta"), found["pusher"].T, strict=True))
     if finger_distance is not None:
         pushed = np.array(columns["phase"]) == "push"
-        for k, side in enumerate((-0.5, 0.5), 1):
-            points = _touched(rig, found["pose"], found["pusher"], side * finger_distance)
-            points[~pushed] = np.nan
-            columns |= {f"c{k}x": points[:, 0].tolist(), f"c{k}y": points[:, 1].tolist()}
+        points = _touched(rig, found["pose"], found["pusher"], finger_distance, np.array(columns["trial"]), pushed)
+        for k in (0, 1):
+            columns |= {f"c{k + 1}x": points[:, k, 0].tolist(), f"c{k + 1}y": points[:, k, 1].tolist()}
     origin = min(begins)
     log = {"trial": names, "start_time": [begin - origin for begin in begins], "group": [""] * len(names)}
     made = PushLog(rig, log, columns)
@@ -440,12 +442,25 @@ def _slopes(t: FloatArray, poses: FloatArray, window: float) -> FloatArray:
     return twists
 
 
-def _touched(rig: Rig, body: FloatArray, pusher: FloatArray, aside: float) -> FloatArray:
-    """Contact points (n, 2) in B of a finger that is aside (m) on its tool; NaN where it is away from the outline."""
-    center = compose(pusher, (0.0, aside, 0.0))[:, :2]
-    local = _into(body, center)
-    points, _ = nearest_on_outline(rig.slider.vertices, local)
-    points[~(np.linalg.norm(local - points, axis=1) < (rig.finger_radius or 0.0) + _TOUCHES)] = np.nan
+def _touched(
+    rig: Rig, body: FloatArray, pusher: FloatArray, distance: float, trials: np.ndarray, pushed: BoolArray
+) -> FloatArray:
+    """Contact points (n, 2, 2) in B of two fingers; NaN where one is away from the outline, and where nothing is ``pushed`` (n,).
+
+    One of them certainly touches in a push. Where the tracked origin is off, or their radius is another, they seem to be farther
+    from the outline or inside of it: the other touches if it is about as far.
+    """
+    points, gaps = np.empty((len(body), 2, 2)), np.empty((len(body), 2))
+    for k, side in enumerate((-0.5, 0.5)):
+        local = _into(body, compose(pusher, (0.0, side * distance, 0.0))[:, :2])
+        points[:, k], _ = nearest_on_outline(rig.slider.vertices, local)
+        inside = shapely.contains_xy(rig.slider.polygon, *local.T)
+        gaps[:, k] = np.where(inside, -1, 1) * np.linalg.norm(local - points[:, k], axis=1) - (rig.finger_radius or 0.0)
+    for name in dict.fromkeys(trials):
+        rows = np.flatnonzero((trials == name) & pushed & np.isfinite(gaps).all(axis=1))
+        seems = float(np.clip(np.median(gaps[rows], axis=0).min(), -_SEEMS, _SEEMS)) if len(rows) else 0.0
+        gaps[trials == name] -= seems
+    points[~(gaps < _TOUCHES) | ~pushed[:, None]] = np.nan
     return points
 
 

@@ -1,5 +1,6 @@
 from .alignment import aligns as aligns
 from .check import CheckReport as CheckReport, check_plan as check_plan
+from .clearance import Clearance as Clearance, clearance_of as clearance_of
 from .collision import SweptBody as SweptBody, body_of as body_of, world_of as world_of
 from .comparison import RegionPlan as RegionPlan, certified_share as certified_share, compare_regions as compare_regions
 from .correct import correct as correct

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,8 @@ from stablepush.surfaces import LimitSurface, check_surface
 #: Corners of a polygon round a disc, as angles (rad) from the middle of a side, and how near its sides come, in radii of it.
 _CORNERS = (np.arange(16) + 0.5) * (2 * np.pi / 16)
 _ROUND = float(np.cos(np.pi / 16))
+#: Sides of a quarter of a circle round the corner of an obstacle.
+_QUARTER = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -229,6 +232,15 @@ class PlanningProblem:
         if self.pusher is not None:
             return [self.pusher]
         return disc_outlines(contact, self.finger_radius) if self.finger_radius > 0 else []
+
+    def with_clearance(self, distance: float) -> PlanningProblem:
+        """Return the problem with obstacles that are larger by a distance (m) all round."""
+        if not distance:
+            return self
+        # corners of a polygon round a disc lie on it, its sides within
+        around = distance / math.cos(math.pi / (4 * _QUARTER))
+        grown = [shapely.Polygon(corners).buffer(around, quad_segs=_QUARTER).exterior for corners in self.obstacles]
+        return replace(self, obstacles=tuple(np.asarray(ring.coords, dtype=np.float64)[:-1] for ring in grown))
 
     def docked_outlines(self, contact: PushContact) -> list[FloatArray]:
         """Return the same in B (m)."""

@@ -17,6 +17,7 @@ from stablepush.core import (
     Deadline,
     InputError,
     PlanWarning,
+    StablepushError,
     UnavailableError,
     check_number,
     check_seed,
@@ -85,6 +86,7 @@ def plan(
     margin_weight: float = 0.0,
     max_twist_rate: float = math.inf,
     refinement_budget: float = 20_000,
+    clearance: float = 0.0,
     stop: Callable[[], bool] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> PlanResult:
@@ -112,6 +114,9 @@ def plan(
         only, and each push by itself.
     max_twist_rate, refinement_budget
         How gradual and how good the plan is to be: see :class:`PlanOptions`.
+    clearance : float, optional
+        Least distance (m) of slider and pusher from obstacles all along the path. Touching is allowed if it is 0: a real
+        object is never quite where it is believed to be, and no probability counts collisions.
     stop : callable, optional
         Asked now and then; once it returns true, the search ends with the best plan found so far, or with the status
         ``"interrupted"``.
@@ -140,6 +145,7 @@ def plan(
         raise InputError("planner", f"expected one of {', '.join(planner_names()) or 'none installed'}", repr(planner)) from None
 
     _require_signature(run, planner)
+    problem = problem.with_clearance(check_number(clearance, "clearance", at_least=0.0))
     problem.require_plannable()
     require_loads(problem)
     for name, value, plain in (("region", region, "model"), ("probability", probability, 0.0)):
@@ -151,6 +157,8 @@ def plan(
     number = 0 if seed is None else check_seed(seed)
     with within(limit, stop) as deadline:
         reason = infeasibility(problem)
+        if reason and clearance:
+            reason += f" (of obstacles that are larger by the clearance of {1000 * clearance:.3g} mm)"
         if reason:
             return PlanResult("no-path", planner, seed=number, message=reason, planning_time=time.perf_counter() - started)
 
@@ -162,7 +170,12 @@ def plan(
 
         def attempt(regions: Sequence[StableRegion | PushSet], until: Deadline, effort: float) -> PlanResult:
             asked = replace(options, regions=tuple(regions), refinement_budget=effort)
-            found = run(alone, deadline=until, seed=number, options=asked, progress=progress)
+            try:
+                found = run(alone, deadline=until, seed=number, options=asked, progress=progress)
+            except StablepushError:
+                raise
+            except Exception as error:
+                raise UnavailableError(f"planner {planner}: it failed by {type(error).__name__}: {error}") from error
             if not isinstance(found, PlanResult):
                 raise UnavailableError(f"planner {planner}: expected it to return a PlanResult, got {type(found).__name__}")
             return found if aligning is None or not found.solved else _preceded(found, aligning)

@@ -242,7 +242,7 @@ def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
     """What the scenarios that lose the slider in a push have in common: what differs most from the other scenarios."""
     everything = {
         "contact friction": (scenarios.contact_mu[:, push.contact], ""),
-        "the place of the fingers along the edge": (1000 * scenarios.aside[:, push.contact], " mm"),
+        "the fingers displaced along the edge": (1000 * scenarios.aside[:, push.contact], " mm"),
         "the centre of mass in x": (1000 * scenarios.center_of_mass[:, 0], " mm"),
         "the centre of mass in y": (1000 * scenarios.center_of_mass[:, 1], " mm"),
     }

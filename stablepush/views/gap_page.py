@@ -37,8 +37,8 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     """Return a diagnosis as one HTML page that needs no network: verdict, evidence to look at row by row, pictures, all effects,
     what to try next."""
     size = (
-        "Root mean squares over all trials. Floor: the noise alone. p: the probability that noise alone leaves as much as the "
-        "nominal simulation does."
+        "Root mean squares over all trials. Floor: what the noise, and the give of fingers and table, leave. "
+        "p: the probability that noise alone leaves as much as the nominal simulation does."
     )
     steps = "\n".join(report.steps)
     told = [("verdict", str(report.verdict)), ("effects", ", ".join(report.named) or "none"), ("what to do", steps)]
@@ -54,7 +54,7 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         sections.append(Section.with_picture("What was found", figure_png(plot_forms(report)), words, found))
     if report.gap:
         sections.append(Section("How large the gap is", size, [(entry.channel, _gap(entry)) for entry in report.gap]))
-    left_out = "Root mean squares on held-out trials. Floor: the noise alone."
+    left_out = "Root mean squares on held-out trials. Floor: what the noise, and the give of fingers and table, leave."
     reductions = [(e.channel, f"{e.sizes}; {e.explained}, {e.held_out_trials} held-out trials") for e in report.reductions]
     sections.append(Section("Gap reduction", left_out, reductions))
     if report.residuals:
@@ -76,8 +76,8 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     rows = [(entry.effect, _effect(entry, report.evidence[entry.effect])) for entry in report.ranking]
     text = (
         "Probability of each effect of the catalogue given the others that are named, its parameters with 95 % intervals, and "
-        "the evidence for and against it; or why it is not identifiable from this log. The fit gains what its sum of "
-        "squares, over the scatter that is left, falls by."
+        "the evidence for and against it; or why it is not identifiable from this log. The gain of the fit: by how "
+        "much its sum of squares falls, in units of the scatter that is left."
     )
     sections.append(Section.with_picture("Why", figure_png(plot_effects(report)), text, rows))
     after = report.next_experiment
@@ -85,10 +85,9 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     pushes = [(f"push {' and '.join(str(next(numbers)) for _ in same)}", _push(push)) for push, same in groupby(after.pushes)]
     words = f"To separate {' and '.join(after.separates)}: {after.why}." if after.separates else f"{after.why}."
     if report.settled:
-        words = (
-            "Nothing is left to separate. Check the correction: execute a plan of the corrected scene, and diagnose its log. "
-            f"{words}"
-        )
+        words = "Nothing is left to separate. Check the correction: execute a plan of the corrected scene, and diagnose its log."
+        if pushes and after.separates:
+            words += f" Should you doubt the cause, these pushes tell {' from '.join(after.separates)} best."
     if pushes:
         words += (
             " Edges are counted from 0, places along them from their first corner; directions turn counter-clockwise "

@@ -71,8 +71,8 @@ def test_a_surface_from_a_slider_alone_is_that_of_the_library(rig, tmp_path, cap
 
 
 def test_a_scene_and_a_rig_have_a_slider(rig, tmp_path, capsys):
-    body = sp.load_slider(rig / "slider.json")
-    for path in (rig / "scene.json", rig / "log" / "rig.json"):
+    scene, log = sp.load_scene(rig / "scene.json"), sp.read_pushlog(rig / "log")
+    for path, body in ((rig / "scene.json", scene.slider), (rig / "log" / "rig.json", log.rig.slider)):
         np.testing.assert_array_equal(sp.load_slider(path).vertices, body.vertices)
     assert main(["fit", "--slider", str(rig / "model.json"), "-o", str(tmp_path / "m.json")]) == 2
     error = capsys.readouterr().err

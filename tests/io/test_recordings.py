@@ -149,6 +149,14 @@ def test_a_table_of_an_executed_plan(tmp_path, capsys):
     assert np.nanmedian(apart) == pytest.approx(0.02, abs=1e-4)
 
 
+def test_the_noise_of_a_log_without_forces_needs_none_of_them(tmp_path, capsys):
+    path, _, _ = table(tmp_path)
+    columns = {k: v for k, v in COLUMNS.items() if k not in ("fx", "fy")}
+    mapping = mapping_file(tmp_path, columns=columns, units=UNITS, noise={"position": 1e-4, "angle": 1e-3})
+    imported(capsys, path, "--kind", "csv", "--mapping", mapping, "-o", tmp_path / "log")
+    assert sp.read_pushlog(tmp_path / "log").rig.noise == sp.Noise(0.0, 1e-4, 1e-3)
+
+
 MORE_BAD_TABLES = [
     ({"columns": {k: v for k, v in COLUMNS.items() if k != "tip_y"}}, "mapping.yaml: columns.tip_y: missing key"),
     ({"columns": {k: v for k, v in COLUMNS.items() if k not in ("tip_x", "tip_y")}}, "mapping.yaml: columns.tip_x: missing key"),

@@ -305,5 +305,15 @@ def test_two_fingers_have_contact_points_where_they_touch():
             np.tile((np.nan, np.nan) if beyond else (0.02, -0.03), (100, 1)), nan_ok=True
         )
         assert log.columns("c2x", "c2y") == pytest.approx(np.tile((x - 0.02, -0.03), (100, 1)), abs=1e-12)
+    # a tracker whose origin is 3 mm off: the fingers seem to hang in the air, or to be inside, and touch all the same
+    for offset in (0.003, -0.003):
+        tips = np.column_stack((0 * t, 0.02 * t - 0.03 - RADIUS, 0.0 * t))
+        with pytest.warns(sp.StablepushWarning) as said:
+            log = sp.log_from_arrays(
+                rig, t, np.add(poses, (0, offset, 0)), forces, tips, ["a"] * 100, finger_distance=0.04, moments=0 * t
+            )
+        assert np.isfinite(log.columns("c1x", "c1y", "c2x", "c2y")).all()
+        where = "away from it" if offset > 0 else "inside"
+        assert any(f"more than 1 mm off the outline, up to 3 mm {where}" in str(note.message) for note in said)
     with pytest.raises(sp.InputError, match="finger_distance: expected a rig of kind two-point"):
         sp.log_from_arrays(sp.Rig(SLIDER), t, poses, forces, tips, finger_distance=0.04)

@@ -490,6 +490,10 @@ def test_a_search_can_be_stopped():
             "planner mine: expected it to return a PlanResult, got NoneType",
         ),
         (3, "planner mine: expected a function"),
+        (
+            lambda problem, *, deadline, seed, options, progress: problem.nothing,
+            "planner mine: it failed by AttributeError: 'PlanningProblem' object has no attribute 'nothing'",
+        ),
     ],
 )
 def test_what_is_registered_as_a_planner_and_is_none_is_said(monkeypatch, registered, words):

@@ -33,7 +33,7 @@ MOVES = {
     "region": ("bar.value = 30; bar.dispatchEvent(new Event('input'));", r"model: stable · .*margin [\d.]+° · heading 30°"),
     "plan": (
         "bar.value = 500; bar.dispatchEvent(new Event('input'));",
-        r"[\d.]+ of [\d.]+ s · segment \d+ of \d+ · .* turn · margin",
+        r"[\d.]+ of [\d.]+ s · push \d+ of \d+, .* turn · margin",
     ),
     "push": ("bar.value = 1000; bar.dispatchEvent(new Event('input'));", r"(\d+\.\d+) of \1 s"),
     "slide": ("bar.value = 1000; bar.dispatchEvent(new Event('input'));", r"(\d+\.\d+) of \1 s"),

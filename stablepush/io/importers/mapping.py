@@ -77,7 +77,7 @@ def mapping_of(source: Source, slider: Slider | None, *own: str) -> Mapping:
         contact_friction=None if parts["contact"] is None else parts["contact"].number(at_least=0.0),
         gravity=number("gravity", 9.81),
         finger_radius=number("finger_radius", None, positive=False),
-        noise=None if noise is None else Noise(*(noise[key].number(at_least=0.0) for key in ("force", "position", "angle"))),
+        noise=None if noise is None else _noise(noise),
         extra={"source": {"kind": source.kind}},
         model=None if model is None else model_or_path(model, file.parent),
     )
@@ -86,6 +86,13 @@ def mapping_of(source: Source, slider: Slider | None, *own: str) -> Mapping:
         True if zero is None else zero.value, number("window", 0.1), number("finger_distance", None),
         0.0 if delay is None else delay.number(),
     )  # fmt: skip
+
+
+def _noise(node: Node) -> Noise:
+    """Noise of a row; that of the force is 0 where the log has none."""
+    force = node.get("force")
+    lengths = (node[key].number(at_least=0.0) for key in ("position", "angle"))
+    return Noise(0.0 if force is None else force.number(at_least=0.0), *lengths)
 
 
 def _slider(root: Node, file: Path, slider: Slider | None) -> Slider:
