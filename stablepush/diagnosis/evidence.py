@@ -71,9 +71,9 @@ def _of_surface(found: Attribution, reshaped: bool) -> Evidence:
     shape = f"a refitted pressure changes the log density of held-out pushes by {_held_out(found, 'free')}"
     if reshaped:
         return Evidence([shape], ["a change of the pressure would explain it as well"])
-    return Evidence(
-        [], [f"{shape}, no significant gain; another friction with the nominal pressure, by {_held_out(found, 'scaled')}"]
-    )
+    pressure, friction = _held_out(found, "free"), _held_out(found, "scaled")
+    words = "neither another pressure nor another friction predicts held-out pushes significantly better"
+    return Evidence([], [f"{words} (log density {pressure} and {friction})"])
 
 
 def _of_acting(id: str, system: System, found: Attribution) -> Evidence:

@@ -27,6 +27,8 @@ _LEAST_RADIUS = 1e-5
 #: Least distance of the origin of B from the edges of the outline's hull, in radii of the slider: nearer to an edge, all of the
 #: pressure would have to be on it, and the friction of the others could not be computed.
 _LEAST_INSIDE = 1e-6
+#: An outline that is wider (m) is one in mm.
+_MILLIMETRES = 6.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,10 +148,11 @@ def _require_origin(outline: FloatArray, name: str) -> None:
     inside = (along[:, 1] * hull[:-1, 0] - along[:, 0] * hull[:-1, 1]) / np.linalg.norm(along, axis=1)
     if inside.min() < _LEAST_INSIDE * np.linalg.norm(outline, axis=1).max():
         x, y = shapely.get_coordinates(shapely.Polygon(outline).centroid)[0]
+        metres = " and divide by 1000: vertices are in m" if np.ptp(outline, axis=0).max() > _MILLIMETRES else ""
         raise InputError(
             name,
             "expected the origin, which is the centre of mass, inside the outline's hull; if the density is uniform, "
-            f"subtract ({x:.6g}, {y:.6g}) from every vertex, as Slider.centered does",
+            f"subtract ({x:.6g}, {y:.6g}) from every vertex, as Slider.centered does{metres}",
         )
 
 
