@@ -161,7 +161,7 @@ def plan(
         )
         if nearest is not None:
             print(
-                f"closest to an obstacle: {1000 * nearest.distance:.1f} mm, in push {nearest.push}; "
+                f"closest to an obstacle: {1000 * nearest.distance:.1f} mm, in {nearest.where}; "
                 "the probabilities do not count collisions"
             )
     if interrupted():

@@ -27,18 +27,22 @@ _AT_EDGE, _CREEPING, _BEYOND, _ANY = 0.9, 0.3, 0.02, 0.05
 #: Friction, its change over the log and its scatter between trials as they are before any force is seen: medians (of the first it
 #: is what the rig has, else this), and standard deviations, of logarithms but for that of the change.
 _FRICTION, _CHANGE, _SCATTER = (0.5, 0.7), 0.3, (0.025, 0.7)
-#: Values that are tried, and how often the grid about the best is made finer.
-_TRIED = (np.geomspace(0.02, 1.6, 34), np.linspace(-1.2, 1.2, 13), np.geomspace(0.006, 0.12, 6))
+#: Values that are tried of friction (and up to so many times the largest ratio that is seen, and the rig's), change and scatter,
+#: and how often the grid about the best is made finer.
+_LOWEST, _HIGHEST, _HIGHER = 0.005, 1.6, 2.0
+_CHANGES, _SCATTERS = np.linspace(-1.2, 1.2, 13), np.geomspace(0.006, 0.12, 6)
 _FINER = 6
 #: How often the grid of the interval is narrowed to what is not negligible (log density), and its values then.
 _NARROWER, _NEGLIGIBLE, _FINE = 3, -9.0, (41, 15, 9)
 #: Least friction of a straight line.
-_LEAST = 0.01
+_LEAST = 0.002
 #: A trial informs if it raises the log density by so much. So many must, and this many times as many as speak against it; of a
 #: change so many must, over this share of the log.
 _INFORMS, _FEWEST_TRIALS, _AGAINST, _FEWEST_OF_CHANGE, _OVER = 1.0, 3, 3, 5, 0.3
 #: Friction opposes true slip: where it does in a smaller share of the trials, the slip is noise.
 _OPPOSED = 0.8
+#: So many trials whose fingers slip decide by their median: one within so many standard errors of the rig's friction is that.
+_DECIDE, _NEAR = 5, 2.0
 #: Contact friction is off if it differs by at least this much in the trials that inform, with so small a p-value.
 _MU, P_SLIP = 0.03, 1e-3
 #: Least standard error over the friction.
@@ -128,6 +132,8 @@ def friction_of(forces: FingerForces, nominal: float | None) -> ContactFriction 
         informing, against = gains > _INFORMS, int((gains < -_INFORMS).sum())
         off = np.abs(model.friction(found)[informing] - nominal)
         enough = informing.sum() >= max(_FEWEST_TRIALS, _AGAINST * against)
+        # friction that scatters from push to push is steeper than the nominal one in some
+        enough = enough and (terms == 2 or not _agree(forces.ratio[forces.slips], nominal))
         if enough and float(np.median(off)) > _MU:
             p = float(chi2.sf(2 * (model.posterior(found) - model.posterior(none)), terms))
             count = int(informing.sum())
@@ -145,6 +151,8 @@ class _Model:
     def __init__(self, forces: FingerForces, nominal: float | None) -> None:
         self._forces = forces
         self._middle = _FRICTION[0] if nominal is None else max(nominal, _LEAST)
+        most = max(_HIGHEST, _HIGHER * float(np.abs(forces.ratio).max(initial=0.0)), _HIGHER * self._middle)
+        self._tried = (np.geomspace(min(_LOWEST, self._middle), most, 40), _CHANGES, _SCATTERS)
 
     def friction(self, parameters: FloatArray) -> FloatArray:
         """Friction (..., n) of each trial."""
@@ -173,11 +181,17 @@ class _Model:
         """Whether enough trials, over enough of the log, are nearer to a straight line than to one of other frictions."""
         least = np.min([self.terms(other) for other in others], axis=0)
         at = self._forces.order[self.terms(line) - least > _INFORMS]
-        return len(at) >= _FEWEST_OF_CHANGE and float(np.ptp(at)) >= _OVER
+        possible = abs(float(line[1])) < _CHANGES[-1]
+        return possible and len(at) >= _FEWEST_OF_CHANGE and float(np.ptp(at)) >= _OVER
+
+    def _axes(self, changes: bool) -> list[FloatArray]:
+        """Values of each parameter that are tried."""
+        friction, change, scatter = self._tried
+        return [friction, change if changes else np.zeros(1), scatter]
 
     def best(self, changes: bool) -> FloatArray:
         """Parameters (3,) of the greatest density: the best of a grid, made finer about it."""
-        axes = [_TRIED[0], _TRIED[1] if changes else np.zeros(1), _TRIED[2]]
+        axes = self._axes(changes)
         for k in range(_FINER + 1):
             grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
             at = np.unravel_index(int(np.argmax(self.posterior(grid))), grid.shape[:-1])
@@ -188,14 +202,14 @@ class _Model:
 
     def best_scatter(self, nominal: float) -> FloatArray:
         """Parameters (3,) with the nominal friction and the scatter that is best for it."""
-        scatters = np.geomspace(_TRIED[2][0], _TRIED[2][-1], 60)
+        scatters = np.geomspace(_SCATTERS[0], _SCATTERS[-1], 60)
         grid = np.column_stack((np.full(60, max(nominal, _LEAST)), np.zeros(60), scatters))
         return np.asarray(grid[int(np.argmax(self.posterior(grid)))])
 
     def spread(self, changes: bool) -> tuple[tuple[float, float], float]:
         """Return the 95 % interval of the friction in the middle of the log, and the standard deviation of its change, from the
         density over a grid that holds all but a little of it."""
-        axes = [_TRIED[0], _TRIED[1] if changes else np.zeros(1), _TRIED[2]]
+        axes = self._axes(changes)
         for k in range(_NARROWER + 1):
             density = self.posterior(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))
             density = density - density.max()
@@ -214,6 +228,15 @@ class _Model:
         low, high = np.interp((0.025, 0.975), below, axes[0])
         mean = float(of_change @ axes[1])
         return (float(low), float(high)), float(np.sqrt(of_change @ (axes[1] - mean) ** 2))
+
+
+def _agree(ratios: FloatArray, nominal: float) -> bool:
+    """Whether enough ratios (n,) of slipping trials have a median that may be the nominal friction."""
+    if len(ratios) < _DECIDE:
+        return False
+    middle = float(np.median(ratios))
+    error = 1.2533 * 1.4826 * float(np.median(np.abs(ratios - middle))) / np.sqrt(len(ratios))
+    return bool(abs(middle - nominal) < _NEAR * error)
 
 
 def _about(axis: FloatArray, at: int) -> FloatArray:

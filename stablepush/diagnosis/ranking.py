@@ -45,7 +45,7 @@ UNSEEN = {
     "frame-offset": "needs moments, or fingers on several faces",
     "latency": "needs poses of pusher and slider at different speeds",
     "contact-geometry": "needs poses of the pusher, the radius of its fingers, and forces or pushes of several faces",
-    "contact-friction": "needs forces of three pushes whose fingers slip along a face",
+    "contact-friction": "needs forces of three pushes whose fingers slip, or press beyond the friction cone",
     "model-capacity": "needs forces of motions all round the limit surface",
 }
 
@@ -104,7 +104,7 @@ def rank(system: System, found: Attribution, effects: list[str]) -> list[RankedE
             probability *= _NOT_NAMED
         reason = None if seen else system.own[id].needs if id in system.own else _unseen(id, found)
         form = _form(id, system, found) if id in found.final.values else None
-        if id == "contact-friction" and found.contact is not None:
+        if id == "contact-friction" and found.contact is not None and id in found.named:
             form = found.contact.form
         entries.append(RankedEffect(id, float(np.clip(probability, 1e-4, 0.999)), parameters, seen, reason, form))
     return sorted(entries, key=lambda entry: -entry.probability)

@@ -81,7 +81,7 @@ class GapReport:
 
     @property
     def settled(self) -> bool:
-        """Whether the log tells the causes that it names from all others."""
+        """Whether the log tells the causes that it names from all others that it can show."""
         others = [entry.probability for entry in self.ranking if entry.effect not in self.named and entry.identifiable]
         return self.verdict == "named" and max(others, default=0.0) < _UNLIKELY
 

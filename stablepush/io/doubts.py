@@ -14,8 +14,8 @@ from stablepush.io.pushlog import PushLog
 #: While it pushes the tip is at most so far (share of the slider's radius, and m) from where its own radius puts it; largest
 #: radius (m) of a finger where it is not known.
 _OFF, _OFF_LEAST, _WIDEST = 0.2, 5e-3, 0.03
-#: Fingers of a known radius are off from so far (m).
-_SEEN_OFF = 1e-3
+#: Fingers of a known radius are off from so far (m), and the middle of two contact points on one face is on it to this (m).
+_SEEN_OFF, _STRAIGHT = 1e-3, 1e-5
 #: A slider does not travel so many of its radii in a push, nor turn so far (rad).
 _FARTHEST, _TURNS = 50.0, 2 * np.pi
 #: A push whose power is a smaller share of the greatest was none.
@@ -88,7 +88,12 @@ def _apart(log: PushLog) -> Iterator[str]:
     """Fingers of a known radius touch the outline while they push."""
     radius, slider = log.rig.finger_radius, log.rig.slider
     pushing = np.isfinite(log.columns("x", "y", "theta", "px", "py")).all(axis=1) & (log.samples["phase"] == "push")
-    # of two fingers the pusher's pose is midway: on a straight face it is as far from it as they are
+    if log.rig.contact_kind == "two-point":
+        # the pusher's pose is midway between two fingers: on a straight face it is as far from it as they are
+        ends = log.columns("c1x", "c1y", "c2x", "c2y")
+        pushing &= np.isfinite(ends).all(axis=1)
+        middle = shapely.points(np.where(pushing[:, None], ends[:, :2] + ends[:, 2:], 0.0) / 2)
+        pushing &= shapely.distance(slider.polygon.exterior, middle) < _STRAIGHT
     if radius is None or log.rig.contact_kind == "held" or not pushing.any():
         return
     body, tips = log.columns("x", "y", "theta"), log.columns("px", "py")

@@ -225,17 +225,18 @@ def push_margins(problem: PlanningProblem, twists: ArrayLike, poses: ArrayLike |
     """
     motions = check_vectors(twists, "twists", 3)
     places = np.asarray(problem.start) if poses is None else check_vectors(poses, "poses", 3)
-    if not 0 <= contact < len(problem.contacts):
-        raise InputError("contact", f"expected a number from 0 to {len(problem.contacts) - 1}", str(contact))
+    known = isinstance(contact, int | np.integer) and not isinstance(contact, bool)
+    if not known or not 0 <= contact < len(problem.contacts):
+        raise InputError("contact", f"expected a whole number from 0 to {len(problem.contacts) - 1}", repr(contact))
     loads, rho = loads_of(problem), problem.surface.characteristic_length
     cone = problem.contacts[contact].cone(rho)
-    if loads is None:
-        return cone.margin(normalize_wrench(problem.surface.wrench(motions), rho))
     try:
         motions, places = np.broadcast_arrays(motions, places)
     except ValueError:
         raise InputError("poses", "expected one for all twists, or one for each", f"{places.shape} for {motions.shape}") from None
-    found = cone.margin(normalize_wrench(loads.at(motions.reshape(-1, 3), places.reshape(-1, 3)), rho))
+    flat = motions.reshape(-1, 3)
+    needed = problem.surface.wrench(flat) if loads is None else loads.at(flat, places.reshape(-1, 3))
+    found = cone.margin(normalize_wrench(needed, rho))
     return np.asarray(found).reshape(motions.shape[:-1])
 
 

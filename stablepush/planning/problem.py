@@ -49,7 +49,9 @@ from stablepush.surfaces import LimitSurface, check_surface
 _CORNERS = (np.arange(16) + 0.5) * (2 * np.pi / 16)
 _ROUND = float(np.cos(np.pi / 16))
 #: Sides of a quarter of a circle round the corner of an obstacle.
-_QUARTER = 4
+_QUARTER = 8
+#: A clearance (m) that is none.
+_NEGLIGIBLE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -234,13 +236,17 @@ class PlanningProblem:
         return disc_outlines(contact, self.finger_radius) if self.finger_radius > 0 else []
 
     def with_clearance(self, distance: float) -> PlanningProblem:
-        """Return the problem with obstacles that are larger by a distance (m) all round."""
-        if not distance:
+        """Return the problem with obstacles that are larger by a distance (m) all round; below 1e-6 m, as they are.
+
+        Raises :class:`InputError` for a distance that is negative or not finite.
+        """
+        if check_number(distance, "clearance", at_least=0.0) < _NEGLIGIBLE:
             return self
-        # corners of a polygon round a disc lie on it, its sides within
-        around = distance / math.cos(math.pi / (4 * _QUARTER))
-        grown = [shapely.Polygon(corners).buffer(around, quad_segs=_QUARTER).exterior for corners in self.obstacles]
-        return replace(self, obstacles=tuple(np.asarray(ring.coords, dtype=np.float64)[:-1] for ring in grown))
+        # corners of a polygon round a disc lie on it, its sides within; a side may be half as long again as it should be
+        around = distance / math.cos(1.5 * math.pi / (4 * _QUARTER))
+        grown = [shapely.Polygon(corners).buffer(around, quad_segs=_QUARTER) for corners in self.obstacles]
+        rings = [part.exterior for shape in grown for part in _simple(shape)]
+        return replace(self, obstacles=tuple(np.asarray(ring.coords, dtype=np.float64)[:-1] for ring in rings))
 
     def docked_outlines(self, contact: PushContact) -> list[FloatArray]:
         """Return the same in B (m)."""
@@ -382,3 +388,13 @@ def scene_to_json(problem: PlanningProblem) -> dict[str, Any]:
         **({"effects": [effect.to_json() for effect in problem.effects]} if problem.effects else {}),
         **({"alternatives": [entry.to_json() for entry in problem.alternatives]} if problem.alternatives else {}),
     }
+
+
+def _simple(shape: shapely.Polygon) -> list[shapely.Polygon]:
+    """A polygon as polygons without holes: what encloses a free place is cut through it."""
+    if not len(shape.interiors):
+        return [shape]
+    low, bottom, high, top = shape.bounds
+    cut = float(shape.interiors[0].centroid.x)
+    halves = (shape.intersection(shapely.box(*box)) for box in ((low, bottom, cut, top), (cut, bottom, high, top)))
+    return [one for half in halves for part in shapely.get_parts(half) if part.area > 0 for one in _simple(part)]

@@ -145,7 +145,7 @@ def plan(
         raise InputError("planner", f"expected one of {', '.join(planner_names()) or 'none installed'}", repr(planner)) from None
 
     _require_signature(run, planner)
-    problem = problem.with_clearance(check_number(clearance, "clearance", at_least=0.0))
+    problem = problem.with_clearance(clearance)
     problem.require_plannable()
     require_loads(problem)
     for name, value, plain in (("region", region, "model"), ("probability", probability, 0.0)):
@@ -200,6 +200,9 @@ def plan(
             result = PlanResult("no-path", planner, seed=number, message=words)
         elif not met and held < level:
             doubts.append(f"no plan was found that succeeds with probability {level:g}; this one does with {stated}")
+    if result.lower_bound is not None and clearance:
+        # it is that of the larger obstacles
+        result = replace(result, lower_bound=None)
     if result.solved and region != "model":
         result = replace(result, message="; ".join(filter(None, (result.message, _assumptions(problem)))))
     if result.solved:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import LARGEST_MAGNITUDE, FloatArray, Node, Word, check_share, read_only, shown_as
+from stablepush.core import LARGEST_MAGNITUDE, FloatArray, InputError, Node, Word, check_share, read_only, shown_as
 from stablepush.geometry import compose, exp, inverse, wrap_angle
 from stablepush.io import read_json, write_json
 
@@ -161,7 +161,12 @@ class PlanResult:
         return words
 
     def from_goal(self, goal: ArrayLike) -> tuple[float, float]:
-        """Return how far (m) the last pose is from a goal (3,), and how much it is turned (rad)."""
+        """Return how far (m) the last pose is from a goal (3,), and how much it is turned (rad).
+
+        Raises :class:`InputError` for a plan without pushes.
+        """
+        if not self.pushes:
+            raise InputError("result", "expected a plan with pushes", str(self.status))
         offset = compose(inverse(self.pushes[-1].end), np.asarray(goal))
         return float(np.hypot(offset[0], offset[1])), abs(float(wrap_angle(offset[2])))
 

@@ -85,7 +85,8 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     pushes = [(f"push {' and '.join(str(next(numbers)) for _ in same)}", _push(push)) for push, same in groupby(after.pushes)]
     words = f"To separate {' and '.join(after.separates)}: {after.why}." if after.separates else f"{after.why}."
     if report.settled:
-        words = "Nothing is left to separate. Check the correction: execute a plan of the corrected scene, and diagnose its log."
+        check = "execute a plan of the corrected scene" if report.changes_plans else "mend the sensor, record again"
+        words = f"Nothing that this log can show is left to separate. To check the correction, {check}, and diagnose that log."
         if pushes and after.separates:
             words += f" Should you doubt the cause, these pushes tell {' from '.join(after.separates)} best."
     if pushes:
@@ -101,9 +102,9 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         "An effect is named if its family-wise p-value is below 1 % (a bootstrap over the signs of the trials' scores; without "
         "forces a larger gain may take its place) and the log density rises by more than its scatter between pushes explains; "
         "the others are judged given it. A wrong pressure is named if it predicts held-out trials as well as any pressure does. "
-        "A wrong friction of the fingers is named if the forces of slipping fingers show it significantly. All trials decide "
-        "which effects act. Reductions of the gap are those of trials left out of the fit, in five folds that keep repeats "
-        "together."
+        "A wrong friction of the fingers is named if the forces of slipping and sticking fingers, or the final poses, show it "
+        "significantly. All trials decide which effects act. Reductions of the gap are those of trials left out of the fit, in "
+        "five folds that keep repeats together."
     )
     sections.append(Section("How it was computed", how))
     sections.append(Section("Data quality", "", [("note", note) for note in report.notes] or [("note", "none")]))

@@ -60,9 +60,7 @@ def report_html(title: str, lead: str, sections: Sequence[Section]) -> str:
 
 def plan_html(problem: PlanningProblem, result: PlanResult, title: str = "Plan of stable pushes") -> str:
     """Return the animation of a plan as one HTML page that needs no network."""
-    key = "A dashed line joins the slider to the rotation centre of the push."
-    if result.success_probability is not None:
-        key += f" The plan {result.outlook}."
+    key = "" if result.success_probability is None else f"The plan {result.outlook}."
     label = "The slider and its pusher among obstacles"
     return render("plan.html", title=title, label=label, key=key, data=script(_plan_data(problem, result)))
 

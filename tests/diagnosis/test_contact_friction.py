@@ -135,3 +135,23 @@ def test_trials_agree_if_all_that_move_give_one_friction_and_none_sticks_beyond_
 
     assert agree((0.3, 0.31), (0.29,)) and not agree((0.3, 0.31), (0.5,))
     assert not agree((0.3, 0.5), ()) and not agree((-0.3,), ()) and not agree((), (0.3,))
+
+
+@pytest.mark.parametrize("true", [0.012, 2.2])
+def test_friction_that_is_very_low_or_high(true):
+    rng = np.random.default_rng(7)
+    for nominal in (true, None, 0.5):
+        found = friction_of(forces_of(np.full(COUNT, true), rng, error=0.002), nominal)
+        assert found is not None and found.estimate == pytest.approx(true, abs=0.06 * true + 0.004)
+        assert found.form is None and found.interval[0] <= found.estimate <= found.interval[1]
+        assert (found.p_value < P_SLIP) == (nominal == 0.5)
+
+
+def test_friction_that_scatters_from_push_to_push_is_no_other_friction():
+    """Sticking trials are judged by the greatest ratio that they hold: where friction scatters, slipping trials decide."""
+    rng, alarms = np.random.default_rng(8), 0
+    for _ in range(150):
+        mu = np.maximum(0.4 + 0.06 * rng.normal(size=COUNT), 0.05)
+        found = friction_of(forces_of(mu, rng, slipping=0.25), 0.4)
+        alarms += found is not None and found.p_value < P_SLIP
+    assert alarms <= 1

@@ -1,6 +1,7 @@
 """Recordings in the world frame become body-frame rows: a motion that is known in closed form, seen from the world."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -315,5 +316,16 @@ def test_two_fingers_have_contact_points_where_they_touch():
         assert np.isfinite(log.columns("c1x", "c1y", "c2x", "c2y")).all()
         where = "away from it" if offset > 0 else "inside"
         assert any(f"more than 1 mm off the outline, up to 3 mm {where}" in str(note.message) for note in said)
+    # fingers at a round face: their middle is deeper than they are
+    angles = 2 * np.pi * (np.arange(40) + 0.5) / 40
+    round_one = sp.Slider(0.06 * np.stack((np.cos(angles), np.sin(angles)), axis=-1))
+    depth = np.sqrt((0.06 + RADIUS) ** 2 - 0.02**2)
+    tips = np.column_stack((0 * t, 0.02 * t - depth, 0.0 * t))
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        log = sp.log_from_arrays(
+            replace(rig, slider=round_one), t, poses, forces, tips, ["a"] * 100, finger_distance=0.04, moments=0 * t
+        )
+    assert np.isfinite(log.columns("c1x", "c2x")).all() and not any("off the outline" in str(w.message) for w in heard)
     with pytest.raises(sp.InputError, match="finger_distance: expected a rig of kind two-point"):
         sp.log_from_arrays(sp.Rig(SLIDER), t, poses, forces, tips, finger_distance=0.04)

@@ -1,5 +1,8 @@
 """How near plans come to obstacles, by another way of measuring it."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 import shapely
@@ -10,6 +13,7 @@ from stablepush.cli import main
 from stablepush.geometry import transform_points
 from stablepush.planning import clearance_of
 
+SCENES = Path(__file__).parents[2] / "examples" / "scenes"
 #: A square in the way of the straight path.
 BLOCK = np.array(((-0.06, 0.16), (0.0, 0.16), (0.0, 0.22), (-0.06, 0.22)))
 
@@ -34,22 +38,50 @@ def test_a_plan_keeps_the_clearance_that_is_asked_for(asked):
     problem = blocked()
     result = sp.plan(problem, refinement_budget=2000, clearance=asked)
     assert result.solved and sp.check_plan(problem, result).valid
+    # the lower bound would be that of larger obstacles
+    assert (result.lower_bound is None) == (asked > 0)
     found, brute = clearance_of(problem, result), nearest(problem, result)
     assert brute >= asked - 1e-9
-    assert found.distance == pytest.approx(brute, abs=1e-3) and 1 <= found.push <= len(result.pushes)
+    assert found.distance == pytest.approx(brute, abs=1e-3) and found.where.startswith("push ")
 
 
-def test_obstacles_grow_by_no_less_than_the_clearance_and_little_more():
-    rng = np.random.default_rng(0)
-    angles = np.sort(rng.uniform(0, 2 * np.pi, 9))
-    shape = 0.5 + (rng.uniform(0.02, 0.1, 9) * np.stack((np.cos(angles), np.sin(angles)))).T
+@pytest.mark.parametrize("corners", [3, 4, 9, 11])
+def test_obstacles_grow_by_no_less_than_the_clearance_and_little_more(corners):
+    rng = np.random.default_rng(corners)
+    angles = 2 * np.pi * np.arange(corners) / corners + rng.uniform(0, 0.1)
+    shape = 0.5 + (rng.uniform(0.04, 0.1, corners) * np.stack((np.cos(angles), np.sin(angles)))).T
     problem = small_scene(obstacles=[shape])
-    assert problem.with_clearance(0.0) is problem
-    (grown,) = problem.with_clearance(0.01).obstacles
-    points = shapely.points(rng.uniform(0.3, 0.7, (4000, 2)))
-    away, inside = shapely.distance(shapely.Polygon(shape), points), shapely.contains(shapely.Polygon(grown), points)
-    assert inside[away < 0.01 - 1e-12].all() and not inside[away > 0.01 * 1.03].any()
+    assert problem.with_clearance(0.0) is problem and problem.with_clearance(1e-9) is problem
+    for distance in (1e-5, 0.01, 0.05):
+        (grown,) = problem.with_clearance(distance).obstacles
+        outer = shapely.Polygon(grown).exterior
+        assert shapely.distance(shapely.Polygon(shape), outer) >= distance
+        # nor is any of its corners much farther away
+        assert shapely.distance(shapely.Polygon(shape), shapely.points(grown)).max() < 1.02 * distance
     np.testing.assert_array_equal(problem.with_clearance(0.01).goal, problem.goal)
+
+
+def test_a_place_that_an_obstacle_encloses_stays_free():
+    """A wall in the form of a C whose mouth is closed by the clearance."""
+    ring = shapely.Point(0, 0.2).buffer(0.5).difference(shapely.Point(0, 0.2).buffer(0.45))
+    wall = shapely.get_coordinates(ring.difference(shapely.box(0.3, 0.195, 0.7, 0.205)).exterior)[:-1]
+    problem = small_scene(obstacles=[wall], bounds=(-1, -1, 1, 1))
+    grown = problem.with_clearance(0.02)
+    assert len(grown.obstacles) > 1
+    union = shapely.union_all([shapely.Polygon(one) for one in grown.obstacles])
+    assert not union.contains(shapely.Point(0, 0.2)) and union.area < 0.5 * shapely.Polygon(wall).convex_hull.area
+    assert shapely.Polygon(wall).buffer(0.0199).difference(union).area < 1e-9
+
+
+def test_the_way_between_two_contacts_counts():
+    """The pusher passes a block on its way round the slider, from the lower edge to the left one."""
+    scene = sp.load_scene(SCENES / "two-contacts.json")
+    result = sp.plan(scene, refinement_budget=0)
+    [change] = [k for k, segment in enumerate(result.segments) if isinstance(segment, sp.Transfer)]
+    middle = result.segments[change].pusher_path[len(result.segments[change].pusher_path) // 2]
+    around = sp.Slider.rectangle(0.02, 0.02).vertices + middle[:2]
+    found = clearance_of(replace(scene, obstacles=(around,)), result)
+    assert found.where == f"the change of contact after push {change}" and found.distance < 1e-3
 
 
 def test_a_clearance_that_no_path_has_is_no_path():

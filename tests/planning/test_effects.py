@@ -78,9 +78,11 @@ def test_margins_at_poses_are_those_of_the_load_that_the_pusher_supplies():
     assert (margins > 0).any() and (margins < 0).any()
     # one pose for all twists, the start if none is given
     np.testing.assert_array_equal(sp.push_margins(sloped, twists), sp.push_margins(sloped, twists, sloped.start))
-    for wrong in ({"poses": np.zeros((5, 3))}, {"contact": 7}, {"poses": (0, 0)}):
-        with pytest.raises(sp.InputError, match=next(iter(wrong))):
-            sp.push_margins(sloped, twists, **wrong)
+    for problem in (level, sloped):
+        assert sp.push_margins(problem, (0, 0.02, 0), np.zeros((3, 3))).shape == (3,)
+        for wrong in ({"poses": np.zeros((5, 3))}, {"contact": 7}, {"contact": 0.5}, {"contact": "a"}, {"poses": (0, 0)}):
+            with pytest.raises(sp.InputError, match=next(iter(wrong))):
+                sp.push_margins(problem, twists, **wrong)
 
 
 @pytest.mark.parametrize(
