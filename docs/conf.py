@@ -40,4 +40,4 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "image_scrapers": ("figures.collect",),
 }
-exclude_patterns = ["_build", "sg_execution_times.rst", "benchmarks/table.md", "gallery/*.ipynb"]
+exclude_patterns = ["_build", "jupyter_execute", "sg_execution_times.rst", "benchmarks/table.md", "gallery/*.ipynb"]
