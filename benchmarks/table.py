@@ -1,15 +1,17 @@
 """All benchmarks in one run: each task beside what one would otherwise use, as it grows, with the memory that it takes.
 
-    python benchmarks/table.py [-o docs/benchmarks] [--only fit region ...]
+    python benchmarks/table.py [-o docs/benchmarks] [--only fit region ...] [--before CLONE]
 
 One thread, compiled code warmed up first. Writes ``table.md`` and ``growth.svg`` into the folder, and prints the table. Times are
 medians (single runs of what takes longer than two seconds); memory is the peak of what Python and numpy allocate in a second run,
-without what solvers and compiled code take for themselves.
+without what solvers and compiled code take for themselves. ``--before``: a clone of an older version, in which the same tasks
+run in turn with this one's, section by section; ``before.md`` has both times and their ratio.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import subprocess
 import sys
@@ -39,6 +41,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "simulation"))
 
 EXTENT = 0.4
 Task = Callable[[], object]
+#: Whether only this package is timed, and not what one would otherwise use.
+ALONE = "--alone" in sys.argv
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,8 @@ def peak(task: Task) -> int:
 def beside(task: str, size: str, count: float, ours: Task, other: str, theirs: Task, share: float = 1.0) -> Row:
     """Time a task and the other, of which only a ``share`` is done."""
     ours()
+    if ALONE:
+        return Row(task, size, count, seconds(ours), 0, other, 0.0, 0)
     theirs()
     # memory of a part says nothing of the whole
     held = peak(theirs) if share == 1.0 else 0
@@ -119,6 +125,19 @@ def fitting() -> Iterator[Row]:
         )  # fmt: skip
 
 
+def fitting_with_slider() -> Iterator[Row]:
+    log = demo_pokes()
+    pairs = log.pairs()
+    for count in (10, 40):
+        few = fit_benchmark.Pairs.from_data(pairs[0][:count], pairs[1][:count], log.rig.slider, None)
+        yield beside(
+            "fit with a slider", f"{count} pokes", count,
+            lambda n=count: sp.fit_limit_surface(pairs[0][:n], pairs[1][:n], slider=log.rig.slider),
+            "cvxpy afresh, its 219 problems", lambda p=few: [fit_benchmark.afresh(p, w) for w in fit_benchmark.SETTINGS[::6]],
+            4 / 219,
+        )  # fmt: skip
+
+
 def on_a_grid(surface: sp.PolynomialLimitSurface, contact: sp.PushContact, cells: int) -> np.ndarray:
     """Whether each COR of a grid is stable, by loads of numpy's Newton and the cone's facets."""
     line = EXTENT * ((2 * np.arange(cells) + 1) / cells - 1)
@@ -142,6 +161,28 @@ def regions() -> Iterator[Row]:
         )  # fmt: skip
 
 
+def boundaries() -> Iterator[Row]:
+    """Boundaries of regions, both senses, beside a grid of CORs, which leaves them open by the size of a cell."""
+    slider, contact, surface = rig()
+
+    def discs(region: sp.StableRegion) -> object:
+        return region.disc(1), region.disc(-1)
+
+    def grid() -> object:
+        return on_a_grid(surface, contact, 200)
+
+    other = "H_inv on a grid of 4 mm, numpy"
+    yield beside("boundary of a region", "exact", 1, lambda: sp.stable_region(surface, contact), other, grid)
+    yield beside(
+        "boundary of a region", "probability 0.9", 2, lambda: discs(sp.chance_region(surface, contact, 0.9)), other, grid,
+        1 / len(surface.members()),
+    )  # fmt: skip
+    yield beside(
+        "boundary of a region", "every pressure", 3, lambda: discs(sp.all_pressure_region(slider, contact)),
+        "linear programs on such a grid", lambda: every_pressure(slider, contact, 10), 10 / (2 * 200**2),
+    )  # fmt: skip
+
+
 def maps() -> Iterator[Row]:
     _, contact, surface = rig()
     members = surface.members()
@@ -153,23 +194,28 @@ def maps() -> Iterator[Row]:
         )  # fmt: skip
 
 
+def motions_of(slider: sp.Slider, count: int) -> np.ndarray:
+    return unit(np.random.default_rng(0).normal(size=(count, 3))) / (1, 1, slider.radius)
+
+
+def every_pressure(slider: sp.Slider, contact: sp.PushContact, count: int) -> list[bool]:
+    """Whether motions are stable for every pressure on points 5 mm apart, by linear programs."""
+    low, high = slider.vertices.min(axis=0), slider.vertices.max(axis=0)
+    grid = np.stack(np.meshgrid(*(np.arange(a, b + 1e-9, 0.005) for a, b in zip(low, high, strict=True))), axis=-1)
+    points = grid.reshape(-1, 2)
+    points = points[shapely.covers(slider.polygon, shapely.points(points))]
+    normals = contact.cone(slider.radius).normals
+    return [region_benchmark.linear_program(points, normals, slider.radius, twist) for twist in motions_of(slider, count)]
+
+
 def worst_pressures() -> Iterator[Row]:
     slider, contact, _ = rig()
-    rho = slider.radius
     region = sp.all_pressure_region(slider, contact)
-    rng = np.random.default_rng(0)
-    normals = contact.cone(rho).normals
     for count in (10, 100, 1000):
-        twists = unit(rng.normal(size=(count, 3))) / (1, 1, rho)
-        low, high = slider.vertices.min(axis=0), slider.vertices.max(axis=0)
-        grid = np.stack(np.meshgrid(*(np.arange(a, b + 1e-9, 0.005) for a, b in zip(low, high, strict=True))), axis=-1)
-        points = grid.reshape(-1, 2)
-        points = points[shapely.covers(slider.polygon, shapely.points(points))]
-        few = twists[:10]
         yield beside(
-            "stable for every pressure", f"{count} motions", count, lambda t=twists: region.contains_twists(t),
-            f"linear programs over {len(points)} points",
-            lambda t=few, p=points: [region_benchmark.linear_program(p, normals, rho, twist) for twist in t], len(few) / count,
+            "stable for every pressure", f"{count} motions", count,
+            lambda n=count: region.contains_twists(motions_of(slider, n)),
+            "linear programs, pressure points 5 mm apart", lambda: every_pressure(slider, contact, 10), 10 / count,
         )  # fmt: skip
 
 
@@ -184,6 +230,20 @@ def planners() -> Iterator[Row]:
         yield beside(
             "first plan, 6 m wide", f"{count} obstacles", count, lambda p=problem: first_plan(p),
             "OMPL's RRT-Connect", lambda p=problem: first_plan(p, "ompl-rrtconnect"),
+        )  # fmt: skip
+
+
+def example_plans() -> Iterator[Row]:
+    """The first plan with the default success, the quickest of what is tried."""
+    scenes = Path(__file__).parents[1] / "examples" / "scenes"
+    for path in sorted(scenes.glob("*.json")):
+        if path.stem in ("triangle", "unsolvable"):
+            continue
+        problem = sp.load_scene(path)
+        yield beside(
+            "first plan, success 0.98", path.stem, 1,
+            lambda p=problem: sp.plan(p, time_limit=60, seed=0, refinement_budget=0), "OMPL's RRT-Connect, any success",
+            lambda p=problem: first_plan(p, "ompl-rrtconnect"),
         )  # fmt: skip
 
 
@@ -264,9 +324,21 @@ def starts() -> Iterator[Row]:
 
 
 SECTIONS = {
-    "H_inv": inversion, "fit": fitting, "region": regions, "map": maps, "all-pressure": worst_pressures, "planner": planners,
-    "pushing": pushes, "diagnosis": diagnoses, "start-up": starts,
+    "H_inv": inversion, "fit": fitting, "slider": fitting_with_slider, "region": regions, "boundary": boundaries, "map": maps,
+    "all-pressure": worst_pressures, "planner": planners, "scenes": example_plans, "pushing": pushes, "diagnosis": diagnoses,
+    "start-up": starts,
 }  # fmt: skip
+
+
+def earlier(section: str, clone: Path) -> list[Row]:
+    """The rows of a section, timed in a process with the package of an older clone."""
+    paths = os.pathsep.join(str(clone.resolve() / part) for part in (".", "planners"))
+    command = [sys.executable, __file__, "--only", section, "--alone"]
+    ran = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": paths}, check=False)
+    if ran.returncode:
+        print(f"{section}: the older version cannot do this: {ran.stderr.strip().splitlines()[-1]}", file=sys.stderr)
+        return []
+    return [Row(*values) for values in json.loads(ran.stdout)]
 
 
 def amount(value: float) -> str:
@@ -315,24 +387,47 @@ def draw(rows: list[Row], path: Path) -> None:
     figure.savefig(path, metadata={"Date": None})
 
 
+def compared(rows: list[Row], before: list[Row]) -> str:
+    """Rows of both versions as a table."""
+    was = {(r.task, r.size): r.ours for r in before}
+    lines = ["| task | size | before | now | times as fast |", "|---|---|---|---|---|"]
+    for r in rows:
+        old = was.get((r.task, r.size))
+        if old is not None:
+            lines.append(f"| {r.task} | {r.size} | {amount(old)} | {amount(r.ours)} | {old / r.ours:.3g} |")
+    return "\n".join(lines) + "\n"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, help="folder for table.md and growth.svg")
     parser.add_argument("--only", nargs="*", choices=list(SECTIONS), help="sections")
+    parser.add_argument("--before", type=Path, metavar="CLONE", help="an older version to time beside: writes before.md")
+    parser.add_argument("--alone", action="store_true", help="print the times of this package only, as JSON")
     options = parser.parse_args()
     rows: list[Row] = []
+    before: list[Row] = []
     for name in options.only or SECTIONS:
+        if options.before:
+            before += earlier(name, options.before)
         for row in SECTIONS[name]():
             rows.append(row)
-            print(
-                f"{row.task:<40s}{row.size:>18s}{amount(row.ours):>12s}   {row.other:<34s}{amount(row.theirs):>12s}"
-                f"{times(row):>10s} times",
-                flush=True,
-            )
+            if not ALONE:
+                print(
+                    f"{row.task:<40s}{row.size:>18s}{amount(row.ours):>12s}   {row.other:<34s}{amount(row.theirs):>12s}"
+                    f"{times(row):>10s} times",
+                    flush=True,
+                )
+    if ALONE:
+        print(json.dumps([(r.task, r.size, r.count, r.ours, 0, r.other, 0.0, 0) for r in rows]))
+    if options.before:
+        print(compared(rows, before), end="")
     if options.output:
         options.output.mkdir(parents=True, exist_ok=True)
         (options.output / "table.md").write_text(markdown(rows), encoding="utf-8")
         draw(rows, options.output / "growth.svg")
+        if options.before:
+            (options.output / "before.md").write_text(compared(rows, before), encoding="utf-8")
 
 
 if __name__ == "__main__":

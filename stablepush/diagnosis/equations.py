@@ -291,16 +291,20 @@ class Equations(ABC):
         slope = max(0.1, float((weights * (_TAIL - ratio) / (_TAIL + ratio)).sum() / max(float(weights.sum()), 1e-30)))
         hessian = slope * data + prior
         hessian = hessian + 1e-12 * np.diag(np.diag(hessian) + 1e-30)
-        total, count = np.zeros_like(hessian), 0
-        for trial in np.unique(self.trial[use]):
-            rows = np.flatnonzero((self.trial == trial) & use)
-            mine = weights[rows, None] * design[rows]
-            score = mine.T @ residual[rows]
-            if score.any():
-                moved = np.linalg.lstsq(hessian - slope * (mine.T @ design[rows]), score, rcond=_RANK)[0]
-                total += np.outer(moved, moved)
-                count += 1
-        return np.asarray(total * (count - 1) / max(1, count))
+        rows = np.flatnonzero(use)[np.argsort(self.trial[use], kind="stable")]
+        parts = np.split(rows, np.flatnonzero(np.diff(self.trial[rows])) + 1)
+        squares = np.array([(weights[part, None] * design[part]).T @ design[part] for part in parts])
+        scores = np.array([(weights[part] * residual[part]) @ design[part] for part in parts])
+        counted = scores.any(axis=1)
+        count = int(counted.sum())
+        if not count:
+            return np.zeros_like(hessian)
+        # least squares, all trials at once: what has no curvature without a trial does not move
+        sizes, vectors = np.linalg.eigh(hessian - slope * squares[counted])
+        large = np.abs(sizes) > _RANK * np.abs(sizes).max(axis=1, keepdims=True)
+        along = np.einsum("tji,tj->ti", vectors, scores[counted]) * large / np.where(large, sizes, 1.0)
+        moved = np.einsum("tij,tj->ti", vectors, along)
+        return np.asarray(moved.T @ moved * (count - 1) / max(1, count))
 
     def significantly_better(
         self, ahead: FloatArray, behind: FloatArray, errors: float | None = None, times: float = 1.0

@@ -135,21 +135,22 @@ def _findings(rows: np.ndarray, features: Mapping[str, FloatArray], residuals: R
     # the robust variance: a few outlying pushes do not make a finding strong
     sizes = robust_variance((targets - np.median(targets, axis=0)) ** 2, axis=0)
     targets = targets - targets.mean(axis=0)
+    # a column for every order and component
+    permuted = np.ascontiguousarray(targets[orders].transpose(1, 0, 2)).reshape(len(trials), -1)
+    spread = np.maximum((permuted**2).sum(axis=0), 1e-30)
     found: list[Finding] = []
     for covariate, columns in features.items():
         x = means(rows, columns)
         x = (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-12)
         x = np.concatenate((np.ones((len(x), 1)), x), axis=1)
+        ridge = np.diag([1e-9] + [_RIDGE] * (x.shape[1] - 1))
         # what a permutation of trials does to the predictions is linear in the targets
-        smooth = np.zeros((len(x), len(x)))
+        left = np.zeros(permuted.shape[1])
         for k in range(_FOLDS):
             test, train = folds == k, folds != k
-            ridge = _RIDGE * np.eye(x.shape[1])
-            ridge[0, 0] = 1e-9
-            smooth[np.ix_(test, train)] = x[test] @ np.linalg.solve(x[train].T @ x[train] + ridge, x[train].T)
-        y = targets[orders]
-        left = ((y - smooth @ y) ** 2).sum(axis=1)
-        table = 1 - left / np.maximum((y**2).sum(axis=1), 1e-30)
+            weights = np.linalg.solve(x[train].T @ x[train] + ridge, x[train].T @ permuted[train])
+            left += ((permuted[test] - x[test] @ weights) ** 2).sum(axis=0)
+        table = (1 - left / spread).reshape(len(orders), -1)
         for k, (channel, component) in enumerate(residuals):
             p, share = float((table[:, k] >= table[0, k]).mean()), float(np.clip(table[0, k], 0.0, 1.0))
             found.append(Finding(channel, component, covariate, share, p, share * sizes[k]))
@@ -203,28 +204,44 @@ def flexible_share(system: System, whitened: FloatArray, seed: int = 0) -> tuple
         "speed": (np.log(np.maximum(o.speed, 1e-6))[:, None], (0.3, 1.0)),
     }
     folds = (rng.permutation(len(trials)) % _FOLDS)[rows]
+    of_trial = [target[rows == k] for k in range(len(trials))]
     best, p_best = 0.0, 1.0
     for points, lengths in inputs.values():
         for length in lengths:
-            gaps = ((points[:, None] - points[None]) ** 2).sum(axis=2)
-            kernel = np.exp(-gaps / (2 * length**2))
-            smooth = np.zeros_like(kernel)
-            for k in range(_FOLDS):
-                test, train = folds == k, folds != k
-                inner = kernel[np.ix_(train, train)] + 1.0 * np.eye(train.sum())
-                smooth[np.ix_(test, train)] = kernel[np.ix_(test, train)] @ np.linalg.inv(inner)
+            root = _kernel_root(points / length)
+            inner = [root[folds != k].T @ root[folds != k] + np.eye(root.shape[1]) for k in range(_FOLDS)]
 
-            def share(y: FloatArray, smooth: FloatArray = smooth) -> float:
-                return float(1 - ((y - smooth @ y) ** 2).sum() / max(float((y**2).sum()), 1e-30))
+            def shares(y: FloatArray, root: FloatArray = root, inner: list[FloatArray] = inner) -> FloatArray:
+                """Shares (m,) of targets (n, m)."""
+                left = np.zeros(y.shape[1])
+                for k, matrix in enumerate(inner):
+                    test, train = folds == k, folds != k
+                    predicted = root[test] @ np.linalg.solve(matrix, root[train].T @ y[train])
+                    left += ((y[test] - predicted) ** 2).sum(axis=0)
+                return np.asarray(1 - left / np.maximum((y**2).sum(axis=0), 1e-30))
 
-            true = share(target)
+            true = float(shares(target[:, None])[0])
             if true <= best:
                 continue
-            below = 0
-            for _ in range(39):
-                # whole trials change places: their rows keep together as far as numbers of rows allow
-                order = rng.permutation(len(trials))
-                shuffled = np.concatenate([target[rows == k] for k in order])
-                below += share(shuffled) >= true
-            best, p_best = true, (1 + below) / 40
+            # whole trials change places: their rows keep together as far as numbers of rows allow
+            orders = [rng.permutation(len(trials)) for _ in range(39)]
+            shuffled = np.stack([np.concatenate([of_trial[k] for k in order]) for order in orders], axis=-1)
+            best, p_best = true, float(1 + (shares(shuffled) >= true).sum()) / 40
     return best, p_best
+
+
+def _kernel_root(points: FloatArray) -> FloatArray:
+    """Matrix ``R`` (n, r) with ``R Rᵀ`` the squared-exponential kernel of points (n, d) in units of its length, to 1e-8 in every
+    entry: Cholesky's factor with pivots, which ends early since the kernel is smooth (Harbrecht, Peters and Schneider 2012)."""
+    columns: list[FloatArray] = []
+    left = np.ones(len(points))
+    while left.max() > 1e-8:
+        pivot = int(np.argmax(left))
+        column = np.exp(-((points - points[pivot]) ** 2).sum(axis=1) / 2)
+        if columns:
+            root = np.array(columns)
+            column -= root[:, pivot] @ root
+        column /= np.sqrt(left[pivot])
+        columns.append(column)
+        left = left - column**2
+    return np.array(columns).T

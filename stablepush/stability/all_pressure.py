@@ -207,7 +207,7 @@ def worst_pressure(
     It has at most three points. The bounds of its ``height`` are proven, one by this distribution, the other by duality
     (:func:`all_pressure_region` has the equations).
     """
-    from stablepush.stability.kernels.envelope import envelope
+    from stablepush.stability.kernels.envelope import begin, envelope
 
     support = _Support(slider, contact, com_tolerance, characteristic_length)
     v = support.normalized(check_array(twist, "twist", (3,))[None])[0]
@@ -218,7 +218,8 @@ def worst_pressure(
     best: tuple[float, float, FloatArray, FloatArray, FloatArray] | None = None
     for facet in support.facets:
         columns, weights = np.empty((4, 4)), np.empty(4)
-        lower, upper = envelope(support.vertices, support.coms, support.first, facet, v, False, 0.0, columns, weights)
+        begin(support.first, support.coms, columns)
+        lower, upper = envelope(support.vertices, support.coms, facet, v, 0.0, 0.0, columns, weights)
         if best is None or lower < best[0] - CERTIFICATE_TOLERANCE:
             best = (lower, upper, facet, columns, weights)
     assert best is not None
@@ -266,10 +267,10 @@ def _trace(support: _Support, facet: FloatArray, others: FloatArray) -> FloatArr
 
     azimuth = np.linspace(0.0, 2 * np.pi, _FIRST_AZIMUTHS)
     angles, twists = edge(azimuth, np.full(len(azimuth), np.pi / 3), np.full(len(azimuth), 2 * np.pi / 3))
+    # what is far outside other facets is no boundary of the region
+    near = support.holds(twists, others, -_FAR_OUTSIDE)
     for _ in range(_MOST_ROUNDS):
         parts = cut_parts(twists, np.zeros(len(twists), dtype=int))
-        # what is far outside other facets is no boundary of the region
-        near = support.holds(twists, others, -_FAR_OUTSIDE)
         coarse = np.maximum(1, np.ceil(np.linalg.norm(np.diff(twists, axis=0), axis=1) / _WIDE)).astype(int)
         parts = np.where(near[:-1] | near[1:], np.maximum(parts, coarse), coarse)
         if parts.max() == 1:
@@ -282,6 +283,7 @@ def _trace(support: _Support, facet: FloatArray, others: FloatArray) -> FloatArr
         padding = 0.05 * np.abs(angles[at + 1] - angles[at]) + 1e-5
         new_angles, new_twists = edge(new, guess - padding, guess + padding)
         twists = np.insert(twists, at + 1, new_twists, axis=0)
+        near = np.insert(near, at + 1, support.holds(new_twists, others, -_FAR_OUTSIDE))
         azimuth, angles = np.insert(azimuth, at + 1, new), np.insert(angles, at + 1, new_angles)
     return twists[:-1]
 

@@ -23,6 +23,8 @@ from stablepush.surfaces import LimitSurface
 
 #: Slack of a share of surfaces: k of n must pass for p = k/n.
 _SLACK = 1e-9
+#: Rows and columns of the grid that tells which pieces of boundaries matter: finer ones leave fewer, and take longer.
+_CELLS = 128
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,12 +126,54 @@ def _member_regions(surface: LimitSurface, contact: PushContact) -> list[StableR
 
 
 def _covered(discs: list[shapely.Geometry], needed: int) -> shapely.Geometry:
-    """The part of the chart that at least so many polygons cover: the faces of the arrangement of all boundaries, counted."""
-    lines = shapely.union_all([shapely.boundary(disc) for disc in discs if not disc.is_empty])
+    """The part of the chart that at least so many polygons cover: faces of the arrangement of their boundaries, counted.
+
+    Of the boundaries only what can part enough from too few is taken (:func:`_deciding`): between two faces that are joined by
+    leaving out the rest, the answer is the same.
+    """
+    discs = [disc for disc in discs if not disc.is_empty]
+    segments = _deciding(discs, needed) if len(discs) >= needed else np.zeros((0, 4))
+    lines = shapely.union_all(shapely.multilinestrings(shapely.linestrings(segments.reshape(-1, 2, 2))))
     faces = shapely.get_parts(shapely.polygonize([lines]))
     if not len(faces):
         return shapely.Polygon()
     inner = shapely.get_coordinates(shapely.point_on_surface(faces))
     shapely.prepare(discs)
     count = np.sum([shapely.contains_xy(disc, *inner.T) for disc in discs], axis=0)
-    return only_polygons(shapely.union_all(faces[count >= needed]))
+    return only_polygons(shapely.coverage_union_all(faces[count >= needed]))
+
+
+def _deciding(discs: list[shapely.Geometry], needed: int) -> FloatArray:
+    """Pieces (n, 4) of the polygons' boundaries, ``x, y`` of both ends, without those in cells of a grid of which it is known
+    that enough polygons cover them, or too few: polygons that cover a cell whole always do, those with a boundary in it may."""
+    rings, of_ring = shapely.get_rings(discs, return_index=True)
+    places, of_place = shapely.get_coordinates(rings, return_index=True)
+    together = of_place[1:] == of_place[:-1]
+    segments = np.concatenate((places[:-1], places[1:]), axis=1)[together]
+    owner = of_ring[of_place[:-1][together]]
+    extent = float(np.abs(places).max()) * (1 + 1e-6)
+
+    # the cells of the box about a piece, and a little more
+    ends = (segments.reshape(-1, 2, 2) + extent) * (_CELLS / (2 * extent))
+    first = np.maximum(ends.min(axis=1) - 1e-6, 0).astype(int)
+    sides = np.minimum(ends.max(axis=1) + 1e-6, _CELLS - 1).astype(int) - first + 1
+    many = sides.prod(axis=1)
+    piece = np.repeat(np.arange(len(many)), many)
+    step = np.arange(len(piece)) - np.repeat(np.cumsum(many) - many, many)
+    column, row = first[piece, 0] + step % sides[piece, 0], first[piece, 1] + step // sides[piece, 0]
+    touched = np.zeros((len(discs), _CELLS, _CELLS), dtype=bool)
+    touched[owner[piece], row, column] = True
+
+    whole = np.zeros((_CELLS, _CELLS), dtype=int)
+    for disc, its in zip(discs, touched, strict=True):
+        counts = np.zeros((_CELLS, _CELLS + 1))
+        for polygon in shapely.get_parts(disc):
+            add_coverage(counts, polygon, extent)
+        whole += (np.cumsum(counts, axis=1)[:, :-1] > 0.5) & ~its
+    open_cells = (whole < needed) & (whole + touched.sum(axis=0) >= needed)
+    kept = np.zeros(len(segments), dtype=bool)
+    kept[piece[open_cells[row, column]]] = True
+    found = segments[kept]
+    # parts of the rim that polygons share are taken once
+    backward = (found[:, 0] > found[:, 2]) | ((found[:, 0] == found[:, 2]) & (found[:, 1] > found[:, 3]))
+    return np.unique(np.where(backward[:, None], found[:, [2, 3, 0, 1]], found), axis=0)

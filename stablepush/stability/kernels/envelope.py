@@ -26,6 +26,10 @@ from stablepush.core import compiled
 #: Pivots before the bounds are returned as they are, and a gap between them that is rounding.
 MOST_PIVOTS = 100
 CLOSED = 1e-13
+#: Step, as a share of an edge, after which the least of a convex piece is found: its value then errs by the step's square.
+_MOVED = 1e-10
+#: In the search for an edge of the region: gap between the bounds, as a share of their distance from the level.
+_SEARCH = 0.01
 #: Distance (normalised) at which a COR counts as on the polygon: rounding may only make the bound lower.
 _ON = 1e-12
 
@@ -48,48 +52,50 @@ def _edge_minimum(start, end, facet, twist, slope, level, best, at):  # type: ig
     a_omega, b_omega = bt * d * omega, bn * omega - facet[2] * p0
     d2 = d * d
     c2, c1, c0 = 2 * a_omega - facet[2] * d2, -3 * b_omega * d2, d2 * (2 * facet[2] * d2 - a_omega)
-    cuts = np.empty(4)
-    cuts[0] = 0.0
-    count = 1
+    # pieces end where the curvature changes sign; a place that is outside of the edge makes a piece of no length
+    first = second = 0.0
     if omega != 0.0:
-        roots = np.empty(2)
-        found = 0
+        one = other = np.nan
         if c2 == 0.0:
             if c1 != 0.0:
-                roots[0] = -c0 / c1
-                found = 1
+                one = -c0 / c1
         else:
             inside = c1 * c1 - 4 * c2 * c0
             if inside >= 0.0:
                 q = -0.5 * (c1 + math.copysign(math.sqrt(inside), c1))
-                roots[0] = q / c2
-                found = 1
+                one = q / c2
                 if q != 0.0:
-                    roots[1] = c0 / q
-                    found = 2
-        for i in range(found):
-            t = (roots[i] - p0) / omega
-            if 0.0 < t < length:
-                cuts[count] = t
-                count += 1
-        if count == 3 and cuts[1] > cuts[2]:
-            cuts[1], cuts[2] = cuts[2], cuts[1]
-    cuts[count] = length
-    for i in range(count + 1):
+                    other = c0 / q
+        one, other = (one - p0) / omega, (other - p0) / omega
+        first = one if 0.0 < one < length else 0.0
+        second = other if 0.0 < other < length else 0.0
+        if first > second:
+            first, second = second, first
+    cuts = (0.0, first, second, length)
+    for i in range(4):
         t = cuts[i]
+        if 0 < i < 3 and t == 0.0:
+            continue
         value = _along(t, p0, d, bt, bn, omega, facet[2])
         if value - base - beta * t < best:
             best = value - base - beta * t
             at[0], at[1], at[2] = start[0] + t * tx, start[1] + t * ty, value
-    for i in range(count):
+    for i in range(3):
         low, high = cuts[i], cuts[i + 1]
+        if low == high:
+            continue
         middle = 0.5 * (low + high)
         p = p0 + omega * middle
         if omega * (c2 * p * p + c1 * p + c0) <= 0.0:
             continue
-        if _slope(low, p0, d, a_omega, b_omega, omega, facet[2]) >= beta:
+        down = _slope(low, p0, d, a_omega, b_omega, omega, facet[2]) - beta
+        up = _slope(high, p0, d, a_omega, b_omega, omega, facet[2]) - beta
+        if down >= 0 or up <= 0:
             continue
-        if _slope(high, p0, d, a_omega, b_omega, omega, facet[2]) <= beta:
+        # a convex piece lies over its tangents: where they meet above the best, nothing is to be found
+        left = _along(low, p0, d, bt, bn, omega, facet[2]) - base - beta * low
+        right = _along(high, p0, d, bt, bn, omega, facet[2]) - base - beta * high
+        if (up * left - down * right + up * down * (high - low)) / (up - down) >= best:
             continue
         t = middle
         for _ in range(60):
@@ -106,7 +112,7 @@ def _edge_minimum(start, end, facet, twist, slope, level, best, at):  # type: ig
                 following = 0.5 * (low + high)
             moved = abs(following - t)
             t = following
-            if moved <= 1e-15 * length:
+            if moved <= _MOVED * length:
                 break
         value = _along(t, p0, d, bt, bn, omega, facet[2])
         if value - base - beta * t < best:
@@ -168,11 +174,12 @@ def _worst_point(vertices, facet, twist, slope, level, at):  # type: ignore[no-u
 
 
 @compiled
-def _solve(matrix, right, solution):  # type: ignore[no-untyped-def]
-    """Solve 4 equations by elimination with row exchanges; returns False if they have no unique solution."""
-    a = matrix.copy()
+def _solve(matrix, right, a, solution):  # type: ignore[no-untyped-def]
+    """Solve 4 equations by elimination with row exchanges, in ``a`` (4, 4); returns False if they have no unique solution."""
     for i in range(4):
         solution[i] = right[i]
+        for j in range(4):
+            a[i, j] = matrix[i, j]
     for k in range(4):
         pivot = k
         for i in range(k + 1, 4):
@@ -197,24 +204,33 @@ def _solve(matrix, right, solution):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def envelope(vertices, coms, first, facet, twist, sign_only, level, columns, weights):  # type: ignore[no-untyped-def]
+def begin(first, coms, columns):  # type: ignore[no-untyped-def]
+    """Set ``columns`` (4, 4) to pressure on ``first`` (3, 2), points of the polygon whose triangle holds ``coms[0]``."""
+    for i in range(3):
+        columns[i, 0], columns[i, 1], columns[i, 3] = first[i, 0], first[i, 1], 1.0
+    columns[3, 0], columns[3, 1], columns[3, 3] = coms[0, 0], coms[0, 1], 0.0
+
+
+@compiled
+def envelope(vertices, coms, facet, twist, share, level, columns, weights):  # type: ignore[no-untyped-def]
     """Bounds (lower, upper) of ``min Σ m a·F`` over the pressures on a simple polygon (k, 2) with their mean in the hull of
     ``coms``.
 
-    ``first`` (3, 2): points of the polygon whose triangle holds ``coms[0]``. With ``sign_only`` the search ends once the
-    minimum is known to be below ``level`` or not. ``columns`` (4, 4) and ``weights`` (4,) receive the worst distribution:
-    rows ``x, y, g, 1`` of pressure points, with 0 instead of 1 for places of the COM.
+    ``columns`` (4, 4) holds the points of a pressure with such a mean: those of :func:`begin`, or what the search for another
+    twist has left, which is nearer. The search ends once the bounds have closed, or their gap is at most ``share`` of their
+    distance from ``level``: with an infinite share once the minimum is known to be below it or not. ``columns`` and ``weights``
+    (4,) receive the worst distribution: rows ``x, y, g, 1`` of pressure points, with 0 instead of 1 for places of the COM.
     """
-    matrix, rows = np.empty((4, 4)), np.empty((4, 4))
+    matrix, rows, room = np.empty((4, 4)), np.empty((4, 4)), np.empty((4, 4))
     right, duals, costs = np.array((1.0, 1.0, 0.0, 0.0)), np.empty(4), np.empty(4)
     entering, change, at = np.empty(4), np.empty(4), np.empty(3)
-    for i in range(3):
-        columns[i, 0], columns[i, 1], columns[i, 3] = first[i, 0], first[i, 1], 1.0
-        vx, vy = twist[0] - twist[2] * first[i, 1], twist[1] + twist[2] * first[i, 0]
-        bx, by = facet[0] - facet[2] * first[i, 1], facet[1] + facet[2] * first[i, 0]
-        speed = math.hypot(vx, vy)
-        columns[i, 2] = (bx * vx + by * vy) / speed if speed > _ON * abs(twist[2]) else -math.hypot(bx, by)
-    columns[3, 0], columns[3, 1], columns[3, 2], columns[3, 3] = coms[0, 0], coms[0, 1], 0.0, 0.0
+    for i in range(4):
+        columns[i, 2] = 0.0
+        if columns[i, 3] == 1.0:
+            vx, vy = twist[0] - twist[2] * columns[i, 1], twist[1] + twist[2] * columns[i, 0]
+            bx, by = facet[0] - facet[2] * columns[i, 1], facet[1] + facet[2] * columns[i, 0]
+            speed = math.hypot(vx, vy)
+            columns[i, 2] = (bx * vx + by * vy) / speed if speed > _ON * abs(twist[2]) else -math.hypot(bx, by)
     lower, upper = -np.inf, np.inf
     for _ in range(MOST_PIVOTS):
         for i in range(4):
@@ -225,13 +241,13 @@ def envelope(vertices, coms, first, facet, twist, sign_only, level, columns, wei
             costs[i] = columns[i, 2]
             for j in range(4):
                 rows[i, j] = matrix[j, i]
-        if not _solve(matrix, right, weights) or not _solve(rows, costs, duals):
+        if not _solve(matrix, right, room, weights) or not _solve(rows, costs, room, duals):
             break
         upper = 0.0
         for i in range(4):
             weights[i] = max(weights[i], 0.0)
             upper += weights[i] * costs[i]
-        if sign_only and upper < level:
+        if share == np.inf and upper < level:
             break
         slope = duals[2:]
         worst = _worst_point(vertices, facet, twist, slope, duals[0], at)
@@ -243,14 +259,15 @@ def envelope(vertices, coms, first, facet, twist, sign_only, level, columns, wei
             if cost < moved:
                 moved, place = cost, k
         lower = max(lower, duals[0] + duals[1] + min(worst, 0.0) + min(moved, 0.0))
-        if upper - lower <= CLOSED or (sign_only and lower >= level):
+        away = max(lower - level, level - upper)
+        if upper - lower <= CLOSED or (away > 0.0 and upper - lower <= share * away):
             break
         pressure = 1.0 if worst <= moved else 0.0
         x = at[0] if pressure else coms[place, 0]
         y = at[1] if pressure else coms[place, 1]
         entering[0], entering[1] = pressure, 1.0 - pressure
         entering[2], entering[3] = (2.0 * pressure - 1.0) * x, (2.0 * pressure - 1.0) * y
-        if not _solve(matrix, entering, change):
+        if not _solve(matrix, entering, room, change):
             break
         leaving, least = -1, np.inf
         for i in range(4):
@@ -274,7 +291,8 @@ def envelopes(vertices, coms, first, facets, twists, level, lower, upper):  # ty
     for q in range(len(twists)):
         lower[q], upper[q] = np.inf, np.inf
         for f in range(len(facets)):
-            low, high = envelope(vertices, coms, first, facets[f], twists[q], True, level, columns, weights)
+            begin(first, coms, columns)
+            low, high = envelope(vertices, coms, facets[f], twists[q], np.inf, level, columns, weights)
             lower[q], upper[q] = min(lower[q], low), min(upper[q], high)
             if upper[q] < level:
                 break
@@ -290,6 +308,7 @@ def edges(vertices, coms, first, facet, across, low, high, tolerance, level, ang
     where it is slow, until the two sides are ``tolerance`` (rad) apart; the inner one is returned.
     """
     columns, weights, twist = np.empty((4, 4)), np.empty(4), np.empty(3)
+    begin(first, coms, columns)
     for q in range(len(across)):
         inner, outer = 0.0, math.pi
         f_inner, f_outer = 1.0, -1.0
@@ -312,7 +331,11 @@ def edges(vertices, coms, first, facet, across, low, high, tolerance, level, ang
             t = min(max(t, inner + 0.5 * tolerance), outer - 0.5 * tolerance)
             for k in range(3):
                 twist[k] = math.cos(t) * facet[k] + math.sin(t) * across[q, k]
-            value, _ = envelope(vertices, coms, first, facet, twist, False, level, columns, weights)
+            value, above = envelope(vertices, coms, facet, twist, _SEARCH, level, columns, weights)
+            if above - value > max(CLOSED, _SEARCH * max(value - level, level - above)):
+                # pivots that came to nothing: once more, from where each search can begin
+                begin(first, coms, columns)
+                value, _ = envelope(vertices, coms, facet, twist, _SEARCH, level, columns, weights)
             value -= level
             if value >= 0.0:
                 if side == 1:
