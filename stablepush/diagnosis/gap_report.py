@@ -14,6 +14,7 @@ from stablepush.diagnosis.contact_friction import slip_friction
 from stablepush.diagnosis.corrected import corrections, in_own_forms, of_last_log
 from stablepush.diagnosis.equations import SIZES
 from stablepush.diagnosis.evidence import evidence
+from stablepush.diagnosis.finger_forces import finger_forces
 from stablepush.diagnosis.gap_reduction import hold_out, reductions
 from stablepush.diagnosis.motions import Motions, motions_of
 from stablepush.diagnosis.observations import Observations, heading, observe
@@ -224,6 +225,7 @@ def _diagnose(
         speeds=np.linalg.norm(system.observations.twist[:, :2], axis=1),
         row_names=[observations.names[k] for k in system.observations.trial],
         end_names=[observations.names[push.trial] for push in pushes],
+        fingers=finger_forces(system, found.final) if "contact-friction" in found.named else None,
     )
 
 

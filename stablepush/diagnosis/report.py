@@ -10,6 +10,7 @@ import numpy as np
 
 from stablepush.core import FloatArray, renamed_fields, shown_as
 from stablepush.diagnosis.evidence import Evidence, not_identifiable
+from stablepush.diagnosis.finger_forces import FingerForces
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
 from stablepush.diagnosis.where import Finding
 from stablepush.effects import CATALOGUE, LAB_REMEDY
@@ -71,6 +72,8 @@ class GapReport:
     row_names: list[str] = field(repr=False)
     end_names: list[str] = field(repr=False)
     logs: list[str] = field(default_factory=list)
+    #: what forces show of the fingers' friction, where that is named
+    fingers: FingerForces | None = field(default=None, repr=False)
 
     @property
     def steps(self) -> list[str]:

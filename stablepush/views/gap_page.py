@@ -47,9 +47,12 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         told.append(("support friction", friction))
     sections = [Section("Verdict", report.sentence, told)]
     if drawn_forms(report):
-        words = (
-            "Friction as it was found, over the nominal one. Grey: the simplest form; blue: with the terms that this log needs."
+        kinds = [entry.effect == "contact-friction" for entry in drawn_forms(report)]
+        of_table = (
+            "Friction of the table, over the nominal one. Grey: the simplest form; blue: with the terms that this log needs."
         )
+        of_fingers = "Friction of the fingers: the tangential over the normal force of each push."
+        words = " ".join([of_table] * (not all(kinds)) + [of_fingers] * any(kinds))
         found = [(entry.effect, _numbers(entry)) for entry in drawn_forms(report)]
         sections.append(Section.with_picture("What was found", figure_png(plot_forms(report)), words, found))
     if report.gap:
@@ -109,7 +112,8 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     sections.append(Section("How it was computed", how))
     sections.append(Section("Data quality", "", [("note", note) for note in report.notes] or [("note", "none")]))
     lead = ", ".join(filter(None, (report.log, f"{report.trials} pushes")))
-    values = {"title": title, "lead": lead, "sections": sections}
+    # what convinces comes before what can be looked at row by row
+    values = {"title": title, "lead": lead, "sections": sections, "first": 2 if drawn_forms(report) else 1}
     seen = _rows_of_loads(report) if report.residuals else _rows_of_final_poses(report)
     if not seen.rows:
         return render("report.html", **values)

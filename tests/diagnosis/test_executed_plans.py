@@ -18,6 +18,8 @@ from stablepush.diagnosis.observations import observe
 from stablepush.diagnosis.plausibility import possible
 from stablepush.diagnosis.system import System
 from stablepush.effects import parse_effect
+from stablepush.views import gap_html
+from stablepush.views.plot import plot_forms
 
 NOISE = sp.Noise(0.02, 1e-4, 1e-3)
 FINGER = 0.005
@@ -135,6 +137,15 @@ def test_fingers_that_slip_are_found_on_feet_that_no_fit_has(executed, seed):
     report = sp.diagnose(log_of(executed, "contact-friction:mu=0.28", seed=seed, truth=feet))
     assert report.named == ["contact-friction"], report.sentence
     assert report.effects["contact-friction"]["mu"] == pytest.approx(0.28, rel=0.1)
+    # the picture that convinces: what each push shows of the friction, the one that is found, the one that was assumed
+    (drawn,) = plot_forms(report)
+    lines = {line.get_label(): line for line in drawn.lines}
+    assert lines["friction found"].get_ydata()[0] == pytest.approx(0.28, rel=0.1)
+    assert lines["friction assumed"].get_ydata()[0] == 0.9
+    np.testing.assert_allclose(lines["push that slips"].get_ydata(), 0.28, rtol=0.2)
+    assert lines["push that sticks: at least this friction"].get_ydata().max() < 1.2 * 0.28
+    page = gap_html(report)
+    assert page.index("What was found") < page.index("Look at it") and "Friction of the table" not in page
 
 
 @pytest.mark.parametrize("forces", [True, False])

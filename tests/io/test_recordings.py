@@ -149,6 +149,19 @@ def test_a_table_of_an_executed_plan(tmp_path, capsys):
     assert np.nanmedian(apart) == pytest.approx(0.02, abs=1e-4)
 
 
+def test_pushes_that_nothing_parts_are_noted(tmp_path, capsys):
+    """Rows at rest left out, and no column of trials: all is one push, which is said."""
+    path, _, _ = table(tmp_path)
+    lines = path.read_text(encoding="utf-8").splitlines()
+    first = [line for line in lines[1:] if line.endswith(lines[1].rsplit(",", 1)[1])]
+    path.write_text("\n".join([lines[0], *first]) + "\n", encoding="utf-8")
+    mapping = mapping_file(tmp_path, columns={k: v for k, v in COLUMNS.items() if k != "trial"}, units=UNITS)
+    command = ["import", str(path), "--kind", "csv", "--mapping", str(mapping), "-o", str(tmp_path / "log")]
+    assert main(command) == 0
+    assert "one push was found" in capsys.readouterr().err
+    assert len(sp.read_pushlog(tmp_path / "log")) == 1
+
+
 def test_the_noise_of_a_log_without_forces_needs_none_of_them(tmp_path, capsys):
     path, _, _ = table(tmp_path)
     columns = {k: v for k, v in COLUMNS.items() if k not in ("fx", "fy")}

@@ -90,7 +90,7 @@ class CsvTables:
         if trials is not None and not any(trials):
             raise InputError(f"column {named['trial']}", "expected a name in at least one row", file=source.file)
         try:
-            log = mapping.log(
+            log, notes = mapping.log(
                 scales["time"] * clock, poses, values("fx", "fy"), tips, trials, None if moments is None else moments[:, 0]
             )
         except InputError as error:
@@ -99,11 +99,12 @@ class CsvTables:
                 place = f"line {lines[int(place[6:-1])]}: column {named['t']}"
             raise InputError(place, error.expected, error.got, file=source.file) from None
         if not own:
-            return log, []
+            return log, notes
         first = {name: rows[0] for name, rows in _rows_by_name(trials or []).items()}
         more = {name: [table[column][first[trial]] for trial in log.trials["trial"]] for name, column in own.items()}
+        columns = {**log.trials, **{name: _numbers(values) for name, values in more.items()}}
         with within(Path(mapping.root.file)):
-            return PushLog(log.rig, {**log.trials, **{name: _numbers(values) for name, values in more.items()}}, log.samples), []
+            return PushLog(log.rig, columns, log.samples), notes
 
 
 TABLES = CsvTables()

@@ -25,6 +25,13 @@ KEYS = (
 )  # fmt: skip
 
 
+#: Note on a log whose rows nothing parts.
+_ONE_PUSH = (
+    "one push was found. A push ends where the object rests for half a second: if there were more, let it rest between them, or "
+    "name them in a column (columns.trial of a table)"
+)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Mapping:
     """``root``: the file, for what only one importer reads; ``rig``; the pose (3,) of B in the tracked frame; the rest of what
@@ -43,12 +50,13 @@ class Mapping:
     def log(
         self, times: FloatArray, poses: FloatArray, forces: FloatArray | None = None, tips: FloatArray | None = None,
         trials: list[str] | None = None, moments: FloatArray | None = None,
-    ) -> PushLog:  # fmt: skip
-        """Make a log of rows in the world, as :func:`log_from_arrays` does."""
-        return log_from_arrays(
+    ) -> tuple[PushLog, list[str]]:  # fmt: skip
+        """Make a log of rows in the world, as :func:`log_from_arrays` does, and notes on it."""
+        log = log_from_arrays(
             self.rig, times, poses, forces, tips, trials, body_pose=self.body_pose, forces_on=self.forces_on, moments=moments,
             zero_forces=self.zero_forces, window=self.window, finger_distance=self.finger_distance, pose_delay=self.pose_delay,
         )  # fmt: skip
+        return log, [_ONE_PUSH] if trials is None and len(log) == 1 else []
 
 
 def mapping_of(source: Source, slider: Slider | None, *own: str) -> Mapping:

@@ -107,7 +107,7 @@ class RosBags:
                 loads[:, 2] += arm[:, 0] * loads[:, 1] - arm[:, 1] * loads[:, 0]
             # a round finger gives no moment: what the sensor reads as one is that of its own place
             moments = None if loads is None or mapping.rig.contact_kind == "point" else loads[:, 2]
-            return mapping.log(t, poses, forces, tips, moments=moments), []  # type: ignore[arg-type]
+            return mapping.log(t, poses, forces, tips, moments=moments)  # type: ignore[arg-type]
 
 
 BAGS = RosBags()

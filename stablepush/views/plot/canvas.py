@@ -36,7 +36,7 @@ def save_figure(drawn: Drawn, path: str | Path) -> None:
 def figure_png(drawn: Drawn) -> bytes:
     """Return a figure, or that of axes, as PNG bytes, the same for the same figure."""
     stream = io.BytesIO()
-    figure_of(drawn).savefig(stream, format="png", dpi=130, metadata={"Software": None})
+    figure_of(drawn).savefig(stream, format="png", dpi=150, metadata={"Software": None})
     return stream.getvalue()
 
 

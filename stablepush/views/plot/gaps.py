@@ -80,7 +80,7 @@ def _draw_over_table(places: FloatArray, tails: FloatArray, arrows: FloatArray, 
     """Draw places (n, 2), and arrows (2, n, 2) before and after the correction. The picture is as high as that needs."""
     low, high = view_limits(places, np.stack((tails, tails + arrows)), 0.02) if len(places) else (np.zeros(2), np.ones(2))
     low, high = low - 0.02 * (high - low), high + 0.02 * (high - low)
-    axes = canvas((8.0, float(np.clip(7.3 * (high - low)[1] / (high - low)[0] + 1.2, 3.2, 9.0))), ax=ax)
+    axes = canvas((6.2, float(np.clip(5.5 * (high - low)[1] / (high - low)[0] + 1.1, 2.8, 7.4))), ax=ax)
     for tail, arrow, word, color in zip(tails, arrows, ("nominal", "corrected"), (PUSHER, COUNTER_CLOCKWISE), strict=True):
         style = {"color": color, "width": 0.0025, "label": word}
         axes.quiver(*tail.T, *arrow.T, angles="xy", scale_units="xy", scale=1.0, **style)
@@ -102,12 +102,12 @@ def _draw_over_table(places: FloatArray, tails: FloatArray, arrows: FloatArray, 
 def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np.ndarray:
     """Draw the residual force along and across the measured one, against heading and trial order, before and after the
     correction; into four axes, which are returned (2, 2)."""
-    shown = panels((9.0, 5.6), 2, 2, ax, sharey="row")
+    shown = panels((6.6, 4.8), 2, 2, ax, sharey="row")
     load = report.loads[:, :2] / np.maximum(np.linalg.norm(report.loads[:, :2], axis=1, keepdims=True), 1e-9)
     across = np.stack((-load[:, 1], load[:, 0]), axis=-1)
     for row, (direction, name) in enumerate(((load, "along the load [N]"), (across, "across it [N]"))):
         for column, (values, label) in enumerate(
-            ((np.degrees(report.headings), "heading of the motion [deg in W]"), (report.orders, "place in the log"))
+            ((np.degrees(report.headings), "heading of the motion in W [deg]"), (report.orders, "place in the log"))
         ):
             axes = shown[row, column]
             for key, color, marker in (("before", PUSHER, "o"), ("after", COUNTER_CLOCKWISE, ".")):
@@ -144,7 +144,7 @@ def plot_final_poses(report: GapReport, ax: Axes | None = None) -> Axes:
 
 def plot_effects(report: GapReport, ax: Axes | None = None) -> Axes:
     """Draw how probable each effect of the catalogue is; those that the log cannot judge have grey names and no bar."""
-    axes = canvas((8.0, 4.8), equal=False, ax=ax)
+    axes = canvas((6.0, 4.6), equal=False, ax=ax)
     entries = report.ranking[::-1]
     unseen = [bool(report.evidence[entry.effect].unseen) for entry in entries]
     colors = [COUNTER_CLOCKWISE if entry.effect in report.named else CLOCKWISE for entry in entries]
@@ -159,22 +159,27 @@ def plot_effects(report: GapReport, ax: Axes | None = None) -> Axes:
 
 
 def drawn_forms(report: GapReport) -> list[RankedEffect]:
-    """Return the named effects that make friction a function of something: those that :func:`plot_forms` draws."""
-    return [entry for entry in report.ranking if entry.effect in report.named and entry.effect in _CURVES]
+    """Return the named effects that :func:`plot_forms` draws: those that make friction a function of something, and friction of
+    the fingers if forces show it."""
+    drawn = [id for id in _CURVES if id != "contact-friction" or report.fingers is not None]
+    return [entry for entry in report.ranking if entry.effect in report.named and entry.effect in drawn]
 
 
 def plot_forms(report: GapReport, ax: ArrayLike | None = None) -> np.ndarray:
     """Draw the form of the named effects of friction that follow something: friction against direction, against speed, over the
     log, and as a map of the table; into axes, one for each of :func:`drawn_forms`, which are returned. Grey: the effect's own
-    form, without the terms of its family.
+    form, without the terms of its family. For friction of the fingers: what the force of each push shows of it, the friction
+    that was found (blue) and the one that was assumed (black).
 
     Raises :class:`InputError` if no effect is named that has such a form.
     """
     entries = drawn_forms(report)
     if not entries:
-        raise InputError("report", "expected a named effect of friction over direction, speed, place or the log")
+        raise InputError(
+            "report", "expected a named effect of friction over direction, speed, place or the log, or of the fingers' friction"
+        )
     rows, columns = (math.ceil(len(entries) / 2), min(2, len(entries))) if ax is None else (1, len(entries))
-    shown = panels((columns * 4.6, rows * 3.8), rows, columns, ax).ravel()
+    shown = panels((columns * 4.2, rows * 3.5), rows, columns, ax).ravel()
     for axes, entry in zip(shown, entries, strict=False):
         _CURVES[entry.effect](axes, entry, report)
         axes.set_title(entry.effect)
@@ -238,6 +243,30 @@ def _over_place(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     axes.figure.colorbar(picture, ax=axes, label="friction over nominal", shrink=0.85)
 
 
+def _of_fingers(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
+    fingers, friction = report.fingers, entry.parameters["mu"]
+    assert fingers is not None
+    assert isinstance(friction.estimate, float)
+    orders = np.array((0.0, 1.0))
+    change = sum(_terms(entry)) * (orders - 0.5)
+    axes.fill_between(orders, *(end + change for end in friction.ci95), color=COUNTER_CLOCKWISE, alpha=0.15, linewidth=0)
+    axes.plot(orders, friction.estimate + change, color=COUNTER_CLOCKWISE, linewidth=2.0, label="friction found")
+    axes.axhline(report.rig.contact_friction or 0.0, color=OBSTACLE, linewidth=0.8, label="friction assumed")
+    for chosen, marker, inner, word in (
+        (fingers.slips, "o", PUSHER, "push that slips"),
+        (fingers.creeps, "s", PUSHER, "push that creeps"),
+        (~fingers.moving, "^", "none", "push that sticks: at least this friction"),
+    ):
+        style = {"linestyle": "none", "marker": marker, "color": PUSHER, "markersize": 5, "markerfacecolor": inner}
+        if chosen.any():
+            axes.plot(fingers.order[chosen], fingers.ratio[chosen], label=word, **style)
+    axes.set_ylim(min(0.0, float(fingers.ratio.min())), None)
+    axes.grid(visible=True, color="0.9", linewidth=0.6)
+    axes.set_xlabel("place in the log, first to last push")
+    axes.set_ylabel("tangential over normal force")
+    axes.legend(fontsize=8, framealpha=0.8, edgecolor="none")
+
+
 _CURVES: Mapping[str, Callable[[Axes, RankedEffect, GapReport], None]] = MappingProxyType(
     {
         "anisotropy-world": _over_direction,
@@ -245,5 +274,6 @@ _CURVES: Mapping[str, Callable[[Axes, RankedEffect, GapReport], None]] = Mapping
         "speed-dependence": _over_speed,
         "drift": _over_log,
         "spatial-variation": _over_place,
+        "contact-friction": _of_fingers,
     }
 )
