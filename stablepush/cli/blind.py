@@ -38,12 +38,17 @@ def blind(
     seed: Annotated[
         int | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of the logs; a random one if not given.")
     ] = None,
-    pushes: Annotated[int | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Pushes of a log (60).")] = None,
-    jobs: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Processes.")] = 1,
+    pushes: Annotated[
+        int | None, typer.Option(parser=whole_number, metavar="INTEGER", help="Pushes of each log; 60 if not given.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Number of parallel processes.")] = 1,
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask cluster that does the work.")] = None,
     expect: Annotated[
         list[str] | None,
-        typer.Option(metavar="HASH", help="Hash of the ledger noted earlier; refused if it is missing; repeatable."),
+        typer.Option(
+            metavar="HASH",
+            help="A hash of the ledger that you noted earlier: the check is refused if the ledger lacks it; repeatable.",
+        ),
     ] = None,
     loop: Annotated[
         bool,

@@ -37,7 +37,7 @@ def import_logs(
         Path | None, typer.Option(help="YAML file that says which topic or column is what; for the kinds rosbag and csv.")
     ] = None,
 ) -> None:
-    """Read raw logs into pushlog/1 folders: those of two labs, ROS 2 bags, tables."""
+    """Convert raw logs into pushlog/1 folders: Manipulation Lab, MIT push data set, ROS bags, CSV tables."""
     from stablepush.io import load_slider, write_pushlog
     from stablepush.io.importers import find_sources, import_source
 
@@ -100,7 +100,7 @@ def fit(
     ] = 0.0,
     view: Annotated[Path | None, typer.Option(help="The surface with the pokes on it, as an HTML page.")] = None,
 ) -> None:
-    """Identify a limit surface from a log of pokes; or, from a slider alone, the mean of what likely pressures give."""
+    """Identify a limit surface from a log of pokes. With --slider and no log: the mean surface of likely pressures."""
     import numpy as np
 
     from stablepush.identify import fit_limit_surface

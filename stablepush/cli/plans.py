@@ -82,7 +82,9 @@ def plan(
     margin_weight: Annotated[
         float,
         typer.Option(
-            parser=number, metavar="W", help="Extra cost of a push without margin; with 1 it costs twice the safest push."
+            parser=number,
+            metavar="W",
+            help="Weight W of the margin: a push without margin costs 1 + W times as much as a safe one of the same duration.",
         ),
     ] = 0.0,
     max_twist_rate: Annotated[
@@ -92,7 +94,8 @@ def plan(
             "--cor-rate",
             parser=number,
             metavar="RAD/S",
-            help="Maximum rate of the unit twist between pushes; inf: no blending. --cor-rate is its former name.",
+            help="Largest rate at which the unit twist (vx, vy, rho omega) may turn from push to push; inf: no blending. "
+            "--cor-rate is its former name.",
         ),
     ] = math.inf,
     refinement_budget: RefinementBudget = 20_000,

@@ -65,7 +65,12 @@ def draw_map(
         ),
     ] = 0.0,
     least_mu: Annotated[
-        float | None, typer.Option(parser=number, metavar="MU", help="Lower end of the contact friction (all-pressure).")
+        float | None,
+        typer.Option(
+            parser=number,
+            metavar="MU",
+            help="Lowest contact friction that an all-pressure region must hold for; the highest is that of the contact.",
+        ),
     ] = None,
     margins: Annotated[
         Path | None, typer.Option(help="Chart of margins from the tightest right to the tightest left turn, as PNG.")
@@ -183,7 +188,8 @@ def contacts(
     ] = None,
     places: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Places along each edge.")] = 9,
     finger_radius: Annotated[
-        float, typer.Option(parser=number, metavar="METRES", help="Radius of the fingers: where they have no room is left out.")
+        float,
+        typer.Option(parser=number, metavar="METRES", help="Radius of the fingers; places without room for them are left out."),
     ] = 0.0,
     best_file: Annotated[
         Path | None, typer.Option("--best", help="File to write the best contact to, as classify and map take it.")

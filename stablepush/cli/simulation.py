@@ -46,7 +46,7 @@ def simulate(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of noise and scatter.")] = 0,
-    rows: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Rows of a push.")] = 7,
+    rows: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Rows that the log has for each push.")] = 7,
     finger_radius: Annotated[
         float | None,
         typer.Option(parser=number, metavar="METRES", help="Nominal radius of the fingers; the scene's if not given."),
@@ -62,7 +62,7 @@ def simulate(
         ),
     ] = None,
     noise: Annotated[
-        tuple[str, str, str], typer.Option(metavar="N M RAD", help="Standard deviations of a row: force, position, angle.")
+        tuple[str, str, str], typer.Option(metavar="N M RAD", help="Noise of a row, standard deviations: force, position, angle.")
     ] = ("0", "0", "0"),
     outliers: Annotated[
         float, typer.Option(parser=number, metavar="SHARE", help="Share of rows with ten times the noise.")
@@ -201,7 +201,7 @@ def _warn_if_invalid(problem: PlanningProblem, result: PlanResult, path: Path) -
 def slide(
     model: Annotated[Path, typer.Argument(help="model/1 file.")],
     slider_file: Annotated[Path, typer.Option("--slider", help="slider/1 file, with a mass.")],
-    twist: Annotated[tuple[str, str, str], typer.Option(metavar="VX VY OMEGA", help="First body twist: m/s, m/s, rad/s.")],
+    twist: Annotated[tuple[str, str, str], typer.Option(metavar="VX VY OMEGA", help="Initial body twist: m/s, m/s, rad/s.")],
     output: Output,
     mu: Annotated[
         float | None,

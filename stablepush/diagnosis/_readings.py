@@ -11,13 +11,18 @@ from stablepush.mechanics.kernels import share_at_place, share_at_speed
 
 
 @inner
-def _direction(vx, vy, cos2, sin2, a, b):  # type: ignore[no-untyped-def]
-    """Friction along the direction of a velocity, whose squares over the mean are ``1 ± √(a² + b²)`` along the principal axes, in
-    axes of which (cos2, sin2) is twice the angle; over the geometric mean of the two."""
-    xx, xy = a * cos2 + b * sin2, b * cos2 - a * sin2
+def _direction(vx, vy, xx, xy, mean):  # type: ignore[no-untyped-def]
+    """Friction along the direction of a velocity, over its geometric mean along the principal axes. Its squares there, over their
+    own mean, are ``1 ± √(xx² + xy²)``; ``mean``: :func:`_mean`."""
     ax, ay = vx + xx * vx + xy * vy, vy + xy * vx - xx * vy
-    size = math.sqrt(max(1e-12, vx * ax + vy * ay)) * max(1e-3, 1.0 - a * a - b * b) ** 0.25
+    size = mean * math.sqrt(max(1e-12, vx * ax + vy * ay))
     return ax / size, ay / size
+
+
+@inner
+def _mean(a, b):  # type: ignore[no-untyped-def]
+    """The geometric mean of friction along the principal axes, over the root of the mean of their squares."""
+    return max(1e-3, 1.0 - a * a - b * b) ** 0.25
 
 
 @inner
@@ -55,6 +60,7 @@ def read(  # type: ignore[no-untyped-def]
     slope, bias, angle, delay and offset. All 0 without effects. ``tool`` (n,): heading of the pusher, which carries the sensor.
     """
     split = matrix.shape[0] > 0
+    mean_w, mean_b = _mean(theta[0], theta[1]), _mean(theta[2], theta[3])
     for i in range(pose.shape[0]):
         x, y, angle = pose[i, 0], pose[i, 1], pose[i, 2]
         vx, vy, w = twist[i, 0], twist[i, 1], twist[i, 2]
@@ -72,6 +78,8 @@ def read(  # type: ignore[no-untyped-def]
         x, y = x - c * ox + s * oy, y - s * ox - c * oy
         vx, vy = vx + w * oy, vy - w * ox
         cos2, sin2 = c * c - s * s, 2 * c * s
+        # the table's anisotropy in B
+        xx, xy = theta[0] * cos2 + theta[1] * sin2, theta[1] * cos2 - theta[0] * sin2
         hump = 4 * order[i] * (1.0 - order[i])
         scale = 1.0 + theta[7] * order[i] + hump * (theta[37] + 4 * late * (theta[38] + 2 * late * theta[39]))
         waves_w = theta[20] != 0.0 or theta[21] != 0.0 or theta[22] != 0.0 or theta[23] != 0.0
@@ -93,9 +101,9 @@ def read(  # type: ignore[no-untyped-def]
             ex, ey = ux / speed, uy / speed
             nx, ny = ex, ey
             if theta[0] != 0.0 or theta[1] != 0.0:
-                ex, ey = _direction(ex, ey, cos2, sin2, theta[0], theta[1])
+                ex, ey = _direction(ex, ey, xx, xy, mean_w)
             if theta[2] != 0.0 or theta[3] != 0.0:
-                ex, ey = _direction(ex, ey, 1.0, 0.0, theta[2], theta[3])
+                ex, ey = _direction(ex, ey, theta[2], theta[3], mean_b)
             if waves_w:
                 # from B into W the angle is greater by the heading
                 mx, my = _waves(nx, ny, c, -s, theta, 20)

