@@ -53,7 +53,7 @@ def whole_number(text: str | int) -> int:
 LARGEST = 1e6
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="File to write.")]
-Contact = Annotated[Path, typer.Option("--contact", help="Contact of the pusher (JSON).")]
+Contact = Annotated[Path | None, typer.Option("--contact", help="Contact of the pusher (JSON); a scene has its own.")]
 
 
 @contextmanager

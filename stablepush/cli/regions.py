@@ -11,12 +11,14 @@ import typer
 from stablepush.cli.common import Contact, Output, Progress, about, number, options_of, require_files, told, whole_number
 from stablepush.core import InputError, UnsupportedContactError
 
+Model = Annotated[Path, typer.Argument(help="model/1 file, or a scene.")]
+
 
 def classify(
-    model: Annotated[Path, typer.Argument(help="model/1 file.")],
-    contact: Contact,
+    model: Model,
     cors: Annotated[Path, typer.Option("--cors", help="CSV with columns cor_x, cor_y, sense.")],
     output: Output,
+    contact: Contact = None,
 ) -> None:
     """Tell which rotation centres are stable, and by what margin.
 
@@ -29,6 +31,7 @@ def classify(
     from stablepush.io import IS_SENSE, load_contact, load_model, read_table, table_text, write_atomically
     from stablepush.stability import BOUNDARY_SLACK, StabilityOracle
 
+    contact, _ = _of_scene(model, contact)
     require_files(output, read=(model, contact, cors))
     columns = ("cor_x", "cor_y", "sense")
     oracle = StabilityOracle(load_model(model), load_contact(contact))
@@ -45,12 +48,23 @@ def classify(
     print(f"{output}: {int(stable.sum())} of {len(stable)} rotation centres stable")
 
 
+def _of_scene(model: Path, contact: Path | None, slider: Path | None = None) -> tuple[Path, Path | None]:
+    """The files of contact and slider: where they are not given, the scene that is given for the model."""
+    from stablepush.io import read_json
+
+    scene = (contact is None or slider is None) and read_json(model, "model/1", "scene/1")["format"].value == "scene/1"
+    if contact is None and not scene:
+        raise InputError("--contact", "expected a contact file; only a scene has a contact of its own")
+    return contact or model, slider or (model if scene else None)
+
+
 def draw_map(
-    model: Annotated[Path, typer.Argument(help="model/1 file.")],
-    contact: Contact,
+    model: Model,
     output: Output,
+    contact: Contact = None,
     slider: Annotated[
-        Path | None, typer.Option(help="slider/1 file, or a scene; needed for the all-pressure and the conservative region.")
+        Path | None,
+        typer.Option(help="slider/1 file; needed for the all-pressure and the conservative region. A scene has its own."),
     ] = None,
     regions_file: Annotated[Path | None, typer.Option("--json", help="Regions as JSON.")] = None,
     extent: Annotated[float | None, typer.Option(parser=number, metavar="METRES", help="Half side of the map in m.")] = None,
@@ -95,6 +109,7 @@ def draw_map(
 
     if extent is not None:
         check_number(extent, "--extent", positive=True)
+    contact, slider = _of_scene(model, contact, slider)
     for option, value in (("--com-tolerance", com_tolerance), ("--least-mu", least_mu)):
         if slider is None and value:
             raise InputError(

@@ -64,8 +64,15 @@ def contact_to_json(contact: PushContact) -> dict[str, Any]:
 
 
 def load_contact(path: str | Path) -> PushContact:
-    """Read a ``contact`` file."""
-    return contact_from_node(read_json(path))
+    """Read a ``contact`` file, or the contact of a ``scene/1`` file that has one."""
+    root = read_json(path)
+    kind = root.get("format")
+    if kind is None or kind.value != "scene/1":
+        return contact_from_node(root)
+    contacts = list(root["contacts"].items())
+    if len(contacts) != 1:
+        root["contacts"].fail(f"expected one contact, got {len(contacts)}: give the one that is meant in a file of its own")
+    return contact_from_node(contacts[0])
 
 
 def save_contact(contact: PushContact, path: str | Path) -> None:
@@ -83,7 +90,7 @@ def model_from_node(node: Node) -> LimitSurface:
 def model_or_path(node: Node, folder: Path) -> LimitSurface:
     """Read a ``model/1`` that stands in another file, or the one whose path, from that file's folder, stands there."""
     if isinstance(node.value, str):
-        return load_model(folder / node.value)
+        return model_from_node(read_json(folder / node.value, "model/1"))
     if not isinstance(node.value, dict):
         node.fail("expected a model/1 object or the path of one")
     return model_from_node(node)
@@ -97,8 +104,14 @@ def model_to_json(surface: LimitSurface) -> dict[str, Any]:
 
 
 def load_model(path: str | Path) -> LimitSurface:
-    """Read a limit surface from a ``model/1`` file."""
-    return model_from_node(read_json(path, "model/1"))
+    """Read a limit surface from a ``model/1`` file, or that of a ``scene/1`` file, which must have no effects."""
+    root = read_json(path, "model/1", "scene/1")
+    if root["format"].value == "model/1":
+        return model_from_node(root)
+    effects = root.get("effects")
+    if effects is not None and effects.value:
+        effects.fail("expected none: with them stability depends on heading and place (stablepush.views.plot.plot_headings)")
+    return model_or_path(root["model"], Path(path).parent)
 
 
 def save_model(surface: LimitSurface, path: str | Path) -> None:

@@ -52,6 +52,37 @@ def test_map_leaves_a_picture_and_regions(rig, tmp_path):
     assert main(["map", str(rig / "model.json"), *arguments[:2], "-o", str(tmp_path / "bare.png"), "--extent", "0.3"]) == 0
 
 
+def test_a_scene_has_all_that_a_map_needs(rig, tmp_path, capsys):
+    """Its model, its contact and its slider, as when they are given one by one; two contacts, or effects, are refused."""
+    surface, contact = sp.load_model(rig / "model.json"), sp.load_contact(rig / "contact.json")
+    slider = sp.load_slider(rig / "slider.json")
+
+    def scene(name, contacts, **more):
+        problem = sp.PlanningProblem(slider, surface, contacts, (0, 0, 0), (1, 1, 0), bounds=(-1, -1, 2, 2), **more)
+        sp.save_scene(problem, tmp_path / name)
+        return str(tmp_path / name)
+
+    one, cors, out = scene("one.json", [contact]), str(rig / "cors.csv"), tmp_path / "o.csv"
+    by_parts = [str(rig / "model.json"), "--contact", str(rig / "contact.json")]
+    written = []
+    for model, more in (([one], []), (by_parts, ["--slider", str(rig / "slider.json")])):
+        assert main(["map", *model, *more, "-o", str(tmp_path / "m.png"), "--json", str(tmp_path / "r.json")]) == 0
+        assert main(["classify", *model, "--cors", cors, "-o", str(out)]) == 0
+        written.append(((tmp_path / "r.json").read_text(), out.read_text()))
+    assert written[0] == written[1]
+    capsys.readouterr()
+    two = scene("two.json", [contact, contact])
+    sloped = scene("sloped.json", [contact], effects=[sp.parse_effect("tilt:slope=0.02/0")])
+    for model, words in (
+        (two, "two.json: contacts: expected one contact, got 2: give the one that is meant in a file of its own"),
+        (sloped, "sloped.json: effects: expected none: with them stability depends on heading and place"),
+        (str(rig / "model.json"), "--contact: expected a contact file; only a scene has a contact of its own"),
+    ):
+        assert main(["map", model, "-o", str(tmp_path / "no.png")]) == 2
+        assert words in capsys.readouterr().err
+    assert not (tmp_path / "no.png").exists()
+
+
 def test_map_draws_margins_the_sphere_and_a_chance_region(rig, tmp_path, capsys):
     arguments = ["--contact", str(rig / "contact.json"), "--slider", str(rig / "slider.json"), "-o", str(tmp_path / "m.png")]
     more = ["--probability", "0.9", "--margins", str(tmp_path / "margins.png"), "--sphere", str(tmp_path / "sphere.png")]
