@@ -174,11 +174,11 @@ def boundaries() -> Iterator[Row]:
     other = "H_inv on a grid of 4 mm, numpy"
     yield beside("boundary of a region", "exact", 1, lambda: sp.stable_region(surface, contact), other, grid)
     yield beside(
-        "boundary of a region", "probability 0.9", 2, lambda: discs(sp.chance_region(surface, contact, 0.9)), other, grid,
+        "boundary of a region", "probability 0.9", 1, lambda: discs(sp.chance_region(surface, contact, 0.9)), other, grid,
         1 / len(surface.members()),
     )  # fmt: skip
     yield beside(
-        "boundary of a region", "every pressure", 3, lambda: discs(sp.all_pressure_region(slider, contact)),
+        "boundary of a region", "every pressure", 1, lambda: discs(sp.all_pressure_region(slider, contact)),
         "linear programs on such a grid", lambda: every_pressure(slider, contact, 10), 10 / (2 * 200**2),
     )  # fmt: skip
 
@@ -336,9 +336,9 @@ def earlier(section: str, clone: Path) -> list[Row]:
     command = [sys.executable, __file__, "--only", section, "--alone"]
     ran = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": paths}, check=False)
     if ran.returncode:
-        print(f"{section}: the older version cannot do this: {ran.stderr.strip().splitlines()[-1]}", file=sys.stderr)
+        print(f"{section}: the older version cannot do this: {ran.stderr.strip()[-200:]}", file=sys.stderr)
         return []
-    return [Row(*values) for values in json.loads(ran.stdout)]
+    return [Row(*values) for values in json.loads(ran.stdout.splitlines()[-1])]
 
 
 def amount(value: float) -> str:
@@ -369,7 +369,7 @@ def draw(rows: list[Row], path: Path) -> None:
     from matplotlib.figure import Figure
 
     rcParams["svg.hashsalt"] = "stablepush"
-    tasks = [t for t in dict.fromkeys(r.task for r in rows) if sum(r.task == t for r in rows) > 1]
+    tasks = [t for t in dict.fromkeys(r.task for r in rows) if len({r.count for r in rows if r.task == t}) > 1]
     figure = Figure(figsize=(11, 2.6 * ((len(tasks) + 3) // 4)), layout="constrained")
     FigureCanvasSVG(figure)
     for k, task in enumerate(tasks):
@@ -399,7 +399,9 @@ def compared(rows: list[Row], before: list[Row]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
+    )
     parser.add_argument("-o", "--output", type=Path, help="folder for table.md and growth.svg")
     parser.add_argument("--only", nargs="*", choices=list(SECTIONS), help="sections")
     parser.add_argument("--before", type=Path, metavar="CLONE", help="an older version to time beside: writes before.md")

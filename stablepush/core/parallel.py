@@ -106,5 +106,9 @@ def in_threads(function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any
     usable = usable_cores()
     if min(usable, len(items)) < 2:
         return [function(item) for item in items]
-    with ThreadPoolExecutor(min(_MOST_THREADS, usable, len(items))) as threads:
-        return list(threads.map(function, items))
+    count = min(_MOST_THREADS, usable, len(items))
+    # many small pieces of work are handed out some at a time
+    size = max(1, len(items) // (8 * count))
+    parts = [items[i : i + size] for i in range(0, len(items), size)]
+    with ThreadPoolExecutor(count) as threads:
+        return [found for part in threads.map(lambda part: [function(item) for item in part], parts) for found in part]

@@ -152,7 +152,8 @@ def _findings(rows: np.ndarray, features: Mapping[str, FloatArray], residuals: R
             left += ((permuted[test] - x[test] @ weights) ** 2).sum(axis=0)
         table = (1 - left / spread).reshape(len(orders), -1)
         for k, (channel, component) in enumerate(residuals):
-            p, share = float((table[:, k] >= table[0, k]).mean()), float(np.clip(table[0, k], 0.0, 1.0))
+            # ties count, whatever rounding made of them
+            p, share = float((table[:, k] >= table[0, k] - 1e-12).mean()), float(np.clip(table[0, k], 0.0, 1.0))
             found.append(Finding(channel, component, covariate, share, p, share * sizes[k]))
     return found
 
@@ -226,7 +227,7 @@ def flexible_share(system: System, whitened: FloatArray, seed: int = 0) -> tuple
             # whole trials change places: their rows keep together as far as numbers of rows allow
             orders = [rng.permutation(len(trials)) for _ in range(39)]
             shuffled = np.stack([np.concatenate([of_trial[k] for k in order]) for order in orders], axis=-1)
-            best, p_best = true, float(1 + (shares(shuffled) >= true).sum()) / 40
+            best, p_best = true, float(1 + (shares(shuffled) >= true - 1e-12).sum()) / 40
     return best, p_best
 
 

@@ -159,7 +159,7 @@ def _kinds() -> tuple[EffectKind, ...]:
         ),
         EffectKind(
             "contact-geometry",
-            "finger radius away from nominal",
+            "finger radius or contact place away from nominal",
             "contact",
             "poses of the pusher and the slider in contact, from several sides",
             "measure the fingers; stablepush correct has the radius",

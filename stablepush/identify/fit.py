@@ -241,8 +241,10 @@ def fit_limit_surface(
 
     # what takes longest, drawing pressures, side by side
     of_folds = estimator.of_folds()
-    jobs = [(estimator, train), *((of_folds, np.setdiff1d(train, rows)) for rows in tests)]
-    whole, *parts = in_threads(lambda job: job[0].prepare(pairs.take(job[1])), jobs)
+    folds = [(of_folds, np.setdiff1d(train, rows)) for rows in tests] if validation_indices is None else []
+    whole, *parts = in_threads(lambda job: job[0].prepare(pairs.take(job[1])), [(estimator, train), *folds])
+    # rows that validate are no part of those to fit
+    parts = parts or [whole] * len(tests)
     chosen, error = estimator.default, None
     if tests:
         errors = _held_out_errors(estimator, pairs, parts, tests, degree, solve)

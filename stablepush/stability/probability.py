@@ -146,7 +146,9 @@ def _covered(discs: list[shapely.Geometry], needed: int) -> shapely.Geometry:
 def _deciding(discs: list[shapely.Geometry], needed: int) -> FloatArray:
     """Pieces (n, 4) of the polygons' boundaries, ``x, y`` of both ends, without those in cells of a grid of which it is known
     that enough polygons cover them, or too few: polygons that cover a cell whole always do, those with a boundary in it may."""
-    rings, of_ring = shapely.get_rings(discs, return_index=True)
+    polygons, of_polygon = shapely.get_parts(discs, return_index=True)
+    rings, of_ring = shapely.get_rings(polygons, return_index=True)
+    of_ring = of_polygon[of_ring]
     places, of_place = shapely.get_coordinates(rings, return_index=True)
     together = of_place[1:] == of_place[:-1]
     segments = np.concatenate((places[:-1], places[1:]), axis=1)[together]

@@ -51,7 +51,9 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         of_table = (
             "Friction of the table, over the nominal one. Grey: the simplest form; blue: with the terms that this log needs."
         )
-        of_fingers = "Friction of the fingers: the tangential over the normal force of each push."
+        of_fingers = (
+            "Friction of the fingers: the tangential over the normal force of each push, less what named effects of sensors do."
+        )
         words = " ".join([of_table] * (not all(kinds)) + [of_fingers] * any(kinds))
         found = [(entry.effect, _numbers(entry)) for entry in drawn_forms(report)]
         sections.append(Section.with_picture("What was found", figure_png(plot_forms(report)), words, found))

@@ -4,6 +4,7 @@ import shapely
 from conftest import surface_zoo, three_feet, triangle
 
 import stablepush as sp
+from stablepush.demo import demo_pokes
 from stablepush.geometry.planar import twist_from_cor, unit
 from stablepush.stability.kernels.chart import add_coverage, twists_from_disc
 from stablepush.stability.probability import _covered
@@ -85,6 +86,42 @@ def test_polygons_are_counted():
     for needed in (1, 2, 5, 8, 10):
         covered = _covered([*boxes, shapely.Polygon()], needed)
         np.testing.assert_array_equal(shapely.contains_xy(covered, *points.T), count >= needed)
+
+
+def test_polygons_in_several_pieces_are_counted():
+    """Pieces, holes, copies, a whole chart and nothing at all, against points counted one by one."""
+    rng = np.random.default_rng(4)
+    points = rng.uniform(-1.5, 1.5, size=(3000, 2))
+    for _ in range(20):
+        discs = [shapely.Point(0, 0).buffer(1.41), shapely.Polygon()]
+        for x, y, r in rng.uniform((-1, -1, 0.1), (1, 1, 0.6), size=(9, 3)):
+            ring = shapely.Point(x, y).buffer(r, 30).difference(shapely.Point(x + 0.1, y).buffer(r / 2))
+            cut = shapely.box(x - 0.05, -2, x + 0.05, 2) if rng.random() < 0.7 else shapely.Polygon()
+            discs += [shapely.difference(ring, cut)] * rng.integers(1, 3)
+        count = sum(shapely.contains_xy(disc, *points.T).astype(int) for disc in discs)
+        for needed in (1, 2, 4, len(discs) - 1, len(discs)):
+            covered = _covered(discs, needed)
+            assert covered.is_valid
+            np.testing.assert_array_equal(shapely.contains_xy(covered, *points.T), count >= needed)
+    pieces = shapely.MultiPolygon([shapely.box(0, 0, 1, 1), shapely.box(1.1, 0, 1.2, 1)])
+    assert _covered([pieces], 1).area == pytest.approx(1.1)
+
+
+def test_a_region_in_two_pieces_has_a_chance_region():
+    """Two fingers that face each other: some surfaces leave two pieces of a hemisphere."""
+    root, log = 0.5**0.5, demo_pokes()
+    loads, slips = (array[:10] for array in log.pairs()[:2])
+    surface = sp.fit_limit_surface(loads, slips, slider=log.rig.slider).surface
+    contact = sp.PushContact([[0.024846157, 0.028487176], [0.0092277632, -0.0533333333]], [[-root, -root], [0, 1]], 0.187)
+    oracle = sp.StabilityOracle(surface, contact)
+    places = np.random.default_rng(5).uniform(-1.0, 1.0, size=(4000, 2))
+    kinds = {sp.stable_region(member, contact).disc(-1).geom_type for member in surface.members()}
+    assert "MultiPolygon" in kinds
+    twists = twists_from_disc(places, -1) / (1, 1, surface.characteristic_length)
+    for level in (0.1, 0.5, 0.9):
+        disc = sp.chance_region(surface, contact, level).disc(-1)
+        wrong = shapely.contains_xy(disc, *places.T) != (oracle.probability(twists) >= level - 1e-9)
+        assert wrong.sum() <= 2, "a place may lie on the boundary"
 
 
 def test_scan_lines_against_point_in_polygon():

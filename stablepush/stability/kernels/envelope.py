@@ -26,8 +26,8 @@ from stablepush.core import compiled
 #: Pivots before the bounds are returned as they are, and a gap between them that is rounding.
 MOST_PIVOTS = 100
 CLOSED = 1e-13
-#: Step, as a share of an edge, after which the least of a convex piece is found: its value then errs by the step's square.
-_MOVED = 1e-10
+#: Error of the least value of a convex piece at which Newton's method ends.
+_DECREMENT = 1e-15
 #: In the search for an edge of the region: gap between the bounds, as a share of their distance from the level.
 _SEARCH = 0.01
 #: Distance (normalised) at which a COR counts as on the polygon: rounding may only make the bound lower.
@@ -107,12 +107,15 @@ def _edge_minimum(start, end, facet, twist, slope, level, best, at):  # type: ig
             p = p0 + omega * t
             r2 = p * p + d2
             bend = omega * (c2 * p * p + c1 * p + c0) / (r2 * r2 * math.sqrt(r2))
+            # what a step could still lower the value by, twice
+            if rise * rise <= _DECREMENT * bend:
+                break
             following = t - rise / bend if bend > 0 else low
             if not low < following < high:
                 following = 0.5 * (low + high)
             moved = abs(following - t)
             t = following
-            if moved <= _MOVED * length:
+            if moved <= 1e-15 * length:
                 break
         value = _along(t, p0, d, bt, bn, omega, facet[2])
         if value - base - beta * t < best:

@@ -247,10 +247,11 @@ def _of_fingers(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     fingers, friction = report.fingers, entry.parameters["mu"]
     assert fingers is not None
     assert isinstance(friction.estimate, float)
-    orders = np.array((0.0, 1.0))
+    orders = np.linspace(0.0, 1.0, 101)
     change = sum(_terms(entry)) * (orders - 0.5)
-    axes.fill_between(orders, *(end + change for end in friction.ci95), color=COUNTER_CLOCKWISE, alpha=0.15, linewidth=0)
-    axes.plot(orders, friction.estimate + change, color=COUNTER_CLOCKWISE, linewidth=2.0, label="friction found")
+    found, low, high = (np.maximum(0.0, end + change) for end in (friction.estimate, *friction.ci95))
+    axes.fill_between(orders, low, high, color=COUNTER_CLOCKWISE, alpha=0.15, linewidth=0)
+    axes.plot(orders, found, color=COUNTER_CLOCKWISE, linewidth=2.0, label="friction found")
     axes.axhline(report.rig.contact_friction or 0.0, color=OBSTACLE, linewidth=0.8, label="friction assumed")
     for chosen, marker, inner, word in (
         (fingers.slips, "o", PUSHER, "push that slips"),
@@ -264,7 +265,7 @@ def _of_fingers(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     axes.grid(visible=True, color="0.9", linewidth=0.6)
     axes.set_xlabel("place in the log, first to last push")
     axes.set_ylabel("tangential over normal force")
-    axes.legend(fontsize=8, framealpha=0.8, edgecolor="none")
+    axes.legend(fontsize=8, framealpha=0.5, edgecolor="none")
 
 
 _CURVES: Mapping[str, Callable[[Axes, RankedEffect, GapReport], None]] = MappingProxyType(
