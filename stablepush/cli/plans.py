@@ -39,6 +39,10 @@ RefinementBudget = Annotated[
 ]
 
 
+#: Distance (m) of an obstacle below which the remedy is named, and the remedy.
+_NEAR = 2e-3
+_CLOSE = ": --clearance 0.005 would keep 5 mm away"
+
 _OPTIONS = options_of(
     "planner",
     "time_limit",
@@ -164,8 +168,8 @@ def plan(
         )
         if nearest is not None:
             print(
-                f"closest to an obstacle: {1000 * nearest.distance:.1f} mm, in {nearest.where}; "
-                "the probabilities do not count collisions"
+                f"closest to an obstacle: {1000 * nearest.distance:.1f} mm, in {nearest.where}; the probabilities do not count "
+                f"collisions{_CLOSE if nearest.distance < _NEAR else ''}"
             )
     if interrupted():
         raise InterruptedError(f"{output} holds the best plan found so far")

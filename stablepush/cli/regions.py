@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from stablepush.cli.common import Contact, Output, Progress, about, number, options_of, require_files, told, whole_number
 from stablepush.core import InputError, UnsupportedContactError
+
+if TYPE_CHECKING:
+    from stablepush.stability import StableRegion
+
+#: Solid angle (sr) of all unit twists, and one below which two regions are the same.
+_ALL_MOTIONS, _SLIVER = 4 * math.pi, 1e-3
 
 Model = Annotated[Path, typer.Argument(help="model/1 file, or a scene.")]
 
@@ -170,14 +177,30 @@ def draw_map(
         spans = " and ".join(f"{math.degrees(low):.1f} to {math.degrees(high):.1f}" for low, high in region.translation_intervals)
         turns = [region.tightest_turn(sense) for sense in (1, -1)]
         words = [
-            f"{math.hypot(*cor):.3g} m {word}" for cor, word in zip(turns, ("left", "right"), strict=True) if cor is not None
+            f"{1000 * math.hypot(*cor):.3g} mm {word}"
+            for cor, word in zip(turns, ("counter-clockwise", "clockwise"), strict=True)
+            if cor is not None
         ]
+        angle = region.solid_angle()
         print(
-            f"{region.name}: {region.solid_angle():.3f} sr, "
-            + (f"translations from {spans} deg" if spans else "no stable translation")
-            + (f", tightest turns {', '.join(words)}" if words else ", no stable turn")
+            f"{region.name}: {100 * angle / _ALL_MOTIONS:.1f} % of all motions ({angle:.3f} of {_ALL_MOTIONS:.2f} sr), "
+            + (f"translations towards {spans} deg from x of B" if spans else "no stable translation")
+            + (f", tightest turns {' and '.join(words)} from the centre of mass" if words else ", no stable turn")
+        )
+    if any(r.name == "all-pressure" and _reaches_beyond(r, regions[0]) for r in regions[1:]):
+        print(
+            f"{model}: note: the all-pressure region reaches beyond that of the model, which only approximates a pressure: "
+            "count on what is in both",
+            file=sys.stderr,
         )
     print(f"{', '.join(written)}: written")
+
+
+def _reaches_beyond(region: StableRegion, model: StableRegion) -> bool:
+    """Whether a region has motions that are not in that of the model."""
+    if any(r.curve is not None for r in (region, model)):
+        return False
+    return any(region.disc(sense).difference(model.disc(sense)).area > _SLIVER for sense in (1, -1))
 
 
 def contacts(

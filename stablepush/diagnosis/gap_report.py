@@ -28,7 +28,7 @@ from stablepush.diagnosis.system import System, log_rows, system_of
 from stablepush.diagnosis.together import join, observe_each, together_of
 from stablepush.diagnosis.verdicts import judge, refit_leaves_noise, stands_clear
 from stablepush.diagnosis.where import localise, residuals
-from stablepush.diagnosis.wording import notes_on, sentence_of, slipping_note, unexplained
+from stablepush.diagnosis.wording import notes_on, sentence_of, slipping_note, still_note, unexplained
 from stablepush.effects import CATALOGUE, LabEffect, applicable, lab_effects
 from stablepush.io import PushLog, Rig
 
@@ -188,6 +188,9 @@ def _diagnose(
             "state more noise in rig.json, if they agree, an effect is missing"
         )
     after = _next(system, found, reported, ranking)
+    still = [name for k, name in enumerate(observations.names) if k not in observations.trial]
+    if still:
+        notes.append(still_note(still, len(log)))
     if judged.slipping:
         notes.append(slipping_note([observations.names[k] for k in judged.slipping], len(log)))
     return GapReport(

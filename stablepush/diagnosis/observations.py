@@ -20,7 +20,7 @@ from stablepush.geometry import (
     transform_points,
     wrap_angle,
 )
-from stablepush.io import PushLog, distinct, end_of_motion
+from stablepush.io import Noise, PushLog, distinct, end_of_motion
 
 #: Fingers farther (m) than this from where fingers usually are, beside the outline, do not touch it; nor do those that are
 #: farther from it than the other length. Where contact points are logged, they decide, and the other length alone counts.
@@ -38,6 +38,8 @@ _WIDEST = 0.03
 _MOST_ROWS = 12
 #: Rows slower than this share of the median speed do not move.
 _REST = 0.05
+#: Differences of poses of so many standard deviations are none.
+_STANDS = 5.0
 #: Twists of a push that differ by less than this share are one and the same.
 _ALIKE = 1e-9
 
@@ -137,6 +139,12 @@ def observe(log: PushLog) -> Observations:
         usable &= size > max(_REST * float(np.median(size[usable])), LEAST_POSITIVE)
     names = [str(name) for name in log.trials["trial"]]
     rows_of = {name: np.flatnonzero((s["trial"] == name) & usable) for name in names}
+    for name in names:
+        everywhere = np.flatnonzero((s["trial"] == name) & np.isfinite(poses).all(axis=1))
+        if _stands(poses[everywhere], log.rig.noise):
+            # what noise makes of standing is no motion
+            rows_of[name] = np.zeros(0, dtype=int)
+            poses[everywhere] = np.nan
     seconds = np.asarray(s["t"], dtype=np.float64)
     # blocks of rows whose means are the rows of the diagnosis, by trial
     blocks: list[tuple[int, np.ndarray]] = []
@@ -194,11 +202,34 @@ def observe(log: PushLog) -> Observations:
     rested = {str(name) for name in s["trial"][s["phase"] == "rest"]} if "phase" in s else set()
     from_rest = np.array([name in rested for name in names], dtype=bool)
     acceleration, unsteady = _rates(trial, time, twist, span, from_rest)
+    # where no finger touches and the sensor reads nothing, nothing pushes: after the object was lost
+    touches = np.isfinite(place[:, 0, 0]) | np.isfinite(place[:, 1, 0])
+    idle = np.isfinite(pusher).all(axis=1) & ~touches
+    idle &= np.linalg.norm(wrench[:, :2], axis=1) <= _STANDS * (log.rig.noise.force if log.rig.noise else 0.0)
+    rows = np.flatnonzero(~idle)
+    trial, time, pose, twist, acceleration, unsteady, wrench, pusher, normal, place, clearance, slip, span = (
+        values[rows]
+        for values in (trial, time, pose, twist, acceleration, unsteady, wrench, pusher, normal, place, clearance, slip, span)
+    )
     return Observations(
         names, trial, rank[trial], time, pose, twist, acceleration, unsteady, wrench, pusher,
         normal, place, clearance, slip, span, group, _at_rest(log, names, rows_of, poses), radius,
         _fingers_off(log, trial, clearance), {name: _column(values) for name, values in log.trials.items()},
     )  # fmt: skip
+
+
+def _stands(poses: FloatArray, noise: Noise | None) -> bool:
+    """Whether poses (n, 3) in the order of time are one, but for the stated noise: none is far off, nor do the means of the first
+    and the second half differ."""
+    half = len(poses) // 2
+    if noise is None or not half:
+        return False
+    sizes = np.array((noise.position, noise.position, noise.angle))
+    off = poses - poses[0]
+    off[:, 2] = wrap_angle(off[:, 2])
+    moved = np.abs(off[:half].mean(axis=0) - off[-half:].mean(axis=0))
+    far = np.abs(off - np.median(off, axis=0)).max(axis=0)
+    return bool((far <= _STANDS * sizes).all() and (moved <= _STANDS * sizes * math.sqrt(2 / half)).all())
 
 
 def _column(values: Any) -> np.ndarray:

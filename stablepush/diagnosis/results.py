@@ -124,13 +124,19 @@ class GapReduction(Record):
         """How much of the gap is explained, in words."""
         if self._had_no_gap:
             return "within the noise"
+        if 0 < self.before <= _WITHIN * self.floor:
+            return "no gap before"
         # where the gap is near the noise the interval of its share is very wide
-        share, low, high = ("less than -100" if part < -1 else f"{100 * part:.0f}" for part in (self.closed, *self.ci95))
+        share, low, high = ("less than -100" if part < -1 else f"{round(100 * part)}" for part in (self.closed, *self.ci95))
         return f"explained {share} % ({low} to {high})"
 
     @property
     def sizes(self) -> str:
         """What there was, what remains, and how much of that is noise, in words; lengths in mm."""
+        if self.channel == "stability":
+            # the square of an error of a label, right or wrong, is 1 or 0
+            wrong = [round(size**2 * self.held_out_trials) for size in (self.before, self.after)]
+            return f"{wrong[0]} of {self.held_out_trials} labels wrong before, {wrong[1]} after"
         before = size_in_words(self.before, self.unit)
         after, floor = (size_in_words(value, self.unit, named=False) for value in (self.after, self.floor))
         words = f"{before} before, {after} after"

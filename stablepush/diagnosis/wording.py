@@ -270,6 +270,15 @@ def _outliers(system: System, found: Attribution) -> np.ndarray:
     return far if far.mean() < _FEW else np.zeros_like(far)
 
 
+def still_note(names: Sequence[str], pushes: int) -> str:
+    """Which of so many pushes did not move the object."""
+    more = "" if len(names) <= _LISTED else f" and {len(names) - _LISTED} more"
+    return (
+        f"the object does not move in {len(names)} of {pushes} pushes ({', '.join(names[:_LISTED])}{more}), which are left out: "
+        "if a plan was carried out, it had lost the object before"
+    )
+
+
 def slipping_note(names: Sequence[str], pushes: int) -> str:
     """Which of so many pushes slipped though the nominal simulation calls them stable."""
     more = "" if len(names) <= _LISTED else f" and {len(names) - _LISTED} more"

@@ -241,10 +241,10 @@ def _failures(losses: Losses, result: PlanResult) -> tuple[tuple[int, float, str
 def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
     """What the scenarios that lose the slider in a push have in common: what differs most from the other scenarios."""
     everything = {
-        "contact friction": (scenarios.contact_mu[:, push.contact], ""),
-        "the fingers displaced along the edge": (1000 * scenarios.aside[:, push.contact], " mm"),
-        "the centre of mass in x": (1000 * scenarios.center_of_mass[:, 0], " mm"),
-        "the centre of mass in y": (1000 * scenarios.center_of_mass[:, 1], " mm"),
+        "the contact friction is": (scenarios.contact_mu[:, push.contact], ""),
+        "the fingers are displaced along the edge by": (1000 * scenarios.aside[:, push.contact], " mm"),
+        "x of the centre of mass is": (1000 * scenarios.center_of_mass[:, 0], " mm"),
+        "y of the centre of mass is": (1000 * scenarios.center_of_mass[:, 1], " mm"),
     }
     if 2 * np.count_nonzero(~scenarios.flush[rows]) > len(rows):
         return "because the slider is not square to the fingers after the docking"
@@ -256,5 +256,5 @@ def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
         shift = (float(values[rows].mean()) - float(values.mean())) / scatter if scatter > 0 else 0.0
         if abs(shift) > max(best, 0.7):
             end = values[rows].max() if shift < 0 else values[rows].min()
-            best, words = abs(shift), f"with {name} {'below' if shift < 0 else 'above'} {end:.3g}{unit_of}"
+            best, words = abs(shift), f"if {name} {'below' if shift < 0 else 'above'} {end:.3g}{unit_of}"
     return words

@@ -49,7 +49,8 @@ def test_a_plan_s_status_is_a_word_of_the_vocabulary():
     [
         (0.05, 0.046, 0.046, 1.0, "explained 100 % (20 to 100)"),
         (0.0473, 0.0473, 0.0473, 1.0, "within the noise"),
-        (1.0, 3.0, 1.0, -9.0, "explained less than -100 % (20 to 100)"),
+        (1.0, 3.0, 1.0, -9.0, "no gap before"),
+        (1.2, 3.0, 1.0, -9.0, "explained less than -100 % (20 to 100)"),
         (0.0, 0.1, 0.0, 0.0, "explained 0 % (20 to 100)"),
     ],
 )

@@ -135,4 +135,6 @@ def legend(axes: Axes, columns: int, panels: int = 1) -> None:
             where = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14)}
             axes.legend(*zip(*kept, strict=True), ncols=columns, frameon=False, fontsize=8, **where)
         else:
+            # room (inches) between the label of the axis and the legend
+            figure.get_layout_engine().set(h_pad=0.12)  # type: ignore[call-arg, union-attr]
             figure.legend(*zip(*kept, strict=True), loc="outside lower center", ncols=columns, frameon=False, fontsize=9)

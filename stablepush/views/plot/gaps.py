@@ -154,7 +154,7 @@ def plot_effects(report: GapReport, ax: Axes | None = None) -> Axes:
         label.set_color(_HIDDEN if hidden else "black")
     axes.set_xlim(0, 1)
     axes.set_xlabel("probability")
-    axes.set_title("Blue: named; orange: other effects; grey: not identifiable from this log")
+    axes.set_title("Blue: named; orange: others; grey: not identifiable")
     return axes
 
 

@@ -61,7 +61,9 @@ def plot_regions(
     axes = canvas((7.4, 8.8), ax=ax)
     if probability is not None:
         _shade(axes, probability)
-        axes.plot([], [], marker="s", markersize=9, color="0.6", linestyle="none", label="shading: probability of stability")
+        axes.plot(
+            [], [], marker="s", markersize=9, color="0.6", linestyle="none", label="shading: probability, from 0 (white) to 1"
+        )
     for order, region in enumerate(regions):
         for sense, word, color in SENSES:
             style = _style(region, order, color, filled=probability is None)
