@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -27,6 +27,8 @@ _HEADINGS, _SPEEDS = 12, (0.005, 0.02, 0.06)
 _BETWEEN, _ASIDE = 0.8, 0.03
 #: Distance of a push, in m.
 _DISTANCE = 0.04
+#: Distance (m) that fingers keep from the corners of an edge.
+_FROM_CORNERS = 3e-3
 #: Without forces: positions along the free length of an edge, directions (rad from the normal), and how many of all these pushes
 #: are simulated, drawn at random.
 _ALONG, _DIRECTIONS, _DRAWN = (0.2, 0.5, 0.8), (-0.4, 0.0, 0.4), 120
@@ -100,15 +102,21 @@ def _places(poses: FloatArray) -> list[tuple[float, float]]:
     return [tuple(np.round((m - h, m + h), 3).tolist()) for m, h in zip(middle, half, strict=True)]
 
 
+def _with_room(lengths: Sequence[float], needed: float) -> list[int]:
+    """Edges on which fingers stay clear of the corners; if there are none, those on which they fit at all."""
+    roomy = [e for e, length in enumerate(lengths) if length > needed + 2 * _FROM_CORNERS]
+    return roomy or [e for e, length in enumerate(lengths) if length > needed]
+
+
 def _drawn(system: Motions) -> list[tuple[EdgePush, Replay]]:
     """Pushes by the log's pusher, as entries of a list and as they are simulated."""
     like, slider = system.pushes[0], system.rig.slider
     pusher = like.pusher
     half = float(np.abs(pusher.fingers[:, 1]).max()) + pusher.radius
-    edges = [(e, float(np.linalg.norm(b - a))) for e, (a, b) in enumerate(map(slider.edge, range(len(slider.vertices))))]
+    lengths = [float(np.linalg.norm(b - a)) for a, b in map(slider.edge, range(len(slider.vertices)))]
     headings = 2 * np.pi * np.arange(_HEADINGS) / _HEADINGS
     places = _places(np.array([push.start for push in system.pushes]))
-    choices = ([e for e in edges if e[1] > 2 * half], _ALONG, _DIRECTIONS, headings.tolist(), _SPEEDS, *places)
+    choices = ([(e, lengths[e]) for e in _with_room(lengths, 2 * half)], _ALONG, _DIRECTIONS, headings.tolist(), _SPEEDS, *places)
     sizes = [len(choice) for choice in choices]
     rng = np.random.default_rng(0)
     count = int(np.prod(sizes))
@@ -138,12 +146,12 @@ def _straight(system: System) -> tuple[list[EdgePush], FloatArray, Observations]
     two = system.rig.contact_kind == "two-point"
     width = _apart(system) if two else 0.0
     needed = width + 2 * (system.observations.finger_radius or 0.0) if two else 0.0
+    lengths = [float(np.linalg.norm(b - a)) for a, b in map(system.rig.slider.edge, range(len(system.rig.slider.vertices)))]
+    reached = _with_room(lengths, needed)
     entries, twists, poses, places, normals = [], [], [], [], []
-    for face in range(len(system.rig.slider.vertices)):
+    for face in reached:
         a, b = system.rig.slider.edge(face)
-        length = float(np.linalg.norm(b - a))
-        if length <= needed:
-            continue
+        length = lengths[face]
         along = (b - a) / length
         normal, middle = np.array((-along[1], along[0])), (a + b) / 2
         # a finger off the centre turns the slider about as much as its lever says, two fingers do not

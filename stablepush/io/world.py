@@ -34,6 +34,8 @@ _SEEMS = 8e-3
 _STILL = 1e-4
 #: A new trial begins after so many seconds in which the slider rests; so many before it moves are kept.
 _PAUSE, _BEFORE = 0.5, 1.0
+#: A slider that is so far (m) from where it was in the row before, and was this many times as quick as usual, was set back.
+_JUMP, _QUICKER = 5e-3, 8.0
 #: Least rows at rest from which the offset of the force sensor is taken, and rows whose median begins and ends a trial.
 _LEAST_REST, _ENDS = 3, 5
 
@@ -367,20 +369,41 @@ def _pushes(
     slider: Slider, t: FloatArray, body: FloatArray, window: float
 ) -> tuple[list[np.ndarray[Any, np.dtype[np.intp]]], list[str]]:
     """Rows of each push of a record: where the slider moves, and before."""
-    speed = _speeds(slider, _slopes(t, body, window))
-    moving = np.flatnonzero(speed > _MOVES * speed.max())
-    if not len(moving):
-        return [], []
-    cuts = np.flatnonzero(np.diff(t[moving]) > _PAUSE)
-    firsts, lasts = moving[np.concatenate(([0], cuts + 1))], moving[np.concatenate((cuts, [len(moving) - 1]))]
-    found, done = [], 0
-    for first, last in zip(firsts, lasts, strict=True):
-        begin = max(int(np.searchsorted(t, t[first] - _BEFORE)), done)
-        # noise of a tracker is as quick as a slow push, and leads nowhere
-        if _travel(slider, body[max(begin, first - _ENDS) : last + _ENDS + 1]) >= _LEAST_TRAVEL:
-            found.append(np.arange(begin, last + 1))
-            done = int(last) + 1
+    jumps = _jumps(slider, t, body)
+    if len(jumps):
+        when = ", ".join(f"{t[k]:.4g}" for k in jumps[:5])
+        later = " and later" if len(jumps) > 5 else ""
+        words = f"the slider jumps before t = {when}{later} s: a new push is taken to begin there"
+        warnings.warn(StablepushWarning(words), stacklevel=3)
+    pieces = np.split(np.arange(len(t)), jumps)
+    speeds = [_speeds(slider, _slopes(t[piece], body[piece], window)) for piece in pieces]
+    most = max(float(speed.max()) for speed in speeds)
+    found = []
+    for piece, speed in zip(pieces, speeds, strict=True):
+        moving = piece[speed > _MOVES * most]
+        if not len(moving):
+            continue
+        cuts, done = np.flatnonzero(np.diff(t[moving]) > _PAUSE), int(piece[0])
+        firsts, lasts = moving[np.concatenate(([0], cuts + 1))], moving[np.concatenate((cuts, [len(moving) - 1]))]
+        for first, last in zip(firsts, lasts, strict=True):
+            begin = max(int(np.searchsorted(t, t[first] - _BEFORE)), done)
+            # noise of a tracker is as quick as a slow push, and leads nowhere
+            if _travel(slider, body[max(begin, first - _ENDS) : min(last + _ENDS, piece[-1]) + 1]) >= _LEAST_TRAVEL:
+                found.append(np.arange(begin, last + 1))
+                done = int(last) + 1
     return found, [str(k + 1) for k in range(len(found))]
+
+
+def _jumps(slider: Slider, t: FloatArray, body: FloatArray) -> np.ndarray[Any, np.dtype[np.intp]]:
+    """Rows at which the slider is far from where it was, faster than any push takes it there: it was set back."""
+    known = np.flatnonzero(np.isfinite(body).all(axis=1))
+    places = transform_points(body[known], slider.vertices)
+    way = np.linalg.norm(np.diff(places, axis=0), axis=-1).max(axis=1, initial=0.0)
+    rate = way / np.diff(t[known])
+    if not (way > _JUMP).any():
+        return np.zeros(0, dtype=np.intp)
+    usual = float(np.median(rate[rate > _MOVES * np.percentile(rate, 90)]))
+    return known[1:][(way > _JUMP) & (rate > _QUICKER * usual)]
 
 
 def _phases(

@@ -226,6 +226,20 @@ def test_a_push_without_rest_keeps_its_load():
         assert pairs.wrenches[0, 1] == pytest.approx(force.mean(), rel=1e-9)
 
 
+def test_a_slider_that_is_set_back_between_two_rows_begins_a_push():
+    """Only rows of motion, one push after the other at one rate: no rest tells them apart, the jump does."""
+    (t, poses, tips, forces), trials, loads = recorded()
+    moving = forces.any(axis=1)
+    clock = 0.01 * np.arange(moving.sum())
+    arrays = (poses[moving], tips[moving], forces[moving], clock)
+    names = np.array(trials)[moving]
+    starts = clock[1:][names[1:] != names[:-1]]
+    with pytest.warns(sp.StablepushWarning, match=f"jumps before t = {starts[0]:.4g}, {starts[1]:.4g} s"):
+        found = sp.pokes_from_world(*arrays, SLIDER, zero_forces=False)
+    assert found.wrenches == pytest.approx(loads, abs=1e-9)
+    assert found.twists == pytest.approx(np.tile((0.002, 0.02, 0.1), (3, 1)), abs=1e-6)
+
+
 def test_short_pushes_of_a_long_record_are_told_apart_in_noise():
     """Three pushes of a second in 75 s, with the noise of a tracker and of a sensor."""
     rng = np.random.default_rng(0)
