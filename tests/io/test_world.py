@@ -228,7 +228,7 @@ def test_a_push_without_rest_keeps_its_load():
 
 def test_a_slider_that_is_set_back_between_two_rows_begins_a_push():
     """Only rows of motion, one push after the other at one rate: no rest tells them apart, the jump does."""
-    (t, poses, tips, forces), trials, loads = recorded()
+    (_, poses, tips, forces), trials, loads = recorded()
     moving = forces.any(axis=1)
     clock = 0.01 * np.arange(moving.sum())
     arrays = (poses[moving], tips[moving], forces[moving], clock)
