@@ -71,6 +71,13 @@ class Node:
                 self._child(key, None).fail(f'unknown key, did you mean "{meant}"?')
             warnings.warn(PlausibilityWarning(self._child(key, None).place, "unknown key, ignored", file=self.file), stacklevel=3)
 
+    def require(self, *keys: str) -> None:
+        """Refuse an object without some of these keys, and name all that are missing."""
+        missing = [key for key in keys if key not in self.object()]
+        if missing:
+            first, *others = missing
+            self._child(first, None).fail(f"missing key{', and so are ' if others else ''}{', '.join(others)}")
+
     def items(self) -> Iterator[Node]:
         """The entries of a list."""
         if not isinstance(self.value, list):

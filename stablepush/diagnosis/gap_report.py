@@ -188,6 +188,13 @@ def _diagnose(
             "state more noise in rig.json, if they agree, an effect is missing"
         )
     after = _next(system, found, reported, ranking)
+    sentence = (
+        unexplained(judged.clear, ranking, len(judged.slipping), len(log), bool(after.pushes), judged.lost)
+        if verdict == "unknown"
+        else sentence_of(
+            system, verdict, reported, ranking, judged.reductions, judged.touch, log.rig.noise is not None, judged.gaps
+        )
+    )
     still = [name for k, name in enumerate(observations.names) if k not in observations.trial]
     if still:
         notes.append(still_note(still, len(log)))
@@ -205,11 +212,7 @@ def _diagnose(
         reductions=judged.reductions,
         worse=[entry.channel for entry in judged.reductions if entry.after > 1.02 * entry.before],
         next_experiment=after,
-        sentence=unexplained(judged.clear, ranking, len(judged.slipping), len(log), bool(after.pushes), judged.lost)
-        if verdict == "unknown"
-        else sentence_of(
-            system, verdict, reported, ranking, judged.reductions, judged.touch, log.rig.noise is not None, judged.gaps
-        ),
+        sentence=sentence + (f" The object does not move in {len(still)} of {len(log)} pushes." if still else ""),
         notes=notes,
         rig=_completed(log.rig, system, found),
         surface=surface if comparison is None else None,

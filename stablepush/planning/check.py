@@ -140,7 +140,7 @@ def _check_push(problem: PlanningProblem, push: Push, place: str) -> list[str]:
         found.append(f"{place}: a point of the outline moves at {speed:.6g} m/s, the limit is {problem.speed:g}")
     margin = _margin(problem, push)
     if abs(margin - push.margin) > TOLERANCE:
-        found.append(f"{place}: states a margin of {push.margin:.9g} rad, the oracle gives {margin:.9g}")
+        found.append(f"{place}: states a margin of {push.margin:.6g} rad, the oracle gives {margin:.6g}")
     least = max(0.0, problem.min_margin)
     if margin < least - TOLERANCE:
         found.append(f"{place}: margin {margin:.6g} rad is below {least:g}")

@@ -282,26 +282,19 @@ _INSTEAD = {
     "model-capacity": "another surface is the scene's model",
 }
 
-_OF_SCENE = (
+#: Keys that a scene must have, and those that it may have.
+_REQUIRED = (
     *("format", "slider", "model", "contacts", "pusher", "obstacles", "bounds", "start", "goal"),
-    *(
-        "tolerance",
-        "speed",
-        "switch_cost",
-        "min_margin",
-        "uncertainty",
-        "finger_radius",
-        "support_friction",
-        "effects",
-        "alternatives",
-    ),
+    *("tolerance", "speed", "switch_cost", "min_margin"),
 )
+_OPTIONAL = ("uncertainty", "finger_radius", "support_friction", "effects", "alternatives")
 
 
 def load_scene(path: str | Path) -> PlanningProblem:
     """Read a ``scene/1`` file; a model given as a path is relative to it."""
     root = read_json(path, "scene/1")
-    root.expect_keys(*_OF_SCENE)
+    root.expect_keys(*_REQUIRED, *_OPTIONAL)
+    root.require(*_REQUIRED)
     slider = slider_from_node(root["slider"])
     surface = model_or_path(root["model"], Path(path).parent)
     contacts = [contact_from_node(node) for node in root["contacts"].items()]

@@ -38,7 +38,8 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     what to try next."""
     size = (
         "Root mean squares over all trials. Floor: what the noise, and the give of fingers and table, leave. "
-        "p: the probability that noise alone leaves as much as the nominal simulation does."
+        "p: the probability that noise alone leaves as much as the nominal simulation does, by the scatter between pushes: "
+        "a single push that is far off hardly lowers it."
     )
     steps = "\n".join(report.steps)
     told = [("verdict", str(report.verdict)), ("effects", ", ".join(report.named) or "none"), ("what to do", steps)]
@@ -174,12 +175,13 @@ def _rows_of_loads(report: GapReport) -> _Seen:
         (np.degrees(report.headings), report.orders, 1000 * report.speeds, report.poses[:, :2], np.degrees(report.poses[:, 2]))
     )
     rows = _rows(report.row_names, report.poses, arrows, parts, covariates)
+    scale = _scale(rows, report.rig.slider)
     return _Seen(
-        "Arrows: measured minus simulated force, drawn at the slider's position.",
+        f"Arrows: measured minus simulated force, at the slider's position; 1 N is {1000 * scale:.3g} mm of the table long.",
         rows,
         [("along the load", "N"), ("across the load", "N"), ("moment", "N mm")],
         [("heading of the motion", "deg"), ("order in the log", ""), ("speed", "mm/s"), *_PLACE],
-        _scale(rows, report.rig.slider),
+        scale,
         behind=False,
     )
 
@@ -256,9 +258,10 @@ def _numbers(entry: RankedEffect) -> str:
 def _push(push: EdgePush) -> str:
     """A proposed push as a lab would read it."""
     x, y, theta = np.zeros(3) if push.start is None else push.start
+    apart = f"fingers {1000 * push.width:.1f} mm apart, " if push.width else ""
     words = (
         f"slider at x {1000 * x:.0f} mm, y {1000 * y:.0f} mm, heading {math.degrees(theta):.0f}°; on edge {push.edge}, "
-        f"{1000 * push.arc_length:.1f} mm along it, {math.degrees(push.direction):.0f}° off its normal, "
+        f"{1000 * push.arc_length:.1f} mm along it, {apart}{math.degrees(push.direction):.0f}° off its normal, "
         f"{1000 * push.distance:.0f} mm at {1000 * push.speed:.0f} mm/s; the causes differ by "
     )
     if "expected_difference_of_ends_m" in push.expected:

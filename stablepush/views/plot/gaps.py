@@ -38,8 +38,9 @@ def plot_residuals(report: GapReport, ax: Axes | None = None) -> Axes:
     good = np.isfinite([report.residuals[key] for key in ("before", "after")]).all(axis=(0, 2))
     places = report.poses[good][:, :2]
     forces = [rotate_vectors(report.poses[good][:, 2], report.residuals[key][good][:, :2]) for key in ("before", "after")]
-    arrows = arrow_scale(places, forces) * np.stack(forces)
-    return _draw_over_table(places, np.stack((places, places)), arrows, "Measured less predicted force, over the table", ax)
+    scale = arrow_scale(places, forces)
+    title = f"Measured less predicted force, 1 N {1000 * scale:.3g} mm long"
+    return _draw_over_table(places, np.stack((places, places)), scale * np.stack(forces), title, ax)
 
 
 def arrow_scale(places: FloatArray, arrows: Sequence[FloatArray], room: float = 0.0) -> float:
