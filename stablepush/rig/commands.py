@@ -26,8 +26,8 @@ from stablepush.geometry import compose, inverse, transform_points, transport_tw
 from stablepush.mechanics import Pusher
 from stablepush.objects import EdgePush, PushContact, Slider
 
-#: Pushes of a campaign; of fewer no more than a quarter are repeats.
-_CAMPAIGN = 60
+#: Commands of a campaign that are repeated.
+_GROUPS = 4
 #: How far (m) the pusher is from the face of the slider at first.
 AWAY = 2e-3
 #: Slack at the ends of an edge, as a share of its length, and of motions at right angles to the normal.
@@ -190,8 +190,8 @@ def random_pushes(
         Pushes in all.
     seed : int
     groups, repeats : int
-        So many of the commands are made ``repeats`` times each, which shows how far repeats scatter; if ``groups`` is not given
-        four, and of fewer than 60 pushes no more than a quarter of all are repeats.
+        So many of the commands are made ``repeats`` times each, which shows how far repeats scatter. If ``groups`` is not given,
+        four; none of so few pushes that four do not fit.
     speeds, distances : tuple of float
         Ranges of the speed (m/s, evenly in its logarithm) and of the distance (m) of the faster finger after it meets the slider.
     turning : float
@@ -207,8 +207,8 @@ def random_pushes(
     check_number(field, "field", at_least=0.0)
     check_share(turning, "turning")
     if groups is None:
-        few = isinstance(count, int) and isinstance(repeats, int) and count < _CAMPAIGN
-        groups = max(0, count // (4 * max(repeats, 1))) if few else 4
+        few = isinstance(count, int) and isinstance(repeats, int) and count < _GROUPS * repeats
+        groups = 0 if few else _GROUPS
     for name, whole in (("count", count), ("groups", groups), ("repeats", repeats)):
         if isinstance(whole, bool) or not isinstance(whole, int | np.integer):
             raise InputError(name, "expected a whole number", repr(whole))

@@ -240,9 +240,7 @@ def test_a_campaign_varies_what_it_should():
     assert {np.isnan(c.sense) for c in commands} == {True, False}
     with pytest.raises(sp.InputError, match="at least"):
         random_pushes(rig().slider, rig().pusher, 5, groups=4)
-    few = [c.group for c in random_pushes(rig().slider, rig().pusher, 20)]
-    assert len(few) == 20 and few.count("") == 16, "a quarter of few pushes are repeats"
-    assert [c.group for c in random_pushes(rig().slider, rig().pusher, 3)] == [""] * 3
+    assert [c.group for c in random_pushes(rig().slider, rig().pusher, 15)] == [""] * 15
     with pytest.raises(sp.InputError, match="fits"):
         random_pushes(rig().slider, sp.Pusher.two_fingers(1.0, 0.005))
 
