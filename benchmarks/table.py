@@ -344,7 +344,7 @@ def earlier(section: str, clone: Path) -> list[Row]:
 def amount(value: float) -> str:
     for size, unit_name in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
         if value >= size or unit_name == "µs":
-            return f"{value / size:.3g} {unit_name}"
+            return f"{value / size:.3g}\N{NO-BREAK SPACE}{unit_name}"
     raise AssertionError
 
 
@@ -356,7 +356,7 @@ def times(row: Row) -> str:
 def markdown(rows: list[Row]) -> str:
     lines = ["| task | size | here | memory | instead | takes | memory | times |", "|---|---|---|---|---|---|---|---|"]
     for r in rows:
-        held, other = (f"{m / 2**20:.3g} MB" if m else "" for m in (r.memory, r.other_memory))
+        held, other = (f"{m / 2**20:.3g}\N{NO-BREAK SPACE}MB" if m else "" for m in (r.memory, r.other_memory))
         cells = (r.task, r.size, amount(r.ours), held, r.other, amount(r.theirs), other, times(r))
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"

@@ -21,6 +21,10 @@ nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_execution_in_temp = True
 html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["pages.css"]
+# options are copied from the pages: two hyphens stay two
+smartquotes = False
 html_show_sourcelink = False
 html_show_copyright = False
 nitpicky = False
@@ -40,4 +44,7 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "image_scrapers": ("figures.collect",),
 }
-exclude_patterns = ["_build", "jupyter_execute", "sg_execution_times.rst", "benchmarks/table.md", "gallery/*.ipynb"]
+exclude_patterns = [
+    *("_build", "jupyter_execute", "sg_execution_times.rst", "gallery/*.ipynb"),
+    *("benchmarks/table.md", "benchmarks/before.md"),
+]

@@ -26,8 +26,8 @@ from stablepush.views.plot.motions import plot_wrench_paths
 if TYPE_CHECKING:
     from stablepush.views.plot.canvas import Drawn
 
-#: Height (pixels) of a page in a notebook; most rows of a table.
-_HEIGHT, _ROWS = 620, 30
+#: Height (pixels) of a page in a notebook, and the greatest; most rows of a table.
+_HEIGHT, _HIGHEST, _ROWS = 760, 1600, 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,15 +133,19 @@ def report_html(report: GapReport) -> str:
 
 def _image(drawn: Drawn) -> str:
     data = base64.b64encode(figure_png(drawn)).decode()
-    return f'<img alt="" style="max-width:560px" src="data:image/png;base64,{data}">'
+    return f'<img alt="picture" style="width:560px;max-width:100%;height:auto" src="data:image/png;base64,{data}">'
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     def row(cells: Sequence[str], tag: str) -> str:
-        return "<tr>" + "".join(f'<{tag} style="text-align:left">{html.escape(cell)}</{tag}>' for cell in cells) + "</tr>"
+        style = "text-align:left;padding:2px 14px 2px 0"
+        return "<tr>" + "".join(f'<{tag} style="{style}">{html.escape(cell)}</{tag}>' for cell in cells) + "</tr>"
 
     return "<table>" + row(head, "th") + "".join(row(cells, "td") for cells in rows) + "</table>"
 
 
 def _embedded(page: str) -> str:
-    return f'<iframe srcdoc="{html.escape(page)}" width="100%" height="{_HEIGHT}" style="border:0"></iframe>'
+    # as high as the page is, where scripts may run, up to what still scrolls well
+    fit = f"this.height=Math.min({_HIGHEST},this.contentDocument.documentElement.scrollHeight+8)"
+    frame = f'width="100%" height="{_HEIGHT}" style="border:0" title="page" onload="{fit}"'
+    return f'<iframe srcdoc="{html.escape(page)}" {frame}></iframe>'
