@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -17,7 +17,7 @@ from stablepush.diagnosis.replay import MOVING, Replay, carry_out, step_of
 from stablepush.diagnosis.system import System
 from stablepush.geometry import compose
 from stablepush.mechanics import motion_profile
-from stablepush.objects import EdgePush
+from stablepush.objects import EdgePush, Slider
 from stablepush.rig import edge_command
 
 #: Headings of the slider and speeds (m/s) that are looked at.
@@ -102,10 +102,11 @@ def _places(poses: FloatArray) -> list[tuple[float, float]]:
     return [tuple(np.round((m - h, m + h), 3).tolist()) for m, h in zip(middle, half, strict=True)]
 
 
-def _with_room(lengths: Sequence[float], needed: float) -> list[int]:
-    """Edges on which fingers stay clear of the corners; if there are none, those on which they fit at all."""
-    roomy = [e for e, length in enumerate(lengths) if length > needed + 2 * _FROM_CORNERS]
-    return roomy or [e for e, length in enumerate(lengths) if length > needed]
+def _with_room(slider: Slider, needed: float) -> list[tuple[int, float]]:
+    """Edges, with their lengths (m), on which fingers stay clear of the corners; if there are none, those on which they fit."""
+    edges = [(e, float(np.linalg.norm(b - a))) for e, (a, b) in enumerate(map(slider.edge, range(len(slider.vertices))))]
+    roomy = [edge for edge in edges if edge[1] > needed + 2 * _FROM_CORNERS]
+    return roomy or [edge for edge in edges if edge[1] > needed]
 
 
 def _drawn(system: Motions) -> list[tuple[EdgePush, Replay]]:
@@ -113,10 +114,9 @@ def _drawn(system: Motions) -> list[tuple[EdgePush, Replay]]:
     like, slider = system.pushes[0], system.rig.slider
     pusher = like.pusher
     half = float(np.abs(pusher.fingers[:, 1]).max()) + pusher.radius
-    lengths = [float(np.linalg.norm(b - a)) for a, b in map(slider.edge, range(len(slider.vertices)))]
     headings = 2 * np.pi * np.arange(_HEADINGS) / _HEADINGS
     places = _places(np.array([push.start for push in system.pushes]))
-    choices = ([(e, lengths[e]) for e in _with_room(lengths, 2 * half)], _ALONG, _DIRECTIONS, headings.tolist(), _SPEEDS, *places)
+    choices = (_with_room(slider, 2 * half), _ALONG, _DIRECTIONS, headings.tolist(), _SPEEDS, *places)
     sizes = [len(choice) for choice in choices]
     rng = np.random.default_rng(0)
     count = int(np.prod(sizes))
@@ -146,12 +146,9 @@ def _straight(system: System) -> tuple[list[EdgePush], FloatArray, Observations]
     two = system.rig.contact_kind == "two-point"
     width = _apart(system) if two else 0.0
     needed = width + 2 * (system.observations.finger_radius or 0.0) if two else 0.0
-    lengths = [float(np.linalg.norm(b - a)) for a, b in map(system.rig.slider.edge, range(len(system.rig.slider.vertices)))]
-    reached = _with_room(lengths, needed)
     entries, twists, poses, places, normals = [], [], [], [], []
-    for face in reached:
+    for face, length in _with_room(system.rig.slider, needed):
         a, b = system.rig.slider.edge(face)
-        length = lengths[face]
         along = (b - a) / length
         normal, middle = np.array((-along[1], along[0])), (a + b) / 2
         # a finger off the centre turns the slider about as much as its lever says, two fingers do not

@@ -195,7 +195,7 @@ def _diagnose(
             system, verdict, reported, ranking, judged.reductions, judged.touch, log.rig.noise is not None, judged.gaps
         )
     )
-    still = [name for k, name in enumerate(observations.names) if k not in observations.trial]
+    still = observations.still
     if still:
         notes.append(still_note(still, len(log)))
     if judged.slipping:

@@ -82,6 +82,8 @@ class Observations:
         In m: the rig's, else the distance at which fingers usually are from the outline; None if neither is known.
     columns : dict of str to array, shape (trials,)
         Columns of ``trials.csv``: numbers where all are, else words.
+    still : list of str
+        Trials in which the object stands, but for the noise: they have no rows.
     off : tuple of two floats
         Fingers, left and right of where the pusher faces, whose radius may be another, 1 or 0: both, unless one alone is off.
     """
@@ -106,6 +108,7 @@ class Observations:
     finger_radius: float | None
     off: tuple[float, float]
     columns: dict[str, np.ndarray]
+    still: list[str]
 
     @property
     def has_wrench(self) -> BoolArray:
@@ -139,13 +142,16 @@ def observe(log: PushLog) -> Observations:
         usable &= size > max(_REST * float(np.median(size[usable])), LEAST_POSITIVE)
     names = [str(name) for name in log.trials["trial"]]
     rows_of = {name: np.flatnonzero((s["trial"] == name) & usable) for name in names}
+    seconds = np.asarray(s["t"], dtype=np.float64)
+    still: list[str] = []
     for name in names:
         everywhere = np.flatnonzero((s["trial"] == name) & np.isfinite(poses).all(axis=1))
+        everywhere = everywhere[np.argsort(seconds[everywhere], kind="stable")]
         if _stands(poses[everywhere], log.rig.noise):
             # what noise makes of standing is no motion
+            still.append(name)
             rows_of[name] = np.zeros(0, dtype=int)
             poses[everywhere] = np.nan
-    seconds = np.asarray(s["t"], dtype=np.float64)
     # blocks of rows whose means are the rows of the diagnosis, by trial
     blocks: list[tuple[int, np.ndarray]] = []
     ends: dict[int, tuple[FloatArray, FloatArray]] = {}
@@ -215,6 +221,7 @@ def observe(log: PushLog) -> Observations:
         names, trial, rank[trial], time, pose, twist, acceleration, unsteady, wrench, pusher,
         normal, place, clearance, slip, span, group, _at_rest(log, names, rows_of, poses), radius,
         _fingers_off(log, trial, clearance), {name: _column(values) for name, values in log.trials.items()},
+        still,
     )  # fmt: skip
 
 

@@ -270,19 +270,22 @@ def _outliers(system: System, found: Attribution) -> np.ndarray:
     return far if far.mean() < _FEW else np.zeros_like(far)
 
 
+def _listed(names: Sequence[str]) -> str:
+    """The first names, and how many more there are."""
+    return ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
+
+
 def still_note(names: Sequence[str], pushes: int) -> str:
     """Which of so many pushes did not move the object."""
-    more = "" if len(names) <= _LISTED else f" and {len(names) - _LISTED} more"
     return (
-        f"the object does not move in {len(names)} of {pushes} pushes ({', '.join(names[:_LISTED])}{more}), which are left out: "
+        f"the object does not move in {len(names)} of {pushes} pushes ({_listed(names)}), which are left out: "
         "if a plan was carried out, it had lost the object before"
     )
 
 
 def slipping_note(names: Sequence[str], pushes: int) -> str:
     """Which of so many pushes slipped though the nominal simulation calls them stable."""
-    more = "" if len(names) <= _LISTED else f" and {len(names) - _LISTED} more"
     return (
-        f"fingers slipped in {len(names)} of {pushes} pushes that the nominal simulation calls stable "
-        f"({', '.join(names[:_LISTED])}{more}): the friction of the fingers is wrong, or the contact misplaced"
+        f"fingers slipped in {len(names)} of {pushes} pushes that the nominal simulation calls stable ({_listed(names)}): "
+        "the friction of the fingers is wrong, or the contact misplaced"
     )

@@ -148,6 +148,36 @@ def test_fingers_that_slip_are_found_on_feet_that_no_fit_has(executed, seed):
     assert page.index("What was found") < page.index("Look at it") and "Friction of the table" not in page
 
 
+def test_pushes_after_the_object_was_lost_are_no_gap(executed):
+    """Two more pushes in which fingers touch nothing and noise alone moves the object: left out, and said."""
+    log = log_of(executed, "contact-friction:mu=0.3")
+    rng = np.random.default_rng(0)
+    samples = {name: list(values) for name, values in log.samples.items()}
+    last = {name: values[-1] for name, values in samples.items()}
+    for trial in ("lost 1", "lost 2"):
+        for k in range(9):
+            row = {**last, "trial": trial, "t": 0.1 * k, "phase": "push", "px": last["px"] + 0.3}
+            row |= {name: last[name] + NOISE.position * rng.normal() for name in ("x", "y")}
+            row |= {"theta": last["theta"] + NOISE.angle * rng.normal()}
+            row |= {name: NOISE.force * rng.normal() for name in ("fx", "fy")} | {"tau": 0.0}
+            row |= {name: np.nan for name in ("c1x", "c1y", "c2x", "c2y", "vx", "vy", "omega") if name in row}
+            for name, values in samples.items():
+                values.append(row[name])
+    trials = {name: [*values, *[values[-1]] * 2] for name, values in log.trials.items()}
+    trials["trial"][-2:] = ["lost 1", "lost 2"]
+    begun = float(np.max(log.trials["start_time"]))
+    trials["start_time"][-2:] = [begun + 100.0, begun + 200.0]
+    longer = sp.diagnose(sp.PushLog(log.rig, trials, samples))
+    before = sp.diagnose(log)
+    assert longer.named == before.named == ["contact-friction"]
+    # two of the plan's own six pushes come after the loss as well
+    assert before.sentence.endswith("The object does not move in 2 of 6 pushes.")
+    assert longer.sentence.endswith("The object does not move in 4 of 8 pushes.")
+    assert any("lost 1" in note and "which are left out" in note for note in longer.notes)
+    sizes = [next(entry.nominal for entry in report.gap if entry.channel == "wrench") for report in (before, longer)]
+    assert sizes[1] == pytest.approx(sizes[0], rel=0.05)
+
+
 @pytest.mark.parametrize("forces", [True, False])
 @pytest.mark.parametrize("mu", [0.25, 0.3])
 def test_friction_of_fingers_that_slip_is_found_from_final_poses(executed, mu, forces):
