@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from stablepush.cli.common import Progress, told
@@ -16,7 +17,7 @@ from stablepush.core import BuildLock, UnavailableError, usable_cores
 
 #: Processes that help, at most: more would only wait for each other.
 _MOST_HELPERS = 3
-#: Helpers start when this process builds so many functions: a changed file is no first use.
+#: Helpers start at the first function if its folder keeps no code at all, else at the fifth: a changed file is no first use.
 _MANY = 5
 
 #: Helpers, and the right to start them. Both are needed until this process ends.
@@ -54,14 +55,21 @@ class FirstUse:
         elif (built.py_func.__module__ or "").startswith("stablepush"):
             self._count += 1
             self._line.describe(f"function {self._count}, {built.py_func.__name__.strip('_')}")
-            if self._count == _MANY:
+            if self._count == _MANY or (self._count == 1 and not _keeps_code(built)):
                 _start_helpers(built)
+
+
+def _keeps_code(built: Any) -> bool:
+    """Tell whether the folder for a function's code has code of any function."""
+    from stablepush.core import is_cached
+
+    return is_cached(built) and any(Path(built._cache.cache_path).glob("*.nbi"))
 
 
 def _start_helpers(built: Any) -> None:
     from stablepush.core import is_cached
 
-    if not is_cached(built):
+    if _running or not is_cached(built):
         return
     # held until this process ends: if another one has started helpers, they build for this one as well
     lock = BuildLock(built._cache.cache_path, "helpers")
