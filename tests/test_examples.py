@@ -160,6 +160,16 @@ def test_the_reference_has_every_public_name():
     assert sorted(listed) == sorted(set(sp.__all__))
 
 
+def test_the_picture_of_the_frames_is_true():
+    """It is drawn from the library's own frames; a last digit may differ by processor."""
+    number = re.compile(r"-?\d+\.\d")
+    kept = (ROOT / "docs" / "frames.svg").read_text(encoding="utf-8")
+    drawn = runpy.run_path(str(ROOT / "docs" / "frames.py"))["picture"]()
+    assert number.sub("#", kept) == number.sub("#", drawn)
+    found, expected = (np.array([float(x) for x in number.findall(text)]) for text in (kept, drawn))
+    assert np.abs(found - expected).max() < 0.15
+
+
 def test_the_picture_of_the_architecture_is_true():
     """It is drawn from the import rules, which name every module (``exhaustive``)."""
     drawing = runpy.run_path(str(ROOT / "docs" / "architecture.py"))

@@ -2,10 +2,10 @@
 From the limit surface to a stable push
 =======================================
 
-Left: loads without a force along x. Friction can balance the loads inside the limit surface. While the object slides, its load
-lies on the surface, and its twist (arrow) along the outward normal. The fingers can give the loads of the shaded cone. The load
-of motion A lies in it: A is stable, B is not. Middle: the same two motions as rotation centres. Right: of all pressures with that
-centre of mass, the one that does most to break motion A.
+Above, left: loads without a force along x. Friction can balance the loads inside the limit surface. While the object slides, its
+load lies on the surface, and its twist (arrow) along the outward normal. The fingers can give the loads of the shaded cone. The
+load of motion A lies in it: A is stable, B is not. Above, right: the same two motions as rotation centres. Below: of all
+pressures with that centre of mass, the one that does most to break motion A.
 """
 
 import numpy as np
@@ -32,8 +32,8 @@ for name, arm in (("A", 0.018), ("B", 0.05)):
     load = load / float(even.value(load))
     motions[name] = (load, even.twist(load))
 
-figure = Figure(figsize=(13.5, 4.6), layout="constrained")
-section, chart, worst = figure.subplots(1, 3)
+figure = Figure(figsize=(8.6, 8.8), layout="constrained")
+(section, chart), (worst, words) = figure.subplots(2, 2)
 reach = np.array((0.0, 6.0))
 low, high = (reach * moment / rho for moment in moments)
 section.fill_between(reach, low, high, color="#56B4E9", alpha=0.4, label="composite friction cone")
@@ -47,12 +47,12 @@ section.set_aspect("equal")
 section.set_xlabel("fy [N]")
 section.set_ylabel("τ/ρ [N]")
 section.set_title("Loads with fx = 0", fontsize=11)
-section.legend(frameon=False, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
 
 plot_regions([sp.stable_region(even, contact)], contact, slider, ax=chart)
-chart.set_title("Stable rotation centres, blue: counter-clockwise", fontsize=11)
+chart.set_title("Stable rotation centres\n(blue: counter-clockwise)", fontsize=11)
 chart.get_legend().remove()
 chart.set_xlim(-0.22, 0.22)
+chart.set_xticks([-0.2, -0.1, 0.0, 0.1, 0.2])
 chart.set_ylim(-0.22, 0.22)
 for (name, (_, twist)), color in zip(motions.items(), ("#009E73", "#D55E00"), strict=True):
     center, _ = cor_from_twist(twist)
@@ -67,8 +67,10 @@ worst.plot(0, 0, marker="+", color="black", markersize=10, linestyle="none", lab
 worst.set_aspect("equal")
 worst.set_xlabel("x in B [m]")
 worst.set_xticks([-0.05, 0.0, 0.05, 0.1])
-worst.set_title("Worst pressure for A, area: share of the weight", fontsize=11)
-worst.legend(frameon=False, fontsize=8)
+worst.set_title("Worst pressure for A\n(area: share of the weight)", fontsize=11)
+words.axis("off")
+named = {label: handle for axes in (section, worst) for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+words.legend(named.values(), named.keys(), frameon=False, loc="center")
 
 for name, (load, twist) in motions.items():
     margin = np.degrees(sp.StabilityOracle(even, contact).margin(twist))

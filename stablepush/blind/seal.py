@@ -67,7 +67,7 @@ class Ledger:
 
     @property
     def head(self) -> str:
-        """Hash of the last entry: whoever has it can tell whether anything before was changed."""
+        """Hash of the last entry. Whoever has it can tell whether anything before was changed."""
         return str(self.entries[-1]["hash"]) if self.entries else _FIRST
 
     def expect(self, heads: Sequence[str]) -> None:

@@ -37,7 +37,7 @@ def renamed_fields(**names: str) -> Callable[[C], C]:
                 warnings.warn(f"{cls.__name__}: {old} is now {new}", DeprecationWarning, stacklevel=2)
                 return getattr(self, new)
 
-            return property(read, doc=f"Deprecated: ``{new}``.")
+            return property(read, doc=f"Deprecated name of ``{new}``.")
 
         cls.__init__ = renamed(**names)(cls.__init__)  # type: ignore[misc]
         for old, new in names.items():

@@ -66,7 +66,7 @@ class ContactFriction:
 
     @property
     def error(self) -> float:
-        """Standard error towards less friction: fingers that stick leave open how much more it is."""
+        """Standard error towards less friction. Fingers that stick leave open how much more it is."""
         return max((self.estimate - self.interval[0]) / NORMAL, _LEAST_ERROR * self.estimate)
 
     @property

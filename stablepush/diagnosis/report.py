@@ -77,7 +77,7 @@ class GapReport:
 
     @property
     def steps(self) -> list[str]:
-        """What to do, in order: against each named effect, and what the verdict asks for."""
+        """What to do, in order, against each named effect, and what the verdict asks for."""
         if self.verdict != "named":
             return [self.verdict.advice]
         return [f"{id}: {CATALOGUE[id].remedy if id in CATALOGUE else LAB_REMEDY}" for id in self.named]
@@ -90,14 +90,14 @@ class GapReport:
 
     @property
     def changes_plans(self) -> bool:
-        """Whether plans for the scene that :func:`stablepush.correct` makes differ: effects of sensors change none."""
+        """Whether plans for the scene that :func:`stablepush.correct` makes differ. Effects of sensors change none."""
         if self.verdict == "named":
             return any(id == "frame-offset" or (id in CATALOGUE and CATALOGUE[id].acts != "sensing") for id in self.named)
         return self.verdict in ("absorbed", "ambiguous") and bool(self.corrected)
 
     @property
     def support_friction(self) -> float | None:
-        """Support friction of the corrected simulation: the friction load of its surface over the slider's weight.
+        """Support friction of the corrected simulation, the friction load of its surface over the slider's weight.
 
         None if nothing was refitted to forces, if the rig states none or has a model instead, or if it is the rig's to 1 %.
         """

@@ -94,7 +94,7 @@ class Comparison:
 
     @property
     def is_off(self) -> bool:
-        """Whether the two logs clearly differ: by their final poses, or because most pushes cannot be compared."""
+        """Whether the two logs clearly differ, by their final poses, or because most pushes cannot be compared."""
         if self.comparable < _MOST * self.total:
             return True
         gap = self.gap()

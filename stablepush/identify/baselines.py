@@ -39,7 +39,7 @@ class GridPressure:
 
     @property
     def negative_share(self) -> float:
-        """Sum of the negative loads over the sum of all sizes: nothing presses upwards, so this is an error of the method."""
+        """Sum of the negative loads over the sum of all sizes. Nothing presses upwards, so this is an error of the method."""
         return float(-np.minimum(self.loads, 0).sum() / np.abs(self.loads).sum())
 
 

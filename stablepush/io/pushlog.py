@@ -70,7 +70,7 @@ class Noise:
 
     @property
     def moment(self) -> float:
-        """Standard deviation of the moment (N·m): that of the force at an arm of 15 mm, as sensors of fingers have it."""
+        """Standard deviation of the moment (N·m), that of the force at an arm of 15 mm, as sensors of fingers have it."""
         return _MOMENT_ARM * self.force
 
 

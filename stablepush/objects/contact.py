@@ -81,7 +81,7 @@ class PushContact:
 
     @property
     def frame(self) -> FloatArray:
-        """Pose (3,) of the pusher frame in B: origin midway between the points, x axis along the mean inward normal.
+        """Pose (3,) of the pusher frame in B, its origin midway between the points, its x axis along the mean inward normal.
 
         Along the first point's normal where the normals cancel out, as those of fingers that hold the slider between them do.
         """

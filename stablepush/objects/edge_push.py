@@ -113,7 +113,7 @@ class EdgePush:
 
     @property
     def gain(self) -> float:
-        """Expected share of the variance of slip directions that the push takes away: see :func:`stablepush.rank_pokes`."""
+        """Expected share of the variance of slip directions that the push takes away; see :func:`stablepush.rank_pokes`."""
         return self.expected.get("expected_gain", 0.0)
 
     def to_json(self) -> dict[str, Any]:

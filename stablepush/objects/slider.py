@@ -128,7 +128,7 @@ class Slider:
 
     @property
     def characteristic_length(self) -> float:
-        """``rho`` (m): the radius of gyration of the nominal pressure, of an even one over the outline if unknown."""
+        """``rho`` (m), the radius of gyration of the nominal pressure, of an even one over the outline if unknown."""
         rho = self.radius_of_gyration if self.support is None else self.support.characteristic_length
         return rho if rho >= LEAST_POSITIVE else self.radius_of_gyration
 

@@ -88,5 +88,5 @@ class SupportDistribution:
 
     @property
     def characteristic_length(self) -> float:
-        """``rho = sqrt(sum m |x|^2 / sum m)`` (m): the radius of gyration of the pressure about the origin of B."""
+        """``rho = sqrt(sum m |x|^2 / sum m)`` (m), the radius of gyration of the pressure about the origin of B."""
         return float(np.sqrt(self.weights @ (self.points**2).sum(axis=1)))

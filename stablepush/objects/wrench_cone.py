@@ -82,7 +82,7 @@ class WrenchCone:
 
     @property
     def is_solid_and_pointed(self) -> bool:
-        """True if the cone has an interior and contains no line: then its facets bound one patch of the unit sphere."""
+        """True if the cone has an interior and contains no line. Then its facets bound one patch of the unit sphere."""
         if self.rank < 3 or len(self.normals) < 3:
             return False
         axis = self.normals.sum(axis=0)
@@ -90,7 +90,7 @@ class WrenchCone:
 
     @property
     def widest_margin(self) -> float:
-        """Largest margin (rad) of any wrench: the angular radius of the largest circle that the facets leave on the unit sphere.
+        """Largest margin (rad) of any wrench, the angular radius of the largest circle that the facets leave on the unit sphere.
 
         Its middle is as far from two facets as from each other, or from three; 0 for a flat cone, pi/2 for the whole space.
         """

@@ -123,7 +123,7 @@ class PushLoads:
 
     @cached_property
     def resting_share(self) -> float:
-        """What the slope pulls with over what friction holds, where that is least: a slider that is not pushed rests below 1."""
+        """What the slope pulls with over what friction holds, where that is least. A slider that is not pushed rests below 1."""
         return resting_share(self.friction, self.places[0], self.rho)
 
     def at(self, twists: FloatArray, poses: FloatArray) -> FloatArray:

@@ -63,7 +63,7 @@ class RankedContact:
 
     @property
     def tightest_turn(self) -> float:
-        """The wider (m) of the tightest turns each way: a pusher that steers needs both."""
+        """The wider (m) of the tightest turns each way. A pusher that steers needs both."""
         return max(self.tightest_left, self.tightest_right)
 
 

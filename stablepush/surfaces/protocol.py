@@ -32,12 +32,12 @@ class LimitSurface(ABC):
 
     @property
     def force_unit(self) -> str:
-        """Unit of the forces: ``"N"`` or ``"mu*N"``."""
+        """Unit of the forces, ``"N"`` or ``"mu*N"``."""
         return "N"
 
     @property
     def degree(self) -> int:
-        """Degree of homogeneity of ``H``: ``H(s F) = s^degree H(F)``."""
+        """Degree of homogeneity of ``H``, with ``H(s F) = s^degree H(F)``."""
         return 1
 
     @abstractmethod

@@ -171,8 +171,10 @@ def _rows_of_loads(report: GapReport) -> _Seen:
         force, moment = report.residuals[key][:, :2], report.residuals[key][:, 2]
         parts[key] = np.column_stack(((force * along).sum(axis=1), (force * across).sum(axis=1), 1000 * moment))
     arrows = {key: rotate_vectors(report.poses[:, 2], report.residuals[key][:, :2]) for key in ("before", "after")}
+    # the places of several logs coincide
+    order = report.orders if report.logs else 1 + np.unique(report.orders, return_inverse=True)[1]
     covariates = np.column_stack(
-        (np.degrees(report.headings), report.orders, 1000 * report.speeds, report.poses[:, :2], np.degrees(report.poses[:, 2]))
+        (np.degrees(report.headings), order, 1000 * report.speeds, report.poses[:, :2], np.degrees(report.poses[:, 2]))
     )
     rows = _rows(report.row_names, report.poses, arrows, parts, covariates)
     scale = _scale(rows, report.rig.slider)
@@ -180,7 +182,12 @@ def _rows_of_loads(report: GapReport) -> _Seen:
         f"Arrows: measured minus simulated force, at the slider's position; 1 N is {1000 * scale:.3g} mm of the table long.",
         rows,
         [("along the load", "N"), ("across the load", "N"), ("moment", "N mm")],
-        [("heading of the motion", "deg"), ("order in the log", ""), ("speed", "mm/s"), *_PLACE],
+        [
+            ("heading of the motion", "deg"),
+            ("place in its log, 0 to 1" if report.logs else "number of the push in the log", ""),
+            ("speed", "mm/s"),
+            *_PLACE,
+        ],
         scale,
         behind=False,
     )

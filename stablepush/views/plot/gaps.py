@@ -31,6 +31,8 @@ _HIDDEN = "#767676"
 _GOOD, _LONGEST = 0.12, 0.45
 #: Errors of final positions are drawn so many times as long, at most.
 _MOST_TIMES = 1000
+#: Names of pushes up to so many letters stand close on an axis.
+_SHORT = 4
 
 
 def plot_residuals(report: GapReport, ax: Axes | None = None) -> Axes:
@@ -108,7 +110,7 @@ def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np
     across = np.stack((-load[:, 1], load[:, 0]), axis=-1)
     for row, (direction, name) in enumerate(((load, "along the load [N]"), (across, "across it [N]"))):
         for column, (values, label) in enumerate(
-            ((np.degrees(report.headings), "heading of the motion in W [deg]"), (report.orders, "place in the log"))
+            ((np.degrees(report.headings), "heading of the motion in W [deg]"), (report.orders, ""))
         ):
             axes = shown[row, column]
             for key, color, marker in (("before", PUSHER, "o"), ("after", COUNTER_CLOCKWISE, ".")):
@@ -126,6 +128,8 @@ def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np
             axes.grid(visible=True, color="0.9", linewidth=0.6)
             if row == 1:
                 axes.set_xlabel(label)
+            if column == 1:
+                _name_pushes(axes, report, told=row == 1)
         shown[row, 0].set_ylabel(name)
     shown[0, 0].legend(frameon=False, fontsize=9)
     return shown
@@ -203,6 +207,17 @@ def _curve(axes: Axes, entry: RankedEffect, x: FloatArray, share: Callable[[list
     axes.set_ylabel("friction over nominal")
 
 
+def _name_pushes(axes: Axes, report: GapReport, told: bool = True) -> None:
+    """Name pushes on an axis of places in the log, 0 to 1; of several logs the places themselves."""
+    if told:
+        axes.set_xlabel("place in its log, 0 first to 1 last push" if report.logs else "push, in the order of the log")
+    names = dict(zip(report.orders.tolist(), report.row_names, strict=True))
+    if not report.logs and names:
+        places = sorted(names)
+        shown = places[:: math.ceil(len(places) / (4 if max(map(len, names.values())) > _SHORT else 10))]
+        axes.set_xticks(shown, labels=[names[place] for place in shown])
+
+
 def _over_direction(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     ratio, direction = (entry.parameters[name].estimate for name in ("ratio", "direction"))
     assert isinstance(ratio, float)
@@ -223,10 +238,11 @@ def _over_speed(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
 
 def _over_log(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     rate = entry.parameters["rate"].estimate
-    orders, label = np.linspace(0.0, 1.0, 200), "place in the log, first to last push"
+    orders = np.linspace(0.0, 1.0, 200)
     # one for each of several logs
     for each in rate if isinstance(rate, list) else [rate]:
-        _curve(axes, entry, orders, lambda terms, each=each: friction_over_log(each, terms, orders), label)  # type: ignore[misc]
+        _curve(axes, entry, orders, lambda terms, each=each: friction_over_log(each, terms, orders), "")  # type: ignore[misc]
+    _name_pushes(axes, report)
 
 
 def _over_place(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
@@ -264,7 +280,7 @@ def _of_fingers(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
             axes.plot(fingers.order[chosen], fingers.ratio[chosen], label=word, **style)
     axes.set_ylim(min(0.0, float(fingers.ratio.min())), None)
     axes.grid(visible=True, color="0.9", linewidth=0.6)
-    axes.set_xlabel("place in the log, first to last push")
+    _name_pushes(axes, report)
     axes.set_ylabel("tangential over normal force")
     axes.legend(fontsize=8, framealpha=0.5, edgecolor="none")
 

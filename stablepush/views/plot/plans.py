@@ -48,7 +48,7 @@ def plot_plan(problem: PlanningProblem, result: PlanResult, title: str | None = 
         track = np.concatenate(tracks)
         axes.plot(track[:, 0], track[:, 1], color="black", linewidth=1.3, label="path of the centre of mass")
         end = result.pushes[-1]
-        _outline(axes, problem, end.end, end.contact, alpha=0.5)
+        _outline(axes, problem, end.end, end.contact, alpha=0.5, named=True)
     for i, pose in enumerate(() if result.success is None else result.success.ends):
         ring = shapely.Polygon(transform_points(pose, problem.slider.vertices))
         label = "_" if i else "ends after a slip, simulated"
@@ -67,15 +67,17 @@ def plot_plan(problem: PlanningProblem, result: PlanResult, title: str | None = 
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.set_title(title or _plan_title(result), fontsize=11)
-    legend(axes, columns=3)
+    legend(axes, columns=4)
     return axes
 
 
-def _outline(axes: Axes, problem: PlanningProblem, pose: FloatArray, contact: int, alpha: float) -> None:
+def _outline(axes: Axes, problem: PlanningProblem, pose: FloatArray, contact: int, alpha: float, named: bool = False) -> None:
+    """Slider and pusher at a pose, in the legend if they are ``named``."""
     ring = shapely.Polygon(transform_points(pose, problem.slider.vertices))
-    fill(axes, ring, facecolor=SLIDER, edgecolor="black", linewidth=0.7, alpha=alpha)
-    for docked in problem.docked_outlines(problem.contacts[contact]):
-        fill(axes, shapely.Polygon(transform_points(pose, docked)), facecolor=PUSHER, edgecolor="none", alpha=alpha)
+    fill(axes, ring, facecolor=SLIDER, edgecolor="black", linewidth=0.7, alpha=alpha, label="slider" if named else "_")
+    for i, docked in enumerate(problem.docked_outlines(problem.contacts[contact])):
+        shape, label = shapely.Polygon(transform_points(pose, docked)), "pusher" if named and i == 0 else "_"
+        fill(axes, shape, facecolor=PUSHER, edgecolor="none", alpha=alpha, label=label)
 
 
 def _draw_pushes(axes: Axes, result: PlanResult) -> None:

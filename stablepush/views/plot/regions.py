@@ -190,23 +190,31 @@ def plot_contacts(
     slider: Slider, ranked: Sequence[RankedContact], measure: str = "area", title: str | None = None, ax: Axes | None = None
 ) -> Axes:
     """Draw ranked contacts along the edges of a slider, one row of dots for each spacing of the fingers, and the best of them."""
+    from matplotlib.colors import LogNorm
+
     check_choice(measure, "measure", MEASURES)
     if not ranked:
         raise InputError("ranked", "expected at least one contact")
     factor, unit_name = {"area": (1.0, "sr"), "tightest-turn": (1e3, "mm"), "margin": (180 / np.pi, "deg")}[measure]
     attribute = MEASURES[measure][0]
     values = factor * np.array([getattr(contact, attribute) for contact in ranked], dtype=float)
-    axes = canvas((7.6, 7.2), ax=ax)
+    # as high as the slider is for its width, beside title and legend
+    extent = np.ptp(slider.vertices, axis=0) + 0.5 * slider.radius
+    axes = canvas((7.6, float(np.clip(5.8 * extent[1] / extent[0] + 1.4, 3.6, 9.0))), ax=ax)
     fill(axes, slider.polygon, facecolor=SLIDER, alpha=0.35, edgecolor="black", linewidth=1.2)
     widths = sorted({contact.width for contact in ranked})
     gap = 0.09 * slider.radius
     places = np.array([_outside(slider, c, gap * (1 + widths.index(c.width))) for c in ranked])
     shown = np.where(np.isfinite(values), values, np.nan)
+    # turns from some mm to some m, of which the tight ones matter
+    positive = bool(np.all(shown[np.isfinite(shown)] > 0))
+    scale = LogNorm() if measure == "tightest-turn" and positive else None
     dots = axes.scatter(
         places[:, 0],
         places[:, 1],
         c=shown,
-        cmap="cividis",
+        cmap="cividis_r" if measure == "tightest-turn" else "cividis",
+        norm=scale,
         s=46,
         edgecolors="black",
         linewidths=0.4,
@@ -216,6 +224,8 @@ def plot_contacts(
     figure_of(axes).colorbar(dots, ax=axes, label=f"{measure.replace('-', ' ')} [{unit_name}]", shrink=0.8)
     best = ranked[0]
     draw_contact(axes, best.contact, 0.35 * slider.radius)
+    if not np.isfinite(values).all():
+        axes.plot([], [], marker="o", markerfacecolor="white", color="black", linestyle="none", label="no stable turn")
     words = ", ".join(f"{1e3 * width:.0f} mm" for width in widths)
     axes.plot(0, 0, marker="+", color="black", markersize=9, linestyle="none", label="centre of mass")
     axes.margins(0.12)
