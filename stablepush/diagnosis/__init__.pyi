@@ -9,5 +9,7 @@ from .results import (
     RankedEffect as RankedEffect,
     Verdict as Verdict,
     readable as readable,
+    shown_unit as shown_unit,
     size_in_words as size_in_words,
 )
+from .signatures import Estimates as Estimates, Signature as Signature

@@ -22,6 +22,7 @@ from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import Replay, replays
 from stablepush.diagnosis.report import GapReport, without_causes
 from stablepush.diagnosis.results import GapReduction, NextExperiment, RankedEffect, Verdict
+from stablepush.diagnosis.signatures import estimates, signatures
 from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
 from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
 from stablepush.diagnosis.system import System, log_rows, system_of
@@ -232,6 +233,9 @@ def _diagnose(
         row_names=[observations.names[k] for k in system.observations.trial],
         end_names=[observations.names[push.trial] for push in pushes],
         fingers=finger_forces(system, found.final) if "contact-friction" in found.named else None,
+        signatures=signatures(system, found.final, reported),
+        estimates=estimates(system, found.final) if found.final.values else None,
+        times=system.observations.time,
     )
 
 

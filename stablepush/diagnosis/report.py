@@ -12,6 +12,7 @@ from stablepush.core import FloatArray, renamed_fields, shown_as
 from stablepush.diagnosis.evidence import Evidence, not_identifiable
 from stablepush.diagnosis.finger_forces import FingerForces
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
+from stablepush.diagnosis.signatures import Estimates, Signature
 from stablepush.diagnosis.where import Finding
 from stablepush.effects import CATALOGUE, LAB_REMEDY
 from stablepush.geometry import rotate_vectors
@@ -74,6 +75,12 @@ class GapReport:
     logs: list[str] = field(default_factory=list)
     #: what forces show of the fingers' friction, where that is named
     fingers: FingerForces | None = field(default=None, repr=False)
+    #: what the named effects give in each push, and what is left there without them
+    signatures: list[Signature] = field(default_factory=list, repr=False)
+    #: correlation of the estimated parameters, and those at their bounds
+    estimates: Estimates | None = field(default=None, repr=False)
+    #: time (s) of each row in its push
+    times: FloatArray = field(default_factory=lambda: np.zeros(0), repr=False)
 
     @property
     def steps(self) -> list[str]:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import count, groupby
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from stablepush.core import FloatArray
-from stablepush.diagnosis import ChannelGap, Evidence, GapReport, RankedEffect, readable, size_in_words
+from stablepush.diagnosis import ChannelGap, Estimates, Evidence, GapReport, RankedEffect, readable, size_in_words
 from stablepush.geometry import rotate_vectors
 from stablepush.objects import EdgePush, Slider
 from stablepush.views.pages import Section, render, script
@@ -24,11 +26,14 @@ from stablepush.views.plot.gaps import (
     plot_forms,
     plot_residuals,
     plot_residuals_against,
+    plot_signatures,
     view_limits,
 )
 
 #: Rows that a page has, at most.
 _MOST_ROWS = 2000
+#: Pairs of parameters whose correlation is told, at most.
+_MOST_PAIRS = 12
 #: Covariates that every row has.
 _PLACE = (("x", "m"), ("y", "m"), ("heading", "deg"))
 
@@ -47,6 +52,14 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         friction = f"{report.support_friction:.3g} as refitted, where {report.rig.support_friction:.3g} was assumed"
         told.append(("support friction", friction))
     sections = [Section("Verdict", report.sentence, told)]
+    if report.signatures:
+        words = (
+            "Each dot is a push. Across: what the effect gives, as fitted. Upwards: what is left of the measurement if all else "
+            "that was fitted is taken off. If the effect acts as fitted, the dots lie on the slanted line; if it did not act, "
+            "they would lie on the level one."
+        )
+        shown = [(entry.effect, _numbers(entry)) for entry in report.ranking if entry.effect in report.named]
+        sections.append(Section.with_picture("The evidence in one picture", figure_png(plot_signatures(report)), words, shown))
     if drawn_forms(report):
         kinds = [entry.effect == "contact-friction" for entry in drawn_forms(report)]
         of_table = (
@@ -56,8 +69,9 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
             "Friction of the fingers: the tangential over the normal force of each push, less what named effects of sensors do."
         )
         words = " ".join([of_table] * (not all(kinds)) + [of_fingers] * any(kinds))
-        found = [(entry.effect, _numbers(entry)) for entry in drawn_forms(report)]
+        found = [] if report.signatures else [(entry.effect, _numbers(entry)) for entry in drawn_forms(report)]
         sections.append(Section.with_picture("What was found", figure_png(plot_forms(report)), words, found))
+    first = len(sections)
     if report.gap:
         sections.append(Section("How large the gap is", size, [(entry.channel, _gap(entry)) for entry in report.gap]))
     left_out = "Root mean squares on held-out trials. Floor: what the noise, and the give of fingers and table, leave."
@@ -112,11 +126,14 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         "significantly. All trials decide which effects act. Reductions of the gap are those of trials left out of the fit, in "
         "five folds that keep repeats together."
     )
-    sections.append(Section("How it was computed", how))
     sections.append(Section("Data quality", "", [("note", note) for note in report.notes] or [("note", "none")]))
+    if report.estimates is not None:
+        words = "Correlation of the errors of parameters that were fitted together: near 1 or -1, the log hardly separates them."
+        sections.append(Section("Estimated parameters", words, _correlations(report.estimates), folded=True))
+    sections.append(Section("How it was computed", how, folded=True))
     lead = ", ".join(filter(None, (report.log, f"{report.trials} pushes")))
     # what convinces comes before what can be looked at row by row
-    values = {"title": title, "lead": lead, "sections": sections, "first": 2 if drawn_forms(report) else 1}
+    values = {"title": title, "lead": lead, "sections": sections, "first": first}
     seen = _rows_of_loads(report) if report.residuals else _rows_of_final_poses(report)
     if not seen.rows:
         return render("report.html", **values)
@@ -176,7 +193,9 @@ def _rows_of_loads(report: GapReport) -> _Seen:
     covariates = np.column_stack(
         (np.degrees(report.headings), order, 1000 * report.speeds, report.poses[:, :2], np.degrees(report.poses[:, 2]))
     )
-    rows = _rows(report.row_names, report.poses, arrows, parts, covariates)
+    load = report.loads * (1, 1, 1000)
+    signals = {key: load - report.residuals[key] * (1, 1, 1000) for key in ("before", "after")} | {"measured": load}
+    rows = _rows(report.row_names, report.poses, arrows, parts, covariates, signals, report.times)
     scale = _scale(rows, report.rig.slider)
     return _Seen(
         f"Arrows: measured minus simulated force, at the slider's position; 1 N is {1000 * scale:.3g} mm of the table long.",
@@ -212,9 +231,15 @@ def _rows_of_final_poses(report: GapReport) -> _Seen:
 
 
 def _rows(
-    names: list[str], poses: FloatArray, arrows: dict[str, FloatArray], parts: dict[str, FloatArray], covariates: FloatArray
+    names: list[str],
+    poses: FloatArray,
+    arrows: dict[str, FloatArray],
+    parts: dict[str, FloatArray],
+    covariates: FloatArray,
+    signals: Mapping[str, FloatArray] = MappingProxyType({}),
+    times: FloatArray | None = None,
 ) -> list[dict[str, Any]]:
-    """Rows whose numbers are all known, as many as a page can take."""
+    """Rows whose numbers are all known, as many as a page can take. ``signals``: loads (fx, fy, tau; N, N mm) over ``times``."""
     if not arrows:
         return []
     numbers = np.column_stack([poses, covariates, *arrows.values(), *parts.values()])
@@ -227,6 +252,7 @@ def _rows(
             "arrow": {key: arrow[i].tolist() for key, arrow in arrows.items() if key in ("before", "after")},
             **{key: part[i].tolist() for key, part in parts.items() if key in ("before", "after")},
             "covariates": covariates[i].tolist(),
+            **({} if times is None else {"t": float(times[i]), "signals": {k: v[i].tolist() for k, v in signals.items()}}),
         }
         for i in chosen
     ]
@@ -234,10 +260,24 @@ def _rows(
 
 def _gap(entry: ChannelGap) -> str:
     """A channel of ``gap``."""
+    if entry.channel == "stability":
+        # the square of an error of a label, right or wrong, is 1 or 0
+        wrong, refitted = (f"{100 * size**2:.1f} %" for size in (entry.nominal, entry.refitted))
+        return f"{wrong} of the labels wrong with the nominal simulation, {refitted} with a refitted surface"
     nominal, p = size_in_words(entry.nominal, entry.unit), entry.p_lack_of_fit
     refitted, floor = (size_in_words(size, entry.unit, named=False) for size in (entry.refitted, entry.noise_floor))
     words = f"{nominal} from the nominal simulation, {refitted} with a refitted surface, floor {floor}"
     return f"{words}; p {f'{p:.2g}' if p > 1e-4 else 'below 0.0001'}"
+
+
+def _correlations(estimates: Estimates) -> list[tuple[str, str]]:
+    """The pairs of parameters that hang together most, and those at their bounds."""
+    first, second = np.triu_indices(len(estimates.names), 1)
+    values = estimates.correlation[first, second]
+    order = np.argsort(-np.abs(values), kind="stable")[:_MOST_PAIRS]
+    pairs = [(f"{estimates.names[first[k]]} with {estimates.names[second[k]]}", f"{values[k]:.2f}") for k in order]
+    bounds = ", ".join(estimates.at_bound) or "none"
+    return [*pairs, ("as large as this rig can have it", bounds)]
 
 
 def _effect(entry: RankedEffect, evidence: Evidence) -> str:

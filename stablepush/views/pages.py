@@ -37,7 +37,7 @@ _FEWEST_ROWS = 12
 @dataclass(frozen=True, slots=True)
 class Section:
     """A part of a report: title, text, rows of a table, a PNG picture, a link to a neighbouring file, and neighbouring pages side
-    by side, each with a heading."""
+    by side, each with a heading. ``folded``: open only once it is asked for."""
 
     title: str
     text: str = ""
@@ -46,6 +46,7 @@ class Section:
     link: str = ""
     link_text: str = ""
     pages: Sequence[tuple[str, str]] = ()
+    folded: bool = False
 
     @classmethod
     def with_picture(cls, title: str, png: bytes, text: str = "", rows: Sequence[tuple[str, str]] = ()) -> Section:

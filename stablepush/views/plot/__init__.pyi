@@ -7,6 +7,7 @@ from .gaps import (
     plot_forms as plot_forms,
     plot_residuals as plot_residuals,
     plot_residuals_against as plot_residuals_against,
+    plot_signatures as plot_signatures,
 )
 from .headings import plot_headings as plot_headings
 from .motions import plot_push as plot_push, plot_slide as plot_slide, plot_wrench_paths as plot_wrench_paths

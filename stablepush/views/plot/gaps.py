@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stablepush.core import FloatArray, InputError
-from stablepush.diagnosis import GapReport, RankedEffect
+from stablepush.diagnosis import GapReport, RankedEffect, shown_unit
 from stablepush.effects import (
     REFERENCE_SPEED,
     friction_over_direction,
@@ -25,6 +25,10 @@ from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, OBSTACLE,
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+#: An effect leaves a component alone if it gives less than this share of what it gives the others.
+_UNTOUCHED = 0.02
+#: A third colour of dots, told from the others by the colour-blind.
+_THIRD = "#009E73"
 #: Names of effects that a log cannot judge; still read on white.
 _HIDDEN = "#767676"
 #: Length of a large arrow, and of the longest that is not cut off, over the extent of the table.
@@ -42,7 +46,24 @@ def plot_residuals(report: GapReport, ax: Axes | None = None) -> Axes:
     forces = [rotate_vectors(report.poses[good][:, 2], report.residuals[key][good][:, :2]) for key in ("before", "after")]
     scale = arrow_scale(places, forces)
     title = f"Measured less predicted force, 1 N {1000 * scale:.3g} mm long"
-    return _draw_over_table(places, np.stack((places, places)), scale * np.stack(forces), title, ax)
+    axes = _draw_over_table(places, np.stack((places, places)), scale * np.stack(forces), title, ax)
+    slope = next(
+        (entry.estimates["slope"] for entry in report.ranking if entry.effect == "tilt" and "tilt" in report.named), None
+    )
+    if slope is not None:
+        _draw_downhill(axes, np.asarray(slope))
+    return axes
+
+
+def _draw_downhill(axes: Axes, slope: FloatArray) -> None:
+    """The direction in which a table slopes, as a large arrow about its middle."""
+    middle = np.array((sum(axes.get_xlim()) / 2, sum(axes.get_ylim()) / 2))
+    half = 0.18 * min(np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())) * slope / np.linalg.norm(slope)
+    arrow = {"arrowstyle": "simple", "facecolor": "black", "edgecolor": "none", "alpha": 0.5, "mutation_scale": 45}
+    axes.annotate("", middle + half, middle - half, arrowprops=arrow, zorder=4)
+    words = f"downhill, {np.linalg.norm(slope):.3g} rad"
+    around = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
+    axes.text(*(middle - 1.3 * half), words, ha="center", va="center", fontsize=9, bbox=around, zorder=5)
 
 
 def arrow_scale(places: FloatArray, arrows: Sequence[FloatArray], room: float = 0.0) -> float:
@@ -144,7 +165,7 @@ def plot_final_poses(report: GapReport, ax: Axes | None = None) -> Axes:
     longer = f", {times:.0f} times as long" if times > 1 else ""
     arrows = times * np.stack(errors)
     # to the measured end
-    return _draw_over_table(places, places - arrows, arrows, f"From the simulated to the measured final position{longer}", ax)
+    return _draw_over_table(places, places - arrows, arrows, f"Final position, simulated to measured{longer}", ax)
 
 
 def plot_effects(report: GapReport, ax: Axes | None = None) -> Axes:
@@ -191,6 +212,36 @@ def plot_forms(report: GapReport, ax: ArrayLike | None = None) -> np.ndarray:
     for axes in shown[len(entries) :]:
         axes.set_axis_off()
     return shown[: len(entries)]
+
+
+def plot_signatures(report: GapReport, ax: ArrayLike | None = None) -> np.ndarray:
+    """Draw each of ``report.signatures`` into axes of its own, which are returned: what is left of the measurements without an
+    effect against what the effect gives, a dot a push and component. If the effect acts as fitted the dots lie on the line; if it
+    did not act they would lie on the level one.
+
+    Raises :class:`InputError` if the report has none.
+    """
+    if not report.signatures:
+        raise InputError("report", "expected named effects that show in loads or clearances")
+    count = len(report.signatures)
+    shown = panels((4.2 * count, 3.9), 1, count, ax)[0]
+    for axes, signature in zip(shown, report.signatures, strict=True):
+        factor, unit = shown_unit(signature.unit)
+        given, left = factor * signature.given, factor * signature.left
+        sizes = np.abs(given).max(axis=0)
+        for k, (marker, color) in zip(range(len(sizes)), (("o", COUNTER_CLOCKWISE), ("^", PUSHER), ("s", _THIRD)), strict=False):
+            # a component that the effect leaves alone says nothing of it
+            if sizes[k] > _UNTOUCHED * sizes.max():
+                style = {"linestyle": "none", "marker": marker, "markersize": 4, "color": color, "alpha": 0.7}
+                axes.plot(given[:, k], left[:, k], label=signature.parts[k], **style)
+        axes.axhline(0.0, color=OBSTACLE, linewidth=0.8)
+        axes.axline((0.0, 0.0), slope=1.0, color="black", linewidth=1.4)
+        axes.grid(visible=True, color="0.9", linewidth=0.6)
+        axes.set_xlabel(f"what it gives [{unit.strip()}]")
+        axes.set_ylabel(f"measured, less all else [{unit.strip()}]")
+        axes.set_title(signature.effect, fontsize=11)
+        axes.legend(fontsize=8, framealpha=0.5, edgecolor="none")
+    return np.asarray(shown)
 
 
 def _terms(entry: RankedEffect) -> list[float]:

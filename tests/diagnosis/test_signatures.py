@@ -1,0 +1,73 @@
+"""What named effects give in each push, beside what is left without them; correlations of the estimates."""
+
+import numpy as np
+import pytest
+
+import stablepush as sp
+from stablepush.views import gap_html
+from stablepush.views.plot import plot_residuals, plot_signatures
+
+SLIDER = sp.Slider.centered([(0.0, 0.0), (0.15, 0.0), (0.0, 0.15)], mass=1.5)
+FEET = sp.SupportDistribution([(-0.03, -0.03), (0.07, -0.03), (-0.03, 0.07)], [1, 1, 1])
+NOISE = sp.Noise(0.02, 1e-4, 1e-3)
+
+
+def diagnosed(*effects, pushes=40):
+    slider = sp.Slider(SLIDER.vertices, mass=1.5, support=FEET)
+    effects = [sp.parse_effect(words) for words in effects]
+    rig = sp.VirtualRig(slider, sp.IdealLimitSurface(FEET, 4.0), 0.6, sp.Pusher.finger(0.005), effects, NOISE)
+    return sp.diagnose(rig.execute(sp.random_pushes(slider, rig.pusher, pushes, seed=5), seed=6).log)
+
+
+@pytest.fixture(scope="module")
+def tilted():
+    return diagnosed("tilt:slope=0.03/-0.01")
+
+
+def test_a_slope_gives_what_is_left_without_it(tilted):
+    assert tilted.named == ["tilt"]
+    (signature,) = tilted.signatures
+    assert (signature.effect, signature.unit) == ("tilt", "N") and signature.given.shape == signature.left.shape == (40, 3)
+    # a slope pulls with m g times its size, and turns nothing about the centre of mass
+    size = np.hypot(*tilted.ranking[0].estimates["slope"])
+    forces = np.linalg.norm(signature.given[:, :2], axis=1)
+    assert forces.max() <= 1.5 * 9.81 * size * (1 + 1e-6) and np.abs(signature.given[:, 2]).max() < 1e-9
+    # it is what is left without it, but for pushes that turn about a foot, whose load is uncertain
+    given, left = signature.given[:, :2].ravel(), signature.left[:, :2].ravel()
+    large = np.abs(given) > 0.5 * np.abs(given).max()
+    assert np.median(left[large] / given[large]) == pytest.approx(1.0, abs=0.1)
+    assert (np.abs(left - given) < 0.3 * np.abs(given).max()).mean() > 0.8
+
+
+def test_the_page_has_the_evidence_first_and_folds_the_details(tilted):
+    page = gap_html(tilted)
+    assert page.index("The evidence in one picture") < page.index("Look at it") < page.index("How large the gap is")
+    folded = page[page.index("<details>") :]
+    assert "tilt: slope x with tilt: slope y" in folded and "as large as this rig can have it" in folded
+    # loads of the chosen push over its time
+    assert '"signals"' in page and '"measured"' in page
+    assert any("downhill, 0.03" in text.get_text() for text in plot_residuals(tilted).texts)
+
+
+def test_estimates_are_those_that_are_fitted_together():
+    report = diagnosed("drift:rate=-0.3", "latency:delay=0.08")
+    assert sorted(report.named) == ["drift", "latency"]
+    found = report.estimates
+    assert {name.split(":")[0] for name in found.names} >= {"drift", "latency"}
+    assert found.correlation.shape == (len(found.names),) * 2
+    assert np.allclose(np.diag(found.correlation), 1.0) and np.allclose(found.correlation, found.correlation.T)
+    assert np.abs(found.correlation).max() <= 1.0 and not found.at_bound
+    # a delay shows in the clearances more clearly than in the loads
+    units = {signature.effect: signature.unit for signature in report.signatures}
+    assert units == {"drift": "N", "latency": "m"}
+    delay = next(s for s in report.signatures if s.effect == "latency")
+    assert np.corrcoef(delay.given[:, 0], delay.left[:, 0])[0, 1] > 0.95
+    assert len(plot_signatures(report)) == 2
+
+
+def test_a_log_without_a_gap_has_no_signature():
+    report = diagnosed(pushes=20)
+    assert report.verdict == "none" and report.signatures == []
+    assert "The evidence in one picture" not in gap_html(report)
+    with pytest.raises(sp.InputError, match="expected named effects"):
+        plot_signatures(report)
