@@ -1,5 +1,6 @@
 """How the documentation is built: ``make docs``."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -20,6 +21,8 @@ nb_execution_mode = "force"
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_execution_in_temp = True
+# commands are no Python
+highlight_language = "none"
 html_theme = "furo"
 html_static_path = ["_static"]
 html_css_files = ["pages.css"]
@@ -48,3 +51,16 @@ exclude_patterns = [
     *("_build", "jupyter_execute", "sg_execution_times.rst", "gallery/*.ipynb"),
     *("benchmarks/table.md", "benchmarks/before.md"),
 ]
+
+
+def _keep_together(app, name, source):
+    """A number stays on one line with its sign of per cent, and with its tolerance."""
+    parts = source[0].split("```")
+    # what stands between fences is code
+    parts[::2] = [re.sub(r"(?<=\d) (?=%)|(?<=±) (?=\d)| (?=±)", "\u00a0", part) for part in parts[::2]]
+    source[0] = "```".join(parts)
+
+
+def setup(app):
+    """Called by Sphinx."""
+    app.connect("source-read", _keep_together)

@@ -86,8 +86,8 @@ def above():
     # the rotation centre, and the twist of the origin of B about it
     center = seen(POSE, CENTER)
     shapes += [line(center, px(POSE[:2]), BLUE, arrow=False, width=1.2, dashed=True), disc(center, 5, "white", BLUE)]
-    shapes.append(text(moved(center, -4, -42), "COR (in B)", color=BLUE, anchor="middle"))
-    shapes.append(text(moved(center, -4, -24), "sense +1: ccw", "small", BLUE, "middle"))
+    shapes.append(text(moved(center, -16, -42), "COR (in B)", color=BLUE, anchor="middle"))
+    shapes.append(text(moved(center, -16, -24), "sense +1: ccw", "small", BLUE, "middle"))
     turn = [center + 15 * np.array((np.cos(a), -np.sin(a))) for a in np.linspace(-0.9, 2.0, 25)]
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in turn)
     shapes.append(f'<polyline points="{path}" fill="none" stroke="{BLUE}" stroke-width="1.8" marker-end="url(#head)"/>')
@@ -109,7 +109,7 @@ def above():
 
     # the two frames of the pusher, and the load
     at, behind = compose(POSE, CONTACT.frame), compose(POSE, sp.finger_frame(CONTACT, RADIUS))
-    shapes += [*axes(at, GREEN, "xy", 0.026), disc(px(behind[:2]), 4.5, ORANGE)]
+    shapes += [*axes(at, GREEN, "xy", 0.017), disc(px(behind[:2]), 4.5, ORANGE)]
     start = moved(px(at[:2]), 76, 40)
     shapes += [
         line(start, moved(px(at[:2]), 9, 3), GREEN, width=1.2),
@@ -123,8 +123,8 @@ def above():
     shapes.append(text(moved(start, -128, 33), "midway between the centres of the fingers", "small", ORANGE))
     tail = seen(POSE, CONTACT.points[0] - (0.0, 2 * RADIUS + 0.03))
     tip = seen(POSE, CONTACT.points[0] - (0.0, 2 * RADIUS))
-    shapes += [line(tail, tip, RED, width=3), text(moved(tail, -4, 12), "wrench (fx, fy, tau):", color=RED, anchor="end")]
-    shapes.append(text(moved(tail, -4, 28), "load on the slider, in B", "small", RED, "end"))
+    shapes += [line(tail, tip, RED, width=3), text(moved(tail, -4, 12), "wrench (fx, fy, tau): load of", color=RED, anchor="end")]
+    shapes.append(text(moved(tail, -4, 28), "both fingers on the slider, in B", "small", RED, "end"))
     shapes.append(text((16, 24), "From above", "name"))
     return shapes
 
@@ -138,14 +138,14 @@ def beside():
     shapes.append(text((146, table - 21), "slider", anchor="middle"))
     shapes.append(box(x - 24, flange, 48, 20, "#dddddd"))
     shapes.append(box(x - 14, flange + 20, 28, table - 8 - flange - 20, "#fde8d7", ORANGE))
-    shapes.append(text((x + 34, flange + 4), "flange (tx, ty, tz, qx, qy, qz, qw)", "small", RED))
-    shapes.append(text((x + 34, flange + 20), "in W, its z looks down", "small", RED))
+    shapes.append(text((x + 16, flange - 22), "flange (tx, ty, tz, qx, qy, qz, qw)", "small", RED))
+    shapes.append(text((x + 16, flange - 7), "in W, its z looks down", "small", RED))
     shapes += [
         line((x, flange), (x, flange + 46), RED, width=2.5),
         disc((x, flange), 3.5, RED),
-        text((x - 8, flange + 46), "z", "small", RED, "end"),
+        text((x - 20, flange + 46), "z", "small", RED, "end"),
     ]
-    shapes += [line((x, height), (x, height - 40), ORANGE, width=2.5), text((x - 9, height - 36), "z", "small", ORANGE, "end")]
+    shapes += [line((x, height), (x, height - 40), ORANGE, width=2.5), text((x - 20, height - 36), "z", "small", ORANGE, "end")]
     shapes += [line((x, height), (x - 40, height), ORANGE, width=2.5), text((x - 32, height - 8), "x", "small", ORANGE, "end")]
     shapes += [disc((x, height), 4.5, ORANGE)]
     gauge = x + 40
@@ -154,7 +154,8 @@ def beside():
     gauge = x + 118
     shapes += [line((x + 8, height), (gauge + 8, height), GREY, arrow=False, width=1, dashed=True)]
     shapes += [
-        line((gauge, height), (gauge, flange + 26), GREY, width=1.5),
+        line((x + 8, flange), (gauge + 8, flange), GREY, arrow=False, width=1, dashed=True),
+        line((gauge, height), (gauge, flange), GREY, width=1.5),
         text((gauge + 8, height - 34), "--tool: flange in", "small", GREY),
     ]
     shapes.append(text((gauge + 8, height - 18), "the pusher's frame", "small", GREY))

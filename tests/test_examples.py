@@ -103,7 +103,9 @@ def test_the_readme_s_python_runs(tmp_path):
     assert blocks(Path("docs") / "python.md", tmp_path).strip()
 
 
-@pytest.mark.parametrize("page", ["tutorial.md", "robot.md", "choosing.md", "planning.md", "extend.md"])
+@pytest.mark.parametrize(
+    "page", ["tutorial.md", "more.md", "robot.md", "choosing.md", "planning.md", "simulation.md", "extend.md"]
+)
 def test_a_page_s_python_runs(page, tmp_path):
     assert blocks(Path("docs") / page, tmp_path).strip()
 

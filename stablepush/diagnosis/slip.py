@@ -6,7 +6,7 @@ is scanned, not fitted by steps.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +24,8 @@ _CLEARLY, _AGREES, _ROUGHLY = 0.1, 0.5, 0.05
 #: Coefficients that are tried, and how often the grid about the best is made finer, of so many.
 _TRIED = np.geomspace(0.05, 1.5, 18)
 _ROUNDS, _FINER = 3, 5
+#: Friction near that of the forces: within so many of its standard errors, and so many values of it.
+_REACH, _NEAR = 3.0, 25
 #: A final pose is off if it is so many times as far off as noise makes it, and as what the friction of the table may be wrong by,
 #: a share of the slider's radius.
 _OFF, _WRONG = 5.0, 0.02
@@ -72,24 +74,21 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
     if seen is not None and seen.agree and off.any():
         # few fingers slip fast enough for their forces alone to tell, but the object ends where that friction takes it
         trials = seen.trial[seen.moving]
-        mu = float(np.median(seen.ratio[seen.moving]))
-        after = sizes(mu)
         told = off & np.isin([push.trial for push in pushes], trials)
-        # the force of a single push might be turned by fingers that are aside
-        alone = len(trials) == 1 and (not told.any() or least_aside(told) <= float((after[told] ** 2).sum()))
-        agrees = float((after[off] ** 2).sum()) < _AGREES * float((before[off] ** 2).sum())
-        if abs(mu - nominal) > _CLEARLY and agrees and not alone:
-            return _with_error(mu, _ROUGHLY * mu, len(trials), "forces and final poses")
+        shown = float(np.median(seen.ratio[seen.moving]))
+        # where a push that is lost ends hangs on the third digit of the friction: then that with which it ends best
+        reach = _REACH * float(seen.error[seen.moving].max())
+        for mu in (shown, _scanned(loss, shown + reach * np.linspace(-1, 1, _NEAR))[0]):
+            after = sizes(mu)
+            # the force of a single push might be turned by fingers that are aside
+            alone = len(trials) == 1 and (not told.any() or least_aside(told) <= float((after[told] ** 2).sum()))
+            agrees = float((after[off] ** 2).sum()) < _AGREES * float((before[off] ** 2).sum())
+            if abs(shown - nominal) > _CLEARLY and abs(mu - nominal) > _CLEARLY and agrees and not alone:
+                error = float(np.hypot(_ROUGHLY * mu, (mu - shown) / 2))
+                return _with_error(mu, error, len(trials), "forces and final poses")
     if off.sum() < _LEAST:
         return None
-    grid, losses = _TRIED, np.array([loss(float(mu)) for mu in _TRIED])
-    tried = list(zip(grid.tolist(), losses.tolist(), strict=True))
-    for _ in range(_ROUNDS):
-        at = int(np.argmin(losses))
-        grid = np.geomspace(grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)], _FINER)
-        losses = np.array([loss(float(mu)) for mu in grid])
-        tried += zip(grid.tolist(), losses.tolist(), strict=True)
-    best = float(grid[int(np.argmin(losses))])
+    best, tried = _scanned(loss, _TRIED)
     after = sizes(best)
     least = float((after[off] ** 2).sum())
     if least > _LEFT * float((before[off] ** 2).sum()) or (after > np.maximum(_WORSE * before, _OFF)).any():
@@ -97,9 +96,22 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
     if least_aside(off) < _OTHERWISE * least:
         return None
     # above the friction at which all fingers stick any fits as well
-    near = [mu for mu, found_loss in tried if found_loss <= losses.min() + 1.0]
+    near = [mu for mu, found_loss in tried if found_loss <= min(found_loss for _, found_loss in tried) + 1.0]
     error = max(0.5 * (max(near) - min(near)), 0.02 * best)
     return _with_error(best, error, int(off.sum()), "final poses")
+
+
+def _scanned(loss: Callable[[float], float], grid: FloatArray) -> tuple[float, list[tuple[float, float]]]:
+    """Return the friction of the least loss on a grid that is made finer about it, and all that were tried with their losses."""
+    grid = np.maximum(grid, _TRIED[0])
+    tried: list[tuple[float, float]] = []
+    for _ in range(_ROUNDS + 1):
+        losses = np.array([loss(float(mu)) for mu in grid])
+        tried += zip(grid.tolist(), losses.tolist(), strict=True)
+        at = int(np.argmin(losses))
+        best = float(grid[at])
+        grid = np.geomspace(grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)], _FINER)
+    return best, tried
 
 
 def _with_error(mu: float, error: float, trials: int, readings: str) -> ContactFriction:

@@ -124,3 +124,22 @@ def test_the_mended_rig_knows_what_the_log_tells_of_its_fingers():
     report = sp.diagnose(log)
     assert report.rig.finger_radius == pytest.approx(0.005, abs=3e-4)
     assert report.rig.contact_friction is None or report.rig.contact_friction == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize(("engine", "direction", "mu"), ((None, 0.31, 0.3), (None, 0.32, 0.29), ("mujoco", 0.31, 0.3)))
+def test_a_single_push_that_loses_the_object_shows_the_friction_of_the_fingers(engine, direction, mu):
+    """The load is just beyond the cone of the worn fingers, so where the push ends hangs on the third digit of their friction."""
+    if engine:
+        pytest.importorskip("mujoco")
+    feet = sp.SupportDistribution([(-0.03, -0.02), (0.06, -0.03), (-0.03, 0.05)], [1, 1, 1])
+    outline = [(0.0, 0.0), (0.12, 0.0), (0.12, 0.05), (0.05, 0.05), (0.05, 0.11), (0.0, 0.11)]
+    slider = sp.Slider(sp.Slider.centered(outline).vertices, mass=0.8, support=feet)
+    pusher, noise = sp.Pusher.two_fingers(0.06, 0.005), sp.Noise(0.02, 1e-4, 1e-3)
+    worn = [sp.parse_effect(f"contact-friction:mu={mu}")]
+    rig = sp.VirtualRig(slider, sp.IdealLimitSurface(feet, 2.7), 0.5, pusher, worn, noise, engine=engine)
+    two = {"width": 0.06}
+    straight = sp.EdgePush.on_edge(slider, 0, 0.06, distance=0.06, speed=0.03, start=(0, 0, 0), **two)
+    slanted = sp.EdgePush.on_edge(slider, 0, 0.06, direction=-direction, distance=0.73, speed=0.05, start=(0, 0, 0.5), **two)
+    report = sp.diagnose(rig.execute([straight, slanted], seed=1).log)
+    assert report.named == ["contact-friction"]
+    assert report.ranking[0].parameters["mu"].estimate == pytest.approx(mu, abs=0.01)
