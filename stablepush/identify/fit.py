@@ -91,6 +91,8 @@ class Fit:
         Pressure distributions that the pokes leave likely, all alike; None where no prior is used.
     warnings : tuple of str
         What a user should know: pokes that contradict the prior or leave the surface open, outliers, slips of units.
+    wrenches, twists : array, shape (n, 3)
+        The pairs that were given, in B (N, N·m; m/s, rad/s).
     """
 
     _repr_html_ = shown_as("fit")
@@ -108,6 +110,8 @@ class Fit:
     certificate: Certificate | None = field(default=None, repr=False)
     pressures: PressureEnsemble | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
+    wrenches: FloatArray = field(default_factory=lambda: np.zeros((0, 3)), repr=False)
+    twists: FloatArray = field(default_factory=lambda: np.zeros((0, 3)), repr=False)
 
     @property
     def prior_weight(self) -> float:
@@ -300,6 +304,8 @@ def fit_limit_surface(
         certificate=certificate,
         pressures=None if whole.pressures is None or not weights.prior else whole.pressures.scaled(pairs.force_scale),
         warnings=tuple(warnings),
+        wrenches=read_only(f),
+        twists=read_only(np.asarray(twists, dtype=np.float64)),
     )
 
 
@@ -420,4 +426,6 @@ def _fit_gp(pairs: Pairs, train: np.ndarray, started: float, warnings: list[str]
         level_errors=read_only(surface.value(f) - 1),
         pair_weights=read_only(np.isin(np.arange(len(pairs)), train).astype(float)),
         warnings=(*warnings, "a Gaussian process is no limit surface: nothing makes it convex, nor its slip and its loads agree"),
+        wrenches=read_only(f),
+        twists=read_only(pairs.directions / (1.0, 1.0, pairs.rho)),
     )

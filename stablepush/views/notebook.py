@@ -21,7 +21,7 @@ from stablepush.stability import StableRegion
 from stablepush.views.gap_page import gap_html
 from stablepush.views.pages import plan_html
 from stablepush.views.plot.canvas import SENSES, canvas, figure_png, fill, legend
-from stablepush.views.plot.motions import plot_wrench_paths
+from stablepush.views.plot.surfaces import plot_limit_surface
 
 if TYPE_CHECKING:
     from stablepush.views.plot.canvas import Drawn
@@ -84,7 +84,7 @@ def fit_html(fit: Fit) -> str:
     if fit.certificate is not None:
         rows.append(("SOS-convex", "yes" if fit.certificate.sos_convex else "NOT certified"))
     rows += [("note", note) for note in fit.warnings]
-    picture = "" if fit.model == "gp" else _image(plot_wrench_paths(fit.surface, {}, "Limit surface"))
+    picture = "" if fit.model == "gp" else _image(plot_limit_surface(fit.surface, fit.wrenches, fit.twists))
     return _table(("fit", ""), rows) + picture
 
 

@@ -4,11 +4,11 @@ import html
 
 import numpy as np
 import pytest
-from conftest import make_log, small_scene, triangle
+from conftest import make_log, pairs, small_scene, triangle
 from matplotlib.figure import Figure
 
 import stablepush as sp
-from stablepush.views.plot import plot_plan, plot_wrench_paths
+from stablepush.views.plot import plot_limit_surface, plot_plan, plot_wrench_paths
 
 
 def test_a_plan_is_a_table_of_its_pushes_and_an_animation(tmp_path):
@@ -82,3 +82,21 @@ def test_two_pictures_in_one_figure_have_a_legend_each():
     assert not figure.legends
     alone = plot_plan(problem, result)
     assert alone.get_legend() is None and len(alone.figure.legends) == 1
+
+
+def test_a_limit_surface_is_drawn_with_its_pokes():
+    """Dots where the loads are; the surface goes through those of its own twists."""
+    loads, twists = pairs(6)
+    slider = triangle()
+    fit = sp.fit_limit_surface(loads, twists, slider=slider, seed=0)
+    np.testing.assert_array_equal(fit.wrenches, loads)
+    np.testing.assert_array_equal(fit.twists, twists)
+    drawn = plot_limit_surface(fit.surface, fit.wrenches, fit.twists)
+    dots = next(c for c in drawn.collections if c.get_label() == "load of a poke")
+    np.testing.assert_allclose(np.stack(dots._offsets3d, axis=-1), loads / (1, 1, fit.surface.characteristic_length))
+    assert drawn.get_zlabel() == "tau/rho [N]"
+    assert not plot_limit_surface(fit.surface).get_legend_handles_labels()[1]
+    with pytest.raises(sp.InputError, match="6 and 5"):
+        plot_limit_surface(fit.surface, loads, twists[:5])
+    with pytest.raises(sp.InputError, match="3d"):
+        plot_limit_surface(fit.surface, ax=Figure().subplots())

@@ -18,3 +18,4 @@ from .regions import (
     plot_regions as plot_regions,
     plot_twist_sphere as plot_twist_sphere,
 )
+from .surfaces import plot_limit_surface as plot_limit_surface
