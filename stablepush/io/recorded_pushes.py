@@ -1,0 +1,170 @@
+"""What a record of poses and forces shows of its pushes: where each begins and ends, its speed, its phases."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from stablepush.core import FloatArray, InputError, StablepushWarning
+from stablepush.geometry import point_velocity, rotate_vectors, transform_points
+from stablepush.io.pushlog import end_of_motion
+from stablepush.objects import Slider
+
+#: Share of the speed of the fastest point of the outline, of the greatest in the trial, above which the slider moves.
+_MOVES = 0.15
+#: Share of the 95th percentile of that speed in a trial above which the slider slips steadily.
+SLIPS = 0.3
+#: A trial in which no point of the outline travels so far (m) is of no push.
+LEAST_TRAVEL = 3e-4
+#: Rest ends where the force has made this share of the step to that of the slip; contact ends where less of it is left. A step
+#: that is a smaller share of the load is none: the trial has no rest.
+_STEP, _LEFT, _LEAST_STEP = 0.3, 0.1, 0.3
+#: A slider that travels no farther (m) than noise takes its median rests.
+_STILL = 1e-4
+#: A new trial begins after so many seconds in which the slider rests; so many before it moves are kept.
+_PAUSE, _BEFORE = 0.5, 1.0
+#: A slider that is so far (m) from where it was in the row before, and was this many times as quick as usual, was set back.
+_JUMP, _QUICKER = 5e-3, 8.0
+#: Least rows at rest from which the offset of the force sensor is taken.
+LEAST_REST = 3
+#: Rows whose median begins and ends a trial.
+_ENDS = 5
+
+
+def named_rows(t: FloatArray, trials: Sequence[str]) -> tuple[list[np.ndarray[Any, np.dtype[np.intp]]], list[str]]:
+    """Rows of each trial that is named, and the names."""
+    try:
+        words = ["" if word is None or word != word else str(word) for word in trials]  # noqa: PLR0124 (NaN)
+    except TypeError:
+        raise InputError("trials", "expected a list of names", type(trials).__name__) from None
+    if len(words) != len(t):
+        raise InputError("trials", f"expected {len(t)} names, one for each row", len(words))
+    groups: dict[str, list[int]] = {word: [] for word in words if word}
+    for row, word in enumerate(words):
+        if word:
+            groups[word].append(row)
+    return [np.array(rows, dtype=np.intp) for rows in groups.values()], list(groups)
+
+
+def pushes_in(
+    slider: Slider, t: FloatArray, body: FloatArray, window: float
+) -> tuple[list[np.ndarray[Any, np.dtype[np.intp]]], list[str]]:
+    """Rows of each push of a record: where the slider moves, and before."""
+    jumps = _jumps(slider, t, body)
+    if len(jumps):
+        when = ", ".join(f"{t[k]:.4g}" for k in jumps[:5])
+        later = " and later" if len(jumps) > 5 else ""
+        words = f"the slider jumps before t = {when}{later} s: a new push is taken to begin there"
+        warnings.warn(StablepushWarning(words), stacklevel=3)
+    pieces = np.split(np.arange(len(t)), jumps)
+    speeds = [speeds_of(slider, twists_of(t[piece], body[piece], window)) for piece in pieces]
+    most = max(float(speed.max()) for speed in speeds)
+    found = []
+    for piece, speed in zip(pieces, speeds, strict=True):
+        moving = piece[speed > _MOVES * most]
+        if not len(moving):
+            continue
+        cuts, done = np.flatnonzero(np.diff(t[moving]) > _PAUSE), int(piece[0])
+        firsts, lasts = moving[np.concatenate(([0], cuts + 1))], moving[np.concatenate((cuts, [len(moving) - 1]))]
+        for first, last in zip(firsts, lasts, strict=True):
+            begin = max(int(np.searchsorted(t, t[first] - _BEFORE)), done)
+            # noise of a tracker is as quick as a slow push, and leads nowhere
+            if travel(slider, body[max(begin, first - _ENDS) : min(last + _ENDS, piece[-1]) + 1]) >= LEAST_TRAVEL:
+                found.append(np.arange(begin, last + 1))
+                done = int(last) + 1
+    return found, [str(k + 1) for k in range(len(found))]
+
+
+def _jumps(slider: Slider, t: FloatArray, body: FloatArray) -> np.ndarray[Any, np.dtype[np.intp]]:
+    """Rows at which the slider is far from where it was, faster than any push takes it there: it was set back."""
+    known = np.flatnonzero(np.isfinite(body).all(axis=1))
+    places = transform_points(body[known], slider.vertices)
+    way = np.linalg.norm(np.diff(places, axis=0), axis=-1).max(axis=1, initial=0.0)
+    rate = way / np.diff(t[known])
+    if not (way > _JUMP).any():
+        return np.zeros(0, dtype=np.intp)
+    usual = float(np.median(rate[rate > _MOVES * np.percentile(rate, 90)]))
+    return known[1:][(way > _JUMP) & (rate > _QUICKER * usual)]
+
+
+def phases_of(
+    slider: Slider, poses: FloatArray, speed: FloatArray, forces: FloatArray | None
+) -> np.ndarray[Any, np.dtype[np.object_]]:
+    """Phases (n,) of a trial: ``push`` from the step of the force to where it is gone; without forces, while the slider moves."""
+    phases = np.full(len(speed), "push", dtype=object)
+    moving = np.flatnonzero(speed > _MOVES * speed.max())
+    if not len(moving):
+        return phases
+    if forces is None:
+        phases[: moving[0]], phases[moving[-1] + 1 :] = "rest", "retract"
+        return phases
+    known = np.asarray(np.isfinite(forces).all(axis=1))
+    steady = known & (speed >= SLIPS * np.percentile(speed, 95))
+    if not steady.any():
+        return phases
+    load, zero = np.median(forces[steady], axis=0), np.zeros(2)
+    first = np.median(forces[np.flatnonzero(known)[:LEAST_REST]], axis=0)
+    step = float(np.linalg.norm(load - first))
+    if step > _LEAST_STEP * float(np.linalg.norm(load)):
+        rest = int(np.argmax(known & (_size(forces - first) > _STEP * step)))
+        # a force that grows while the slider moves is no step from rest
+        share = rest / len(speed)
+        if rest >= LEAST_REST and travel(slider, poses[:rest]) < SLIPS * share * travel(slider, poses) + _STILL:
+            phases[:rest], zero = "rest", np.median(forces[:rest][known[:rest]], axis=0)
+    left = np.flatnonzero(known & (_size(forces - zero) > _LEFT * np.linalg.norm(load - zero)))
+    if len(left) and left[-1] >= moving[0]:
+        phases[left[-1] + 1 :] = "retract"
+    # a finger that has stopped may press on
+    pushed = np.flatnonzero((phases == "push") & np.isfinite(poses).all(axis=1))
+    if len(pushed):
+        stands = end_of_motion(poses[pushed], slider.characteristic_length)
+        if stands < len(pushed):
+            phases[pushed[stands] :] = "retract"
+    return phases
+
+
+def twists_of(t: FloatArray, poses: FloatArray, window: float) -> FloatArray:
+    """Twists (n, 3) in B: slopes of lines through the poses in W within ``window``, at least those of the neighbours."""
+    twists = np.full((len(t), 3), np.nan)
+    known = np.flatnonzero(np.isfinite(poses).all(axis=1))
+    if len(known) < 2:
+        return twists
+    clock, seen, rows = t[known], poses[known].copy(), np.arange(len(known))
+    seen[:, 2] = np.unwrap(seen[:, 2])
+    half = window / 2 * (1 + 1e-9)
+    low = np.minimum(np.searchsorted(clock, clock - half), np.maximum(rows - 1, 0))
+    high = np.maximum(np.searchsorted(clock, clock + half, side="right"), np.minimum(rows + 2, len(known)))
+    # a row of the window's numbers for each row of the log
+    places = low[:, None] + np.arange(int((high - low).max()))
+    within = places < high[:, None]
+    places = np.minimum(places, len(known) - 1)
+    times = np.where(within, clock[places] - clock[:, None], 0.0)
+    times = np.where(within, times - (times.sum(axis=1) / within.sum(axis=1))[:, None], 0.0)
+    velocity = np.einsum("nw,nwk->nk", times, seen[places] - seen[:, None]) / (times**2).sum(axis=1)[:, None]
+    velocity[:, :2] = rotate_vectors(-seen[:, 2], velocity[:, :2])
+    twists[known] = velocity
+    return twists
+
+
+def speeds_of(slider: Slider, twists: FloatArray) -> FloatArray:
+    """Speeds (n,) in m/s of the fastest point of the outline; 0 where nothing is known."""
+    return np.nan_to_num(np.linalg.norm(point_velocity(twists, slider.vertices), axis=-1).max(axis=1))
+
+
+def travel(slider: Slider, poses: FloatArray) -> float:
+    """How far (m) the farthest going point of the outline goes, from the median of the first to that of the last poses (n, 3)."""
+    known = poses[np.isfinite(poses).all(axis=1)]
+    if len(known) < 2:
+        return 0.0
+    known[:, 2] = np.unwrap(known[:, 2])
+    count = min(_ENDS, max(1, len(known) // 3))
+    first, last = (transform_points(np.median(part, axis=0), slider.vertices) for part in (known[:count], known[-count:]))
+    return float(np.linalg.norm(last - first, axis=1).max())
+
+
+def _size(vectors: FloatArray) -> FloatArray:
+    """Lengths (n,) of vectors (n, 2); 0 where one is missing."""
+    return np.nan_to_num(np.linalg.norm(vectors, axis=1))
