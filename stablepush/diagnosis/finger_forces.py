@@ -50,9 +50,22 @@ class FingerForces:
     @property
     def agree(self) -> bool:
         """Whether all moving trials give the same friction, and no sticking one has a greater ratio."""
-        moving, sticking = self.ratio[self.moving], self.ratio[~self.moving]
-        middle = float(np.median(moving)) if len(moving) else 0.0
-        same = (np.abs(moving - middle) < _SAME * middle).all() and (sticking < (1 + _SAME) * middle).all()
+        return self._give_one(self.moving)
+
+    @property
+    def showing(self) -> BoolArray:
+        """Trials (n,) whose fingers slip fast; those whose fingers creep, which may stick as well, if there are no others."""
+        return self.slips if self.slips.any() else self.creeps
+
+    @property
+    def show_one(self) -> bool:
+        """Whether all :attr:`showing` trials give the same friction, and no other one has a greater ratio."""
+        return self._give_one(self.showing)
+
+    def _give_one(self, shown: BoolArray) -> bool:
+        ratios, others = self.ratio[shown], self.ratio[~shown]
+        middle = float(np.median(ratios)) if len(ratios) else 0.0
+        same = (np.abs(ratios - middle) < _SAME * middle).all() and (others < (1 + _SAME) * middle).all()
         return bool(middle > 0 and same)
 
 
