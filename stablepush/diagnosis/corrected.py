@@ -13,6 +13,7 @@ from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.corrected_surface import corrected_surface
 from stablepush.diagnosis.equations import OF_PRESSURE, Fitted
+from stablepush.diagnosis.finger_forces import finger_forces
 from stablepush.diagnosis.ranking import rank
 from stablepush.diagnosis.results import RankedEffect
 from stablepush.diagnosis.system import System
@@ -23,6 +24,8 @@ from stablepush.surfaces import LimitSurface
 #: Standard error of the friction of fingers, over itself, where there is a gap that nothing named explains. Fingers of 0.5 to
 #: 0.75 of their believed friction often slip in none of a few plans; 30 % to either side cost half a per cent of a plan's time.
 _UNSHOWN = 0.15
+#: The same of a friction at which fingers moved, where too few did for it to be named.
+_SUSPECTED = 0.05
 #: Effects that are no entry of ``effects``: surface and contact hold them.
 _FOLDED = (*OF_PRESSURE, "contact-friction", "contact-geometry", "frame-offset", "model-capacity")
 
@@ -60,6 +63,11 @@ def corrections(
     with system.own_forms():
         found_rigs = _corrections(system, found, ranking, effects, refitted)
     nominal = system.rig.contact_friction
+    forces = finger_forces(system, found.final)
+    least = None if forces is None or "contact-friction" in effects else forces.suspected(nominal)
+    if least is not None:
+        # what holds with less friction holds with more
+        return [replace(rig, contact_friction=least, contact_friction_error=_SUSPECTED * least) for rig in found_rigs]
     if not unexplained or nominal is None:
         return found_rigs
     return [replace(rig, contact_friction_error=_UNSHOWN * nominal) for rig in found_rigs]

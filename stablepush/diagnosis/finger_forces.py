@@ -16,6 +16,10 @@ from stablepush.effects import CATALOGUE
 _SLIPS, _SLIP_SHARE = 4.0, 0.2
 #: Fingers creep if they slip by this share of the way of a push. Trials give the same friction if none is off by the other share.
 _CREEP, _SAME = 0.02, 0.15
+#: Friction that is suspected is less than the nominal one by this much at least.
+_CLEARLY_LESS = 0.1
+#: So many trials whose fingers move suffice for a test of their friction.
+_TESTABLE = 3
 #: Angle (rad) by which the normals of a trial are off alike.
 _TURNED = 0.01
 
@@ -61,6 +65,20 @@ class FingerForces:
     def show_one(self) -> bool:
         """Whether all :attr:`showing` trials give the same friction, and no other one has a greater ratio."""
         return self._give_one(self.showing)
+
+    def suspected(self, nominal: float | None) -> float | None:
+        """Return the friction at which fingers moved although ``nominal`` friction would have held them, for plans to be safe.
+
+        It is the largest ratio of trials whose fingers slip or creep, if no sticking one has a much greater ratio. None if that
+        is not clearly less than ``nominal``, or if so many move that they can be tested instead.
+        """
+        if self.moving.sum() >= _TESTABLE:
+            return None
+        held = float(self.ratio[~self.moving].max(initial=0.0))
+        moved = float(self.ratio[self.moving].max(initial=0.0))
+        if nominal is None or moved < (1 - _SAME) * held or not 0 < max(moved, held) < nominal - _CLEARLY_LESS:
+            return None
+        return max(moved, held)
 
     def _give_one(self, shown: BoolArray) -> bool:
         ratios, others = self.ratio[shown], self.ratio[~shown]

@@ -29,7 +29,7 @@ from stablepush.diagnosis.system import System, log_rows, system_of
 from stablepush.diagnosis.together import join, observe_each, together_of
 from stablepush.diagnosis.verdicts import judge, refit_leaves_noise, stands_clear
 from stablepush.diagnosis.where import localise, residuals
-from stablepush.diagnosis.wording import notes_on, sentence_of, slipping_note, still_note, unexplained
+from stablepush.diagnosis.wording import notes_on, sentence_of, slipping_note, still_note, suspicion_note, unexplained
 from stablepush.effects import CATALOGUE, LabEffect, applicable, lab_effects
 from stablepush.io import PushLog, Rig
 
@@ -201,6 +201,10 @@ def _diagnose(
         notes.append(still_note(still, len(log)))
     if judged.slipping:
         notes.append(slipping_note([observations.names[k] for k in judged.slipping], len(log)))
+    forces = finger_forces(system, found.final)
+    suspected = None if forces is None or "contact-friction" in reported else forces.suspected(log.rig.contact_friction)
+    if suspected is not None and log.rig.contact_friction is not None and comparison is None:
+        notes.append(suspicion_note(suspected, log.rig.contact_friction))
     return GapReport(
         log=name,
         trials=len(log),
@@ -232,7 +236,7 @@ def _diagnose(
         speeds=np.linalg.norm(system.observations.twist[:, :2], axis=1),
         row_names=[observations.names[k] for k in system.observations.trial],
         end_names=[observations.names[push.trial] for push in pushes],
-        fingers=finger_forces(system, found.final) if "contact-friction" in found.named else None,
+        fingers=forces if "contact-friction" in found.named else None,
         signatures=signatures(system, found.final, reported),
         estimates=estimates(system, found.final) if found.final.values else None,
         times=system.observations.time,

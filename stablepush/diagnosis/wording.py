@@ -9,7 +9,14 @@ import numpy as np
 
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import robust_variance
-from stablepush.diagnosis.results import ChannelGap, GapReduction, ParameterEstimate, RankedEffect, readable, shown_unit
+from stablepush.diagnosis.results import (
+    ChannelGap,
+    GapReduction,
+    ParameterEstimate,
+    RankedEffect,
+    shown_unit,
+    size_in_words,
+)
 from stablepush.diagnosis.system import System
 from stablepush.effects import CATALOGUE, EffectKind, Parameter
 from stablepush.io import PushLog
@@ -71,7 +78,7 @@ def sentence_of(
             )
         return "The nominal simulation fits within the noise."
     if verdict == "absorbed":
-        return f"The surface and friction differ from the nominal ones, and no other cause stands out{nearer}."
+        return f"The friction under the object differs from the nominal one, and no other cause stands out{nearer}."
     if verdict == "named":
         return f"{'; '.join(causes)}{nearer}."
     if verdict == "ambiguous":
@@ -158,9 +165,9 @@ def unexplained(
 ) -> str:
     """What stands clear of the noise, and what is most likely, where no effect explains the gap."""
     sizes = [
-        f"the {entry.channel} is off by {readable(entry.nominal)} {entry.unit}, "
+        f"the {entry.channel} is off by {size_in_words(entry.nominal, entry.unit)}, "
         + (
-            f"noise explains {readable(entry.noise_floor)}"
+            f"noise explains {size_in_words(entry.noise_floor, entry.unit, named=False)}"
             if entry.nominal > _LARGER * entry.noise_floor
             else f"which noise may explain in a row, but not in the means of pushes (p {max(entry.p_lack_of_fit, 1e-6):.1g})"
         )
@@ -280,6 +287,15 @@ def still_note(names: Sequence[str], pushes: int) -> str:
     return (
         f"the object does not move in {len(names)} of {pushes} pushes ({_listed(names)}), which are left out: "
         "if a plan was carried out, it had lost the object before"
+    )
+
+
+def suspicion_note(friction: float, nominal: float) -> str:
+    """What is said of fingers that moved in too few pushes for their friction to be named."""
+    return (
+        f"fingers slipped or crept at a tangential force of {friction:.3g} of the normal one, where friction of {nominal:.3g} "
+        f"would hold them. Too few pushes show it for a name, but a corrected scene takes {friction:.3g}: "
+        "a plan for less friction holds with more"
     )
 
 

@@ -135,7 +135,8 @@ def _checked(effect: object, place: str, others: Mapping[str, LabEffect]) -> Lab
 
 
 def applicable(effects: Mapping[str, LabEffect], rows: LogRows, asked: Sequence[str]) -> dict[str, LabEffect]:
-    """Return the effects that a log can be asked about; those that packages registered and that it cannot are left out.
+    """Return the effects that a log can be asked about; those that packages registered and that it cannot are left out, with a
+    :class:`StablepushWarning` if that is not for want of a column.
 
     Raises :class:`InputError` for one that was asked for, if the log lacks a column that it reads, or if what it returns has
     another shape, is not finite where the log is, or changes anything at 0.
@@ -144,7 +145,7 @@ def applicable(effects: Mapping[str, LabEffect], rows: LogRows, asked: Sequence[
     known = np.isfinite(rows.wrench).all(axis=1)
     wrench = np.nan_to_num(rows.wrench)
     for id, effect in effects.items():
-        small, got = np.full(effect.parameter.size, 0.01 * effect.plausible), ""
+        small, got, missing = np.full(effect.parameter.size, 0.01 * effect.plausible), "", False
         try:
             read, without = (np.asarray(effect.wrench(rows, wrench.copy(), value)) for value in (small, 0 * small))
             touch = [np.asarray(effect.clearance(rows, finger, 0 * small)) for finger in (0, 1)]
@@ -157,9 +158,14 @@ def applicable(effects: Mapping[str, LabEffect], rows: LogRows, asked: Sequence[
             elif not np.allclose(without[known], wrench[known]) or any(np.nan_to_num(one).any() for one in touch):
                 got = "a change where its parameter is 0"
         except KeyError as error:
-            got = f"no column {error.args[0]!r} in trials.csv"
+            missing, got = True, f"no column {error.args[0]!r} in trials.csv"
+        # a mistake in somebody's effect is told by its name, whatever it is
+        except Exception as error:
+            got = f"{type(error).__name__}: {error}"
         if not got:
             found[id] = effect
         elif id in asked:
             raise InputError(f"effect {id}", f"expected finite loads {rows.wrench.shape} of a log with {effect.needs}", got)
+        elif not missing:
+            warnings.warn(StablepushWarning(f"the registered effect {id} is left out, it gives {got}"), stacklevel=2)
     return found

@@ -7,6 +7,7 @@ import pytest
 from conftest import FORCES, LOAD, MASS, QUIET, check_schema, edited, make_log, pressure, triangle
 
 import stablepush as sp
+from stablepush.diagnosis.finger_forces import FingerForces
 from stablepush.diagnosis.observations import finger_places, observe
 from stablepush.rig import edge_command
 
@@ -143,3 +144,51 @@ def test_a_single_push_that_loses_the_object_shows_the_friction_of_the_fingers(e
     report = sp.diagnose(rig.execute([straight, slanted], seed=1).log)
     assert report.named == ["contact-friction"]
     assert report.ranking[0].parameters["mu"].estimate == pytest.approx(mu, abs=0.01)
+
+
+def worn_fingers(*pushes, mu=0.3):
+    """The report on pushes of a bracket by two fingers with worn pads, of whose friction 0.5 is believed."""
+    feet = sp.SupportDistribution([(-0.03, -0.02), (0.06, -0.03), (-0.03, 0.05)], [1, 1, 1])
+    outline = [(0.0, 0.0), (0.12, 0.0), (0.12, 0.05), (0.05, 0.05), (0.05, 0.11), (0.0, 0.11)]
+    slider = sp.Slider(sp.Slider.centered(outline).vertices, mass=0.8, support=feet)
+    worn = [sp.parse_effect(f"contact-friction:mu={mu}")]
+    noise = sp.Noise(0.02, 1e-4, 1e-3)
+    rig = sp.VirtualRig(slider, sp.IdealLimitSurface(feet, 2.7), 0.5, sp.Pusher.two_fingers(0.06, 0.005), worn, noise)
+    made = [
+        sp.EdgePush.on_edge(slider, 0, 0.06, direction=direction, distance=0.1, speed=0.04, width=0.06, start=(0, 0, 0.4))
+        for direction in pushes
+    ]
+    return sp.diagnose(rig.execute(made, seed=1).log)
+
+
+def test_a_slip_that_cannot_be_named_makes_the_next_plan_safe():
+    """One push creeps at the edge of the worn cone and loses nothing: no cause can be named, and yet the next plan must hold."""
+    report = worn_fingers(0.0, -0.31, 0.1)
+    assert report.named == []
+    assert report.corrected[0].contact_friction == pytest.approx(0.3, abs=0.02)
+    assert any("a corrected scene takes 0.3" in note for note in report.notes)
+    # fingers that stick throughout suspect nothing
+    report = worn_fingers(0.0, -0.2, 0.1)
+    assert report.corrected[0].contact_friction is None and not any("crept" in note for note in report.notes)
+
+
+@pytest.mark.parametrize(
+    ("slips", "creeps", "ratio", "suspected"),
+    (
+        ((0, 0, 0), (0, 1, 0), (0.1, 0.25, 0.2), 0.25),
+        ((0, 0, 0), (0, 1, 1), (0.1, 0.25, 0.05), 0.25),
+        # fingers that stick bound it from below
+        ((0, 0, 0), (0, 1, 0), (0.1, 0.25, 0.26), 0.26),
+        ((0, 0, 0), (0, 1, 0), (0.1, 0.25, 0.45), None),
+        # no less than what is believed; against the slip; nothing moves; enough for a test
+        ((1, 0, 0), (0, 0, 0), (0.45, 0.1, 0.1), None),
+        ((0, 0, 0), (0, 1, 0), (0.1, -0.25, 0.2), None),
+        ((0, 0, 0), (0, 0, 0), (0.1, 0.25, 0.2), None),
+        ((1, 1, 1), (0, 0, 0), (0.25, 0.25, 0.25), None),
+    ),
+)
+def test_friction_is_suspected_where_few_fingers_move(slips, creeps, ratio, suspected):
+    order = np.linspace(0, 1, 3)
+    of = FingerForces(np.arange(3), order, np.array(slips, bool), np.array(creeps, bool), np.array(ratio), np.full(3, 0.01))
+    assert of.suspected(0.5) == suspected
+    assert of.suspected(None) is None

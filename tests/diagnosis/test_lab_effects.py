@@ -191,3 +191,20 @@ def test_the_command_line_knows_registered_effects(monkeypatch, tmp_path, capsys
     arguments = ["simulate", str(tmp_path / "scene.json"), str(tmp_path / "plan.json"), "-o", str(tmp_path / "log")]
     assert main([*arguments, "--effect", "humidity:slope=0.01"]) == 2
     assert "those of a lab are diagnosed, not simulated" in capsys.readouterr().err
+
+
+class Broken(Humidity):
+    id = "broken"
+
+    def wrench(self, rows, wrench, value):
+        return wrench * (1 + value[0] * rows.columns["humidity"])  # a column, where rows of three are
+
+
+def test_a_mistake_in_an_effect_is_told_by_its_name(clean, monkeypatch):
+    with pytest.raises(sp.InputError, match=r"effect broken: .*ValueError: operands could not be broadcast"):
+        sp.diagnose(clean, effects=[Broken()])
+    # one that a package registered is left out, and the log is diagnosed all the same
+    monkeypatch.setattr("stablepush.effects.lab.plugin_names", lambda group: ["broken"])
+    monkeypatch.setattr("stablepush.effects.lab.load_plugin", lambda group, name: Broken)
+    with pytest.warns(sp.StablepushWarning, match="the registered effect broken is left out, it gives ValueError"):
+        assert sp.diagnose(clean).verdict == "none"

@@ -3,6 +3,7 @@ choose from."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -228,6 +229,12 @@ def plot_contacts(
         axes.plot([], [], marker="o", markerfacecolor="white", color="black", linestyle="none", label="no stable turn")
     words = ", ".join(f"{1e3 * width:.0f} mm" for width in widths)
     axes.plot(0, 0, marker="+", color="black", markersize=9, linestyle="none", label="centre of mass")
+    for edge in range(len(slider.vertices)):
+        start, end = slider.edge(edge)
+        inwards = np.array((start[1] - end[1], end[0] - start[0])) / np.linalg.norm(end - start)
+        x, y = (start + end) / 2 + 0.6 * gap * inwards
+        along = (math.degrees(math.atan2(*(end - start)[::-1])) + 90) % 180 - 90
+        axes.text(x, y, f"edge {edge}", fontsize=7, color="0.35", ha="center", va="center", rotation=along)
     axes.margins(0.12)
     axes.set_xlabel("x in B [m]")
     axes.set_ylabel("y in B [m]")
