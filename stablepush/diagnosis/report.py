@@ -87,7 +87,17 @@ class GapReport:
         """What to do, in order, against each named effect, and what the verdict asks for."""
         if self.verdict != "named":
             return [self.verdict.advice]
-        return [f"{id}: {CATALOGUE[id].remedy if id in CATALOGUE else LAB_REMEDY}" for id in self.named]
+        return [f"{id}: {CATALOGUE[id].remedy if id in CATALOGUE else LAB_REMEDY}{self._in_numbers(id)}" for id in self.named]
+
+    def _in_numbers(self, id: str) -> str:
+        """What to write into the mapping of an import, for effects that it takes off."""
+        found = next((entry.estimates for entry in self.ranking if entry.effect == id), {})
+        if id == "frame-offset" and "offset" in found:
+            x, y = (-value + 0.0 for value in found["offset"])
+            return f". Here, if there was none: body_pose: [{x:.5f}, {y:.5f}, 0]"
+        if id == "latency" and "delay" in found:
+            return f". Here: pose_delay: {found['delay']:.4f}"
+        return ""
 
     @property
     def settled(self) -> bool:

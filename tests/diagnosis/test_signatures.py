@@ -57,6 +57,8 @@ def test_estimates_are_those_that_are_fitted_together():
     assert found.correlation.shape == (len(found.names),) * 2
     assert np.allclose(np.diag(found.correlation), 1.0) and np.allclose(found.correlation, found.correlation.T)
     assert np.abs(found.correlation).max() <= 1.0 and not found.at_bound
+    # what to write into the mapping of an import
+    assert any(step.startswith("latency: ") and "pose_delay: 0.08" in step for step in report.steps)
     # a delay shows in the clearances more clearly than in the loads
     units = {signature.effect: signature.unit for signature in report.signatures}
     assert units == {"drift": "N", "latency": "m"}
