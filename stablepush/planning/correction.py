@@ -112,5 +112,6 @@ def load_corrections(path: str | Path) -> tuple[Correction, ...]:
 def likeliest(corrections: Sequence[Correction]) -> Correction:
     """Return the most probable correction, the first of equally probable ones."""
     if not corrections:
-        raise InputError("report", "expected a diagnosis with at least one correction")
+        words = "a log that could not be diagnosed, as one of a single push, or was compared with another simulator's, has none"
+        raise InputError("report", f"expected a diagnosis with at least one correction; {words}")
     return corrections[int(np.argmax([entry.probability for entry in corrections]))]
