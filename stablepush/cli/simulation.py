@@ -195,7 +195,7 @@ def _warn_if_invalid(problem: PlanningProblem, result: PlanResult, path: Path) -
 
     report = check_plan(problem, result)
     if not report.valid:
-        print(f"{path}: note: the plan does not pass the check: {report.objections[0]}", file=sys.stderr)
+        print(f"{path}: note: the plan does not pass the check of this scene: {report.objections[0]}", file=sys.stderr)
 
 
 def slide(

@@ -92,7 +92,7 @@ def _of_acting(id: str, system: System, found: Attribution) -> Evidence:
                 certain = screening.family_wise_p <= system.demands.family_wise_p
                 times = "" if certain else f"{system.demands.certain:g} times "
                 clauses.supporting.append(
-                    f"when it was found, the log density rose by more than {times}the threshold from its scatter between pushes"
+                    f"most pushes speak for it: when it was found, the log density rose by more than {times}its threshold"
                 )
                 words = f"when it was found, its family-wise p-value was {_p(screening.family_wise_p)}"
                 (clauses.supporting if certain else clauses.opposing).append(words)
@@ -134,7 +134,9 @@ def _failed(screening: Screening, system: System) -> str:
     if screening.gain <= least:
         return f"too little, it takes {readable(least)}"
     if screening.statistic <= least:
-        return f"but its statistic over pushes is {readable(screening.statistic)}, it takes {readable(least)}"
+        return (
+            f"but few pushes bring that: the statistic over pushes is {readable(screening.statistic)}, it takes {readable(least)}"
+        )
     if not screening.possible:
         return "but it is too small to matter, or of a sign that it cannot have"
     if screening.significantly_better is False:

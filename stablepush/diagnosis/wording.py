@@ -112,7 +112,7 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
     more = f", what is left is {left:.0f} times the floor" if left > _LEFT else ""
     alone = refitted.get(channel)
     if alone is not None and entry.before**2 - alone**2 > _MUCH * (entry.before**2 - entry.after**2):
-        more += f"; a refitted surface without any named cause leaves {factor * alone:.3g}{unit}"
+        more += f"; refitting the surface alone would leave {factor * alone:.3g}{unit}"
     return (
         f"; so corrected, {_ERRORS_OF[channel]} on pushes left out of the fit falls from {before} to {after}{unit} rms "
         f"({'within the noise' if entry.within_noise else f'floor {floor}{unit}'}): {explained} is explained{more}"

@@ -17,7 +17,7 @@ from stablepush.core import FloatArray, InputError, StablepushWarning, Unavailab
 from stablepush.effects.catalogue import CATALOGUE, Parameter
 
 #: What to do about an effect of a lab's own.
-LAB_REMEDY = "it is in no corrected rig or scene: mend the rig, or model the effect in your own simulation"
+LAB_REMEDY = "stablepush correct cannot reckon with it: mend the rig, or model the effect in your own simulation"
 _GROUP = "stablepush.effects"
 _ACTS = ("support", "sensing")
 

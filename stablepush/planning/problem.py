@@ -249,7 +249,7 @@ class PlanningProblem:
         return replace(self, obstacles=tuple(np.asarray(ring.coords, dtype=np.float64)[:-1] for ring in rings))
 
     def docked_outlines(self, contact: PushContact) -> list[FloatArray]:
-        """Return the same in B (m)."""
+        """Return the outlines of the docked pusher, in B (m)."""
         return [transform_points(contact.frame, outline) for outline in self.pusher_outlines(contact)]
 
     def push_speed(self, twists: ArrayLike) -> FloatArray:

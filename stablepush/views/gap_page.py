@@ -96,8 +96,8 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     rows = [(entry.effect, _effect(entry, report.evidence[entry.effect])) for entry in report.ranking]
     text = (
         "Probability of each effect of the catalogue given the others that are named, its parameters with 95 % intervals, and "
-        "the evidence for and against it; or why it is not identifiable from this log. The gain of the fit: by how "
-        "much its sum of squares falls, in units of the scatter that is left."
+        "the evidence for and against it; or why it is not identifiable from this log. The gain of the fit: how "
+        "much its sum of squares falls, in units of the scatter that is left; from 18 on it counts."
     )
     sections.append(Section.with_picture("Why", figure_png(plot_effects(report)), text, rows))
     after = report.next_experiment

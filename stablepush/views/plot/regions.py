@@ -238,9 +238,8 @@ def plot_contacts(
     axes.margins(0.12)
     axes.set_xlabel("x in B [m]")
     axes.set_ylabel("y in B [m]")
-    axes.set_title(
-        title or f"Rows outwards: fingers {words} apart; best: edge {best.edge}, {values[0]:.3g} {unit_name}", fontsize=10
-    )
+    rows = f"A dot: the middle of two fingers, {words} apart row by row outwards"
+    axes.set_title(title or f"{rows}\nbest: edge {best.edge}, {values[0]:.3g} {unit_name}", fontsize=10)
     legend(axes, columns=2)
     return axes
 
