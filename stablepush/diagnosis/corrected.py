@@ -13,7 +13,6 @@ from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.corrected_surface import corrected_surface
 from stablepush.diagnosis.equations import OF_PRESSURE, Fitted
-from stablepush.diagnosis.finger_forces import finger_forces
 from stablepush.diagnosis.ranking import rank
 from stablepush.diagnosis.results import RankedEffect
 from stablepush.diagnosis.system import System
@@ -53,21 +52,21 @@ def corrections(
     effects: Sequence[str],
     refitted: bool,
     unexplained: bool,
+    suspected_friction: float | None = None,
 ) -> list[Correction]:
     """Return the rigs that a diagnosis leaves possible, each with its probability; all :func:`in_own_forms`.
 
     One, or one for each of the causes that cannot be separated. ``refitted``: the shape of the nominal surface does not fit,
     another one takes its place. ``unexplained``: there is a gap, and no effect is named; friction of the fingers that no push
-    has shown is then less certain than it was.
+    has shown is then less certain than it was. ``suspected_friction``: of fingers, that too few pushes show for a name.
     """
     with system.own_forms():
         found_rigs = _corrections(system, found, ranking, effects, refitted)
     nominal = system.rig.contact_friction
-    forces = finger_forces(system, found.final)
-    least = None if forces is None or "contact-friction" in effects else forces.suspected(nominal)
-    if least is not None:
+    if suspected_friction is not None:
         # what holds with less friction holds with more
-        return [replace(rig, contact_friction=least, contact_friction_error=_SUSPECTED * least) for rig in found_rigs]
+        error = _SUSPECTED * suspected_friction
+        return [replace(rig, contact_friction=suspected_friction, contact_friction_error=error) for rig in found_rigs]
     if not unexplained or nominal is None:
         return found_rigs
     return [replace(rig, contact_friction_error=_UNSHOWN * nominal) for rig in found_rigs]

@@ -54,19 +54,19 @@ class FingerForces:
     @property
     def agree(self) -> bool:
         """Whether all moving trials give the same friction, and no sticking one has a greater ratio."""
-        return self._give_one(self.moving)
+        return self._agree(self.moving)
 
     @property
-    def showing(self) -> BoolArray:
+    def informative(self) -> BoolArray:
         """Trials (n,) whose fingers slip fast; those whose fingers creep, which may stick as well, if there are no others."""
         return self.slips if self.slips.any() else self.creeps
 
     @property
-    def show_one(self) -> bool:
-        """Whether all :attr:`showing` trials give the same friction, and no other one has a greater ratio."""
-        return self._give_one(self.showing)
+    def informative_agree(self) -> bool:
+        """Whether all :attr:`informative` trials give the same friction, and no other one has a greater ratio."""
+        return self._agree(self.informative)
 
-    def suspected(self, nominal: float | None) -> float | None:
+    def suspected_friction(self, nominal: float | None) -> float | None:
         """Return the friction at which fingers moved although ``nominal`` friction would have held them, for plans to be safe.
 
         It is the largest ratio of trials whose fingers slip or creep, if no sticking one has a much greater ratio. None if that
@@ -80,7 +80,7 @@ class FingerForces:
             return None
         return max(moved, held)
 
-    def _give_one(self, shown: BoolArray) -> bool:
+    def _agree(self, shown: BoolArray) -> bool:
         ratios, others = self.ratio[shown], self.ratio[~shown]
         middle = float(np.median(ratios)) if len(ratios) else 0.0
         same = (np.abs(ratios - middle) < _SAME * middle).all() and (others < (1 + _SAME) * middle).all()

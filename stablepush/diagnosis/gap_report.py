@@ -202,9 +202,11 @@ def _diagnose(
     if judged.slipping:
         notes.append(slipping_note([observations.names[k] for k in judged.slipping], len(log)))
     forces = finger_forces(system, found.final)
-    suspected = None if forces is None or "contact-friction" in reported else forces.suspected(log.rig.contact_friction)
-    if suspected is not None and log.rig.contact_friction is not None and comparison is None:
-        notes.append(suspicion_note(suspected, log.rig.contact_friction))
+    nominal, suspected = log.rig.contact_friction, None
+    if forces is not None and comparison is None and "contact-friction" not in reported:
+        suspected = forces.suspected_friction(nominal)
+    if suspected is not None and nominal is not None:
+        notes.append(suspicion_note(suspected, nominal))
     return GapReport(
         log=name,
         trials=len(log),
@@ -224,7 +226,7 @@ def _diagnose(
         effects=report_effects,
         corrected=[]
         if comparison is not None
-        else corrections(system, *simulated_as, reshaped, verdict in ("absorbed", "unknown")),
+        else corrections(system, *simulated_as, reshaped, verdict in ("absorbed", "unknown"), suspected),
         evidence=evidence(system, found, ranking, reported, why),
         residuals={k: system.observations.wrench - v for k, v in held.wrenches.items()},
         ends=held.ends,

@@ -12,6 +12,7 @@ from stablepush.core import FloatArray
 from stablepush.diagnosis.equations import Fitted
 from stablepush.diagnosis.system import IN_CLEARANCES, System
 from stablepush.effects import CATALOGUE
+from stablepush.geometry import rotate_vectors
 
 #: Effects that are fitted as the two components of a pattern with two lobes, of which ratio and direction follow.
 _LOBES = ("anisotropy-world", "anisotropy-object")
@@ -19,7 +20,8 @@ _LOBES = ("anisotropy-world", "anisotropy-object")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signature:
-    """An effect in the measurements of n pushes: added-variable data. If it acts as fitted, ``left`` is ``given`` but for noise.
+    """An effect in the measurements of n pushes: added-variable data. If it acts as fitted, the partial
+    residual is the contribution but for noise.
 
     Attributes
     ----------
@@ -27,17 +29,17 @@ class Signature:
         ``unit`` is "N" for loads, "m" for clearances between fingers and outline.
     parts : sequence of str
         Names of the c components.
-    given : array, shape (n, c)
+    contribution : array, shape (n, c)
         What the effect adds to the prediction at its estimate: medians over the rows of each push.
-    left : array, shape (n, c)
+    partial_residual : array, shape (n, c)
         Measured less predicted without the effect; all else as fitted.
     """
 
     effect: str
     unit: str
     parts: Sequence[str]
-    given: FloatArray
-    left: FloatArray
+    contribution: FloatArray
+    partial_residual: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,12 +94,10 @@ def _in_loads(system: System, fitted: Fitted, id: str) -> tuple[float, Signature
     o = system.observations
     without = system.model.predict(fitted.loads, {name: value for name, value in acting.items() if name != id})
     given = system.model.predict(fitted.loads, acting) - without
-    along = o.wrench[:, :2] / np.maximum(np.linalg.norm(o.wrench[:, :2], axis=1, keepdims=True), np.finfo(float).tiny)
-    across = np.column_stack((-along[:, 1], along[:, 0]))
+    direction = np.arctan2(o.wrench[:, 1], o.wrench[:, 0])
 
     def parts(load: FloatArray) -> FloatArray:
-        force = load[:, :2]
-        return np.column_stack(((force * along).sum(axis=1), (force * across).sum(axis=1), load[:, 2] / system.rho))
+        return np.column_stack((rotate_vectors(-direction, load[:, :2]), load[:, 2] / system.rho))
 
     names = ("along the load", "across the load", "moment over rho")
     pushes = [_medians(parts(load), o.trial) for load in (given, o.wrench - without)]

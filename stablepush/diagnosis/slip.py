@@ -71,13 +71,13 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
     before = sizes(nominal)
     off = before > _OFF
     seen = finger_forces(system, final)
-    if seen is not None and seen.show_one and off.any():
+    if seen is not None and seen.informative_agree and off.any():
         # few fingers slip fast enough for their forces alone to tell, but the object ends where that friction takes it
-        trials = seen.trial[seen.showing]
+        trials = seen.trial[seen.informative]
         told = off & np.isin([push.trial for push in pushes], trials)
-        shown = float(np.median(seen.ratio[seen.showing]))
+        shown = float(np.median(seen.ratio[seen.informative]))
         # where a push that is lost ends hangs on the third digit of the friction: then that with which it ends best
-        reach = _REACH * float(seen.error[seen.showing].max())
+        reach = _REACH * float(seen.error[seen.informative].max())
         for mu in (shown, _scanned(loss, shown + reach * np.linspace(-1, 1, _NEAR))[0]):
             after = sizes(mu)
             # the force of a single push might be turned by fingers that are aside

@@ -181,12 +181,11 @@ def _scale(rows: list[dict[str, Any]], slider: Slider) -> float:
 
 
 def _rows_of_loads(report: GapReport) -> _Seen:
-    along = report.loads[:, :2] / np.maximum(np.linalg.norm(report.loads[:, :2], axis=1, keepdims=True), 1e-9)
-    across = np.stack((-along[:, 1], along[:, 0]), axis=-1)
+    direction = np.arctan2(report.loads[:, 1], report.loads[:, 0])
     parts = {}
     for key in ("before", "after"):
         force, moment = report.residuals[key][:, :2], report.residuals[key][:, 2]
-        parts[key] = np.column_stack(((force * along).sum(axis=1), (force * across).sum(axis=1), 1000 * moment))
+        parts[key] = np.column_stack((rotate_vectors(-direction, force), 1000 * moment))
     arrows = {key: rotate_vectors(report.poses[:, 2], report.residuals[key][:, :2]) for key in ("before", "after")}
     # the places of several logs coincide
     order = report.orders if report.logs else 1 + np.unique(report.orders, return_inverse=True)[1]

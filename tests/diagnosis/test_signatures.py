@@ -27,13 +27,16 @@ def tilted():
 def test_a_slope_gives_what_is_left_without_it(tilted):
     assert tilted.named == ["tilt"]
     (signature,) = tilted.signatures
-    assert (signature.effect, signature.unit) == ("tilt", "N") and signature.given.shape == signature.left.shape == (40, 3)
+    assert (signature.effect, signature.unit) == (
+        "tilt",
+        "N",
+    ) and signature.contribution.shape == signature.partial_residual.shape == (40, 3)
     # a slope pulls with m g times its size, and turns nothing about the centre of mass
     size = np.hypot(*tilted.ranking[0].estimates["slope"])
-    forces = np.linalg.norm(signature.given[:, :2], axis=1)
-    assert forces.max() <= 1.5 * 9.81 * size * (1 + 1e-6) and np.abs(signature.given[:, 2]).max() < 1e-9
+    forces = np.linalg.norm(signature.contribution[:, :2], axis=1)
+    assert forces.max() <= 1.5 * 9.81 * size * (1 + 1e-6) and np.abs(signature.contribution[:, 2]).max() < 1e-9
     # it is what is left without it, but for pushes that turn about a foot, whose load is uncertain
-    given, left = signature.given[:, :2].ravel(), signature.left[:, :2].ravel()
+    given, left = signature.contribution[:, :2].ravel(), signature.partial_residual[:, :2].ravel()
     large = np.abs(given) > 0.5 * np.abs(given).max()
     assert np.median(left[large] / given[large]) == pytest.approx(1.0, abs=0.1)
     assert (np.abs(left - given) < 0.3 * np.abs(given).max()).mean() > 0.8
@@ -63,7 +66,7 @@ def test_estimates_are_those_that_are_fitted_together():
     units = {signature.effect: signature.unit for signature in report.signatures}
     assert units == {"drift": "N", "latency": "m"}
     delay = next(s for s in report.signatures if s.effect == "latency")
-    assert np.corrcoef(delay.given[:, 0], delay.left[:, 0])[0, 1] > 0.95
+    assert np.corrcoef(delay.contribution[:, 0], delay.partial_residual[:, 0])[0, 1] > 0.95
     assert len(plot_signatures(report)) == 2
 
 

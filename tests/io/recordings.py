@@ -1,9 +1,14 @@
 """Pushes that are known in closed form, as a tracker, a robot and a force sensor see them from the world."""
 
+import json
+
 import numpy as np
+import yaml
 
 import stablepush as sp
+from stablepush.cli import main
 from stablepush.geometry import compose, exp, rotate_vectors, transform_points
+from stablepush.io import slider_to_json
 
 SLIDER = sp.Slider.rectangle(0.10, 0.06, 0.8)
 RADIUS = 0.005
@@ -32,3 +37,24 @@ def recorded(count=3, rate=100.0, twist=(0.002, 0.02, 0.1), offset=(0.0, 0.0, 0.
         trials += [f"p{k}"] * len(clock)
         loads.append((*force, place[0] * force[1] - place[1] * force[0]))
     return [np.concatenate(part) for part in (t, poses, tips, forces)], trials, np.array(loads)
+
+
+RIG = {"finger_radius": RADIUS, "friction": {"support": None, "contact": 0.5}}
+
+
+def slider_file(folder, slider=SLIDER):
+    path = folder / "slider.json"
+    path.write_text(json.dumps(slider_to_json(slider)), encoding="utf-8")
+    return path
+
+
+def mapping_file(folder, **entries):
+    path = folder / "mapping.yaml"
+    slider_file(folder)
+    path.write_text(yaml.safe_dump({"slider": "slider.json", **RIG, **entries}), encoding="utf-8")
+    return path
+
+
+def imported(capsys, *arguments):
+    code = main(["import", *map(str, arguments)])
+    assert code == 0, capsys.readouterr().err

@@ -127,15 +127,14 @@ def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np
     """Draw the residual force along and across the measured one, against heading and trial order, before and after the
     correction; into four axes, which are returned (2, 2)."""
     shown = panels((6.6, 4.8), 2, 2, ax, sharey="row")
-    load = report.loads[:, :2] / np.maximum(np.linalg.norm(report.loads[:, :2], axis=1, keepdims=True), 1e-9)
-    across = np.stack((-load[:, 1], load[:, 0]), axis=-1)
-    for row, (direction, name) in enumerate(((load, "along the load [N]"), (across, "across it [N]"))):
+    direction = np.arctan2(report.loads[:, 1], report.loads[:, 0])
+    for row, name in enumerate(("along the load [N]", "across it [N]")):
         for column, (values, label) in enumerate(
             ((np.degrees(report.headings), "heading of the motion in W [deg]"), (report.orders, ""))
         ):
             axes = shown[row, column]
             for key, color, marker in (("before", PUSHER, "o"), ("after", COUNTER_CLOCKWISE, ".")):
-                residual = (report.residuals[key][:, :2] * direction).sum(axis=1)
+                residual = rotate_vectors(-direction, report.residuals[key][:, :2])[:, row]
                 axes.plot(
                     values,
                     residual,
@@ -227,7 +226,7 @@ def plot_signatures(report: GapReport, ax: ArrayLike | None = None) -> np.ndarra
     shown = panels((4.2 * count, 3.9), 1, count, ax)[0]
     for axes, signature in zip(shown, report.signatures, strict=True):
         factor, unit = shown_unit(signature.unit)
-        given, left = factor * signature.given, factor * signature.left
+        given, left = factor * signature.contribution, factor * signature.partial_residual
         sizes = np.abs(given).max(axis=0)
         for k, (marker, color) in zip(range(len(sizes)), (("o", COUNTER_CLOCKWISE), ("^", PUSHER), ("s", _THIRD)), strict=False):
             # a component that the effect leaves alone says nothing of it

@@ -15,6 +15,7 @@ from stablepush.mechanics import Pusher, PushTrace, Slide
 from stablepush.objects import Slider
 from stablepush.surfaces import LimitSurface
 from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, GOAL, OBSTACLE, PUSHER, SLIDER, START, canvas, fill, legend
+from stablepush.views.plot.surfaces import plot_limit_surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,23 +85,14 @@ def plot_wrench_paths(
 
     ``wrenches`` holds paths by name, as ``Slide.wrenches`` or ``PushTrace.wrenches``.
     """
-    axes: Any = canvas((7.5, 6.8), equal=False, ax=ax, projection="3d")
+    axes: Any = plot_limit_surface(surface, title=title or "Loads on the limit surface", ax=ax)
     rho = surface.characteristic_length
-    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 61), np.linspace(-np.pi / 2, np.pi / 2, 31))
-    twists = np.stack((np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v) / rho), axis=-1)
-    loads = surface.wrench(twists) / (1, 1, rho)
-    axes.plot_wireframe(*np.moveaxis(loads, -1, 0), color="0.75", linewidth=0.5, rstride=2, cstride=3)
     for (name, path), color in zip(
         wrenches.items(), ("#D55E00", "black", "#0072B2", "#009E73", "#E69F00", "#CC79A7"), strict=False
     ):
         points = np.asarray(path, dtype=np.float64) / (1, 1, rho)
         axes.plot(*points.T, color=color, linewidth=2.0, label=name)
         axes.plot(*points[-1:].T, marker="o", color=color, linestyle="none")
-    axes.set_xlabel(f"fx [{surface.force_unit}]")
-    axes.set_ylabel(f"fy [{surface.force_unit}]")
-    axes.set_zlabel(f"tau/rho [{surface.force_unit}]")
-    axes.set_box_aspect((1, 1, 1))
-    axes.set_title(title or "Loads on the limit surface")
     if wrenches:
         axes.legend(loc="upper left", frameon=False)
     return axes  # type: ignore[no-any-return]
