@@ -75,6 +75,8 @@ def diagnose(
     friction = report.support_friction
     if friction is not None:
         print(f"support friction: {friction:.3g} as refitted, where {report.rig.support_friction:.3g} was assumed")
+    for id, needs in report.untested.items():
+        print(f"not tested: {id}, which needs {needs}")
     for words in report.steps if report.verdict != "none" else ():
         print(f"to do: {words}")
     if answer is not None and report.corrected and report.changes_plans:

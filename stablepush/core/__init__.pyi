@@ -41,7 +41,12 @@ from .errors import (
 )
 from .first_build import at_first_build as at_first_build
 from .json_node import Node as Node, describe as describe
-from .parallel import in_threads as in_threads, run_parallel as run_parallel, usable_cores as usable_cores
+from .parallel import (
+    in_threads as in_threads,
+    one_blas_thread as one_blas_thread,
+    run_parallel as run_parallel,
+    usable_cores as usable_cores,
+)
 from .plausibility import (
     note_cors as note_cors,
     note_distance as note_distance,

@@ -6,6 +6,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any
 
 from stablepush.core.errors import InputError
@@ -94,6 +95,19 @@ def _on_cluster(function: Callable[..., Any], jobs: list[tuple[Any, ...]], clien
                 yield future.result()
         finally:
             client.cancel(futures)
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Let BLAS use one thread, for products of small matrices.
+
+    Its threads gain nothing there, and wait for each other by spinning: beside another busy process a diagnosis took 15 times as
+    long.
+    """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield
 
 
 def usable_cores() -> int:

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from stablepush.core import InputError
+from stablepush.core import InputError, one_blas_thread
 from stablepush.diagnosis.attribution import Attribution, attribute
 from stablepush.diagnosis.contact_friction import slip_friction
 from stablepush.diagnosis.corrected import corrections, in_own_forms, of_last_log
@@ -78,9 +78,10 @@ def diagnose(
     if simulated is not None and not isinstance(simulated, PushLog):
         raise InputError("simulated", "expected a PushLog, as of read_pushlog", type(simulated).__name__)
     names = [name] if isinstance(name, str) else list(name or ())
-    if len(logs) > 1:
-        return _diagnose_together(logs, names, simulated, effects, progress)
-    return _diagnose(logs[0], names[0] if names else "", None, simulated, effects, progress)
+    with one_blas_thread():
+        if len(logs) > 1:
+            return _diagnose_together(logs, names, simulated, effects, progress)
+        return _diagnose(logs[0], names[0] if names else "", None, simulated, effects, progress)
 
 
 def _diagnose_together(
@@ -136,7 +137,8 @@ def _diagnose(
     turned = _turned_round(observations)
     if turned:
         return without_causes(log, name, Verdict.UNKNOWN, [], [], f"{turned[0].upper()}{turned[1:]}.", [turned], UNSEEN)
-    own = applicable(lab_effects(effects), log_rows(observations), [effect.id for effect in effects])
+    of_lab = lab_effects(effects)
+    own = applicable(of_lab, log_rows(observations), [effect.id for effect in effects])
     system, pushes, left_out = _equations(log, observations, own, comparison, number)
     if comparison is not None and not system.has_wrench and not pushes:
         return _only_compared(log, name, comparison)
@@ -173,11 +175,12 @@ def _diagnose(
         if entry.effect in of_rig and entry.effect in CATALOGUE and entry.effect not in dropped
     }
     notes = notes_on(log, system, found, reported, judged.share, judged.p_share, left_out)
-    untested = [effect.id for effect in effects if not system.has_wrench]
-    if untested:
-        notes.append(f"effects of the lab's own need forces: {', '.join(untested)} was not tested")
-    elif system.has_wrench:
-        notes += [f"{id} was not tested: it needs {effect.needs}" for id, effect in lab_effects(effects).items() if id not in own]
+    untested = {
+        id: effect.needs if system.has_wrench else "forces"
+        for id, effect in of_lab.items()
+        if id not in own or not system.has_wrench
+    }
+    notes += [f"{id} was not tested: it needs {needs}" for id, needs in untested.items()]
     if comparison is not None:
         notes = [*comparison.notes(), *notes]
     if verdict == "absorbed" and system.has_wrench and not refit_leaves_noise(system, held):
@@ -242,6 +245,7 @@ def _diagnose(
         signatures=signatures(system, found.final, reported),
         estimates=estimates(system, found.final) if found.final.values else None,
         times=system.observations.time,
+        untested=untested,
     )
 
 

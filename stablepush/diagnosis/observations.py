@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,10 @@ _AWAY = 1e-3
 _WIDEST = 0.03
 #: Rows of a trial, at most: of more, means over equal parts are taken.
 _MOST_ROWS = 12
+#: A force below this share of its median in a push has fallen away.
+_FALLEN = 0.5
+#: Noise of the mean twist of one row, of two and of more, over that of as many elsewhere, where the last is of one interval.
+_AT_END = (math.sqrt(2), math.sqrt(3.5), math.sqrt(3))
 #: Rows slower than this share of the median speed do not move.
 _REST = 0.05
 #: Differences of poses of so many standard deviations are none.
@@ -74,6 +78,8 @@ class Observations:
         Speed (m/s) at which the touching fingers move along the outline to the left of the normal; NaN if unknown.
     span : array, shape (n,)
         Time (s) over which the row's twist is a mean: noise of poses counts the less the longer it is.
+    blur : array, shape (n,)
+        Standard deviation (1/s) of the row's twist over that of a pose.
     group : list of str
         Of each trial; blank if none.
     rest : tuple of arrays (m,) of int and (m, 2)
@@ -103,6 +109,7 @@ class Observations:
     clearance: FloatArray
     slip: FloatArray
     span: FloatArray
+    blur: FloatArray
     group: list[str]
     rest: tuple[np.ndarray, FloatArray]
     finger_radius: float | None
@@ -141,7 +148,7 @@ def observe(log: PushLog) -> Observations:
     if usable.any():
         usable &= size > max(_REST * float(np.median(size[usable])), LEAST_POSITIVE)
     names = [str(name) for name in log.trials["trial"]]
-    rows_of = {name: np.flatnonzero((s["trial"] == name) & usable) for name in names}
+    rows_of_trial = {name: np.flatnonzero((s["trial"] == name) & usable) for name in names}
     seconds = np.asarray(s["t"], dtype=np.float64)
     still: list[str] = []
     for name in names:
@@ -150,13 +157,13 @@ def observe(log: PushLog) -> Observations:
         if _stands(poses[everywhere], log.rig.noise):
             # what noise makes of standing is no motion
             still.append(name)
-            rows_of[name] = np.zeros(0, dtype=int)
+            rows_of_trial[name] = np.zeros(0, dtype=int)
             poses[everywhere] = np.nan
     # blocks of rows whose means are the rows of the diagnosis, by trial
     blocks: list[tuple[int, np.ndarray]] = []
     ends: dict[int, tuple[FloatArray, FloatArray]] = {}
     whole: dict[int, float] = {}
-    for k, rows in enumerate(rows_of.values()):
+    for k, rows in enumerate(rows_of_trial.values()):
         ordered = rows[np.argsort(seconds[rows], kind="stable")]
         if len(ordered):
             ordered = ordered[: end_of_motion(poses[ordered], rho)]
@@ -205,6 +212,11 @@ def observe(log: PushLog) -> Observations:
     rank = np.argsort(np.argsort(begun, kind="stable"), kind="stable") / max(1, len(names) - 1)
     group = [str(g) for g in log.trials["group"]] if "group" in log.trials else [""] * len(names)
     span = _spans(trial, time, whole)
+    one_sided = _one_sided(log)
+    # a mean of m differences over two rows each telescopes: four poses of a weight of 1/2m, more at the ends of a push
+    at_end = [i not in whole and one_sided[part].any() for i, (_, part) in enumerate(blocks)]
+    gain = [_AT_END[min(len(part), 3) - 1] if end else 1.0 for end, (_, part) in zip(at_end, blocks, strict=True)]
+    blur = np.array(gain) / span
     rested = {str(name) for name in s["trial"][s["phase"] == "rest"]} if "phase" in s else set()
     from_rest = np.array([name in rested for name in names], dtype=bool)
     acceleration, unsteady = _rates(trial, time, twist, span, from_rest)
@@ -212,17 +224,20 @@ def observe(log: PushLog) -> Observations:
     touches = np.isfinite(place[:, 0, 0]) | np.isfinite(place[:, 1, 0])
     idle = np.isfinite(pusher).all(axis=1) & ~touches
     idle &= np.linalg.norm(wrench[:, :2], axis=1) <= _STANDS * (log.rig.noise.force if log.rig.noise else 0.0)
-    rows = np.flatnonzero(~idle)
-    trial, time, pose, twist, acceleration, unsteady, wrench, pusher, normal, place, clearance, slip, span = (
-        values[rows]
-        for values in (trial, time, pose, twist, acceleration, unsteady, wrench, pusher, normal, place, clearance, slip, span)
-    )
-    return Observations(
+    idle |= _losing(trial, touches, pusher, np.linalg.norm(wrench[:, :2], axis=1))
+    seen = Observations(
         names, trial, rank[trial], time, pose, twist, acceleration, unsteady, wrench, pusher,
-        normal, place, clearance, slip, span, group, _at_rest(log, names, rows_of, poses), radius,
+        normal, place, clearance, slip, span, blur, group, _at_rest(log, names, rows_of_trial, poses), radius,
         _fingers_off(log, trial, clearance), {name: _column(values) for name, values in log.trials.items()},
         still,
     )  # fmt: skip
+    return rows_of(seen, np.flatnonzero(~idle))
+
+
+def rows_of(o: Observations, chosen: np.ndarray) -> Observations:
+    """Return some rows of observations."""
+    arrays = {f.name: getattr(o, f.name)[chosen] for f in fields(o) if isinstance(getattr(o, f.name), np.ndarray)}
+    return replace(o, **arrays)
 
 
 def _stands(poses: FloatArray, noise: Noise | None) -> bool:
@@ -280,6 +295,32 @@ def _spans(trial: np.ndarray, time: FloatArray, whole: dict[int, float]) -> Floa
     known = np.isfinite(result)
     result[~known] = float(np.median(result[known])) if known.any() else 1.0
     return result
+
+
+def _losing(trial: np.ndarray, touches: BoolArray, pusher: FloatArray, force: FloatArray) -> BoolArray:
+    """Rows (n,) in which the object is being lost: the last ones of a push, no finger touches, and the force falls away."""
+    found = np.zeros(len(trial), dtype=bool)
+    for k in np.unique(trial[touches]):
+        rows = np.flatnonzero(trial == k)
+        touching = rows[touches[rows]]
+        after = rows[rows > touching[-1]]
+        gone = np.isfinite(pusher[after]).all(axis=1) & (force[after] < _FALLEN * np.median(force[touching]))
+        found[after[gone]] = True
+    return found
+
+
+def _one_sided(log: PushLog) -> BoolArray:
+    """Rows (n,) whose twist is not logged, and of one interval between poses: the first and the last of a trial."""
+    poses = np.asarray(np.isfinite(log.columns("x", "y", "theta")).all(axis=1))
+    poses &= ~np.asarray(np.isfinite(log.columns("vx", "vy", "omega")).all(axis=1))
+    found = np.zeros(len(poses), dtype=bool)
+    for name in log.trials["trial"]:
+        rows = log.rows(name)
+        known = rows[poses[rows]]
+        if len(known):
+            known = known[np.argsort(log.samples["t"][known], kind="stable")]
+            found[known[[0, -1]]] = True
+    return found
 
 
 def _rates(

@@ -81,6 +81,8 @@ class GapReport:
     estimates: Estimates | None = field(default=None, repr=False)
     #: time (s) of each row in its push
     times: FloatArray = field(default_factory=lambda: np.zeros(0), repr=False)
+    #: effects of the lab's own that this log cannot show, and what they need
+    untested: dict[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def steps(self) -> list[str]:

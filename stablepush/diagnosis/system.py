@@ -9,7 +9,7 @@ has: every judgement treats trials, not rows, as independent.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cached_property
 from types import MappingProxyType
 
@@ -27,7 +27,7 @@ from stablepush.diagnosis.equations import (
 )
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.nominal import CELLS, nominal_of, unit_loads
-from stablepush.diagnosis.observations import Observations, beyond_noise, contact_velocity
+from stablepush.diagnosis.observations import Observations, beyond_noise, contact_velocity, rows_of
 from stablepush.diagnosis.replay import Replay, carried, friction_of, pose_errors
 from stablepush.effects import FAMILIES, LabEffect, LogRows
 from stablepush.geometry import rotate_vectors
@@ -51,6 +51,8 @@ _STEADY = 0.3
 _OF_NOISE = 1.8
 #: How far (in units of the position noise) a rotation centre may be from a support point that it is taken to be at.
 _PIVOT = 4.0
+#: Odds that a row turns about one of the support points: the facets of a limit surface are flat.
+_TURNS = 0.3
 #: A push does not measure its final pose if noise of its first pose moves that pose so many times as far as noise of its last.
 _AMPLIFIED = 10.0
 #: Motions over which pressures are compared.
@@ -96,8 +98,9 @@ class System(Equations):
         chosen = observations.has_wrench if observations.has_wrench.any() else np.ones(len(observations.time), dtype=bool)
         o = rows_of(observations, chosen)
         self.noise = _noise(rig, o, noisier)
-        self.motion_noise = np.array((self.noise.position, self.noise.position, self.noise.angle)) / o.span[:, None]
-        self.observations = o = replace(o, acceleration=beyond_noise(o, self.motion_noise))
+        of_poses = np.array((self.noise.position, self.noise.position, self.noise.angle))
+        self.motion_noise = of_poses * o.blur[:, None]
+        self.observations = o = replace(o, acceleration=beyond_noise(o, of_poses / o.span[:, None]))
         self.push = pushes_of(o.group)
         self.log = np.zeros(len(o.names), dtype=int)
         self.own, self.rows = own, log_rows(o)
@@ -170,15 +173,19 @@ class System(Equations):
         beyond = self.model.beyond_points
         covariance += beyond[:, :, None] * beyond[:, None, :]
         # a support point that all but rests may have friction in any direction: the motion does not show it
+        carrying = 0 if self.believed.model is not None else np.count_nonzero(loads)
         for point, load in zip(self.points, loads, strict=True):
-            if load == 0.0 or self.believed.model is not None:
+            if load == 0.0 or not carrying:
                 continue
             x, y = point
             velocity = o.twist[:, :2] + o.twist[:, 2:] * (-y, x)
             jitter = (
                 spread[:, 0] ** 2 + (spread[:, 2] * np.hypot(x, y)) ** 2 + (_PIVOT * noise.position) ** 2 * o.twist[:, 2] ** 2
             )
-            unknown = load**2 * (jitter / (jitter + (velocity**2).sum(axis=1))) ** 2
+            # the odds that a row which seems to turn beside the point turns about it, by Bayes' rule
+            odds = _TURNS / carrying * (self.rho * o.twist[:, 2]) ** 2 / (2 * jitter)
+            odds = odds * np.exp(-0.5 * (velocity**2).sum(axis=1) / jitter)
+            unknown = load**2 * odds / (1 + odds)
             for arm in (np.array((1.0, 0.0, -y)), np.array((0.0, 1.0, x))):
                 covariance += unknown[:, None, None] * np.outer(arm, arm)
         # where the speed changes between rows, they do not show what the mass takes; rows that are all but at one time show
@@ -474,12 +481,6 @@ def pushes_of(groups: Sequence[str]) -> np.ndarray:
     names = [(g, 0) if g and together else ("", k) for k, g in enumerate(groups)]
     number = {name: k for k, name in enumerate(dict.fromkeys(names))}
     return np.array([number[name] for name in names], dtype=int)
-
-
-def rows_of(o: Observations, chosen: np.ndarray) -> Observations:
-    """Return some rows of observations."""
-    arrays = {f.name: getattr(o, f.name)[chosen] for f in fields(o) if isinstance(getattr(o, f.name), np.ndarray)}
-    return replace(o, **arrays)
 
 
 def system_of(observations: Observations, rig: Rig, own: Mapping[str, LabEffect] = MappingProxyType({})) -> System:

@@ -18,9 +18,9 @@ from scipy.linalg import block_diag
 from stablepush.core import FloatArray, InputError
 from stablepush.diagnosis.equations import SIZES, Values
 from stablepush.diagnosis.forward import ForwardModel
-from stablepush.diagnosis.observations import Observations, observe
+from stablepush.diagnosis.observations import Observations, observe, rows_of
 from stablepush.diagnosis.replay import Replay, friction_of, pose_errors
-from stablepush.diagnosis.system import System, log_rows, rows_of
+from stablepush.diagnosis.system import System, log_rows
 from stablepush.effects import LabEffect
 from stablepush.io import Noise, PushLog, Rig, rig_to_json
 from stablepush.surfaces import IdealLimitSurface

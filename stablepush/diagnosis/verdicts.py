@@ -109,7 +109,8 @@ def _without_names(
     """The verdict where no effect is named."""
     if no_fit:
         return Verdict.UNKNOWN
-    if not (found.recalibrated or unpredicted):
+    # a refit may predict better than a simulation that fits within the noise
+    if not unpredicted:
         return Verdict.NONE
     # a refit that leaves pushes where they were absorbs nothing of that
     absorbed = (found.recalibrated or _refit_may_absorb(system, held, clear)) and not refit_leaves_poses_off(held)

@@ -37,6 +37,10 @@ _NEARER = 1.02
 _MUCH = 0.5
 #: What a correction leaves is told from so many times the noise.
 _LEFT = 2.0
+#: An interval whose middle is so far from the estimate, over its half width, is told by its ends.
+_LOPSIDED = 0.2
+#: Effects of sensing that show in poses, too.
+_OF_POSES = {"latency", "frame-offset"}
 #: A power of ten that rounding has just missed is one.
 _LAST_BIT = 1e-9
 #: Channels as a sentence has them.
@@ -93,12 +97,10 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
     certain = {e.channel for e in reductions if e.ci95[0] > 0} | {"touch"}
     shares = [(e.channel, e.closed) for e in reductions if e.before > _NEARER * e.after] + [("touch", touch)]
     shares = [(channel, share) for channel, share in shares if share > _REPORTED]
-    if effects and all(id in CATALOGUE and CATALOGUE[id].acts == "contact" for id in effects):
-        # what the fingers do decides where the object goes
-        shares.sort(key=lambda entry: entry[0] != "pose")
-    else:
-        # the channel in which it shows best, one whose share is known; of those that are alike, the first
-        shares.sort(key=lambda entry: (entry[0] not in certain, -round(entry[1], 1)))
+    # the channel in which it shows best, one whose share is known; of those that are alike, the first
+    shares.sort(key=lambda entry: (entry[0] not in certain, -round(entry[1], 1)))
+    # but the one that the causes act on, where that is known to be nearer
+    shares.sort(key=lambda entry: entry[0] != _acts_on(effects) or entry[0] not in certain)
     if not shares:
         return ""
     channel, share = shares[0]
@@ -117,6 +119,14 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
         f"; so corrected, {_ERRORS_OF[channel]} on pushes left out of the fit falls from {before} to {after}{unit} rms "
         f"({'within the noise' if entry.within_noise else f'floor {floor}{unit}'}): {explained} is explained{more}"
     )
+
+
+def _acts_on(effects: Sequence[str]) -> str:
+    """The channel that effects of the catalogue act on, if it is the same for all; else blank."""
+    of_poses = [id in _OF_POSES or (id in CATALOGUE and CATALOGUE[id].acts == "contact") for id in effects]
+    of_loads = [id in CATALOGUE and not of_pose for id, of_pose in zip(effects, of_poses, strict=True)]
+    # what the fingers do decides where the object goes
+    return "pose" if effects and all(of_poses) else "wrench" if effects and all(of_loads) else ""
 
 
 def _cause(system: System, entry: RankedEffect) -> str:
@@ -148,16 +158,20 @@ def _may_be_nominal(kind: EffectKind, entry: RankedEffect) -> bool:
 
 
 def _in_words(parameter: Parameter, found: ParameterEstimate) -> str:
-    """Estimates with the half width of their 95 % intervals, in the unit that people use."""
+    """Estimates with the half width of their 95 % intervals, or the intervals that are lopsided, in units that people use."""
     factor, unit = _SHOWN.get(parameter.unit) or _SHOWN[parameter.unit.partition(" ")[0]]
     values = factor * np.atleast_1d(np.asarray(found.estimate, dtype=np.float64))
-    halves = factor * np.ptp(np.reshape(found.ci95, (-1, 2)), axis=1) / 2
-    half = float(halves.max())
+    bounds = factor * np.reshape(found.ci95, (-1, 2))
+    half = float(np.ptp(bounds, axis=1).max()) / 2
     # as many decimals as two digits of the uncertainty have
     decimals = int(np.clip(1 - math.floor(math.log10(half) + _LAST_BIT), 0, 6)) if half > 0 else 3
     numbers = [f"{value:.{decimals}f}" for value in values]
-    middle = numbers[0] if len(numbers) == 1 else f"({', '.join(numbers)})"
-    return f"{middle} ± {half:.{decimals}f}{unit} (95 %)"
+    if len(numbers) > 1:
+        return f"({', '.join(numbers)}) ± {half:.{decimals}f}{unit} (95 %)"
+    low, high = bounds[0]
+    if abs(low + high - 2 * values[0]) > _LOPSIDED * half:
+        return f"{numbers[0]}{unit} (95 %: {low:.{decimals}f} to {high:.{decimals}f})"
+    return f"{numbers[0]} ± {half:.{decimals}f}{unit} (95 %)"
 
 
 def unexplained(

@@ -1,5 +1,5 @@
 from .formats import (
-    contact_from_node as contact_from_node,
+    contact_or_path as contact_or_path,
     contact_to_json as contact_to_json,
     load_contact as load_contact,
     load_model as load_model,
@@ -10,7 +10,7 @@ from .formats import (
     save_contact as save_contact,
     save_model as save_model,
     save_slider as save_slider,
-    slider_from_node as slider_from_node,
+    slider_or_path as slider_or_path,
     slider_to_json as slider_to_json,
 )
 from .json_files import (

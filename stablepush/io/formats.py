@@ -41,12 +41,22 @@ def slider_to_json(slider: Slider) -> dict[str, Any]:
 def load_slider(path: str | Path) -> Slider:
     """Read a ``slider/1`` file, or the slider of a ``scene/1`` file or of a log's ``rig.json``."""
     root = read_json(path, "slider/1", "scene/1", "pushlog/1")
-    return slider_from_node(root if root["format"].value == "slider/1" else root["slider"])
+    return slider_from_node(root) if root["format"].value == "slider/1" else slider_or_path(root["slider"], Path(path).parent)
 
 
 def save_slider(slider: Slider, path: str | Path) -> None:
     """Write a ``slider/1`` file, as ``map``, ``contacts``, ``fit`` and mappings of logs take it."""
     write_json(path, slider_to_json(slider))
+
+
+def slider_or_path(node: Node, folder: Path) -> Slider:
+    """Read a ``slider/1`` that stands in another file, or the one whose path, from that file's folder, stands there."""
+    return slider_from_node(read_json(folder / node.value, "slider/1") if isinstance(node.value, str) else node)
+
+
+def contact_or_path(node: Node, folder: Path) -> PushContact:
+    """Read a ``contact`` that stands in another file, or the one whose path, from that file's folder, stands there."""
+    return contact_from_node(read_json(folder / node.value) if isinstance(node.value, str) else node)
 
 
 def contact_from_node(node: Node) -> PushContact:
@@ -72,7 +82,7 @@ def load_contact(path: str | Path) -> PushContact:
     contacts = list(root["contacts"].items())
     if len(contacts) != 1:
         root["contacts"].fail(f"expected one contact, got {len(contacts)}: give the one that is meant in a file of its own")
-    return contact_from_node(contacts[0])
+    return contact_or_path(contacts[0], Path(path).parent)
 
 
 def save_contact(contact: PushContact, path: str | Path) -> None:

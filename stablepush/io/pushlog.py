@@ -29,7 +29,7 @@ from stablepush.core import (
 from stablepush.effects import effects_from_node
 from stablepush.geometry import compose, inverse, log, wrap_angle
 from stablepush.identify import SlipPairs
-from stablepush.io.formats import model_or_path, model_to_json, slider_from_node, slider_to_json
+from stablepush.io.formats import model_or_path, model_to_json, slider_or_path, slider_to_json
 from stablepush.io.json_files import read_json, whole_folder, write_atomically, write_json
 from stablepush.io.parquet import read_parquet
 from stablepush.io.tables import IS_FLAG, IS_POSITIVE, IS_SENSE, Column, read_table, table_text
@@ -299,11 +299,11 @@ def _rig_from_node(node: Node, folder: Path) -> Rig:
     radius = node.get("finger_radius")
 
     effects_from_node(node.get("effects"))
-    model, mass = node.get("model"), node["slider"]["mass"].value
+    slider, model = slider_or_path(node["slider"], folder), node.get("model")
     surface = None if model is None or model.value is None else model_or_path(model, folder)
     if surface is not None and not surface.is_dual:
         model.fail("expected a limit surface that has a load for every motion", surface.kind)  # type: ignore[union-attr]
-    if surface is not None and surface.force_unit == "mu*N" and not (mass and friction["support"].value):
+    if surface is not None and surface.force_unit == "mu*N" and not (slider.mass and friction["support"].value):
         model.fail(  # type: ignore[union-attr]
             "expected forces in N, or slider.mass and friction.support", "forces in units of mu*N"
         )
@@ -312,7 +312,7 @@ def _rig_from_node(node: Node, folder: Path) -> Rig:
         return None if child.value is None else child.number(at_least=0.0)
 
     return Rig(
-        slider=slider_from_node(node["slider"]),
+        slider=slider,
         contact_kind=node["contact_kind"].text(CONTACT_KINDS),
         support_friction=None if friction["support"].value is None else friction["support"].zero_or_positive(),
         contact_friction=or_null(friction["contact"]),

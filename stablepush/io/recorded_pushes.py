@@ -106,14 +106,19 @@ def phases_of(
     if not steady.any():
         return phases
     load, zero = np.median(forces[steady], axis=0), np.zeros(2)
-    first = np.median(forces[np.flatnonzero(known)[:LEAST_REST]], axis=0)
-    step = float(np.linalg.norm(load - first))
-    if step > _LEAST_STEP * float(np.linalg.norm(load)):
+    # few rows may come before the step: one, in the worst case
+    for count in (LEAST_REST, 1):
+        first = np.median(forces[np.flatnonzero(known)[:count]], axis=0)
+        step = float(np.linalg.norm(load - first))
+        if step <= _LEAST_STEP * float(np.linalg.norm(load)):
+            continue
         rest = int(np.argmax(known & (_size(forces - first) > _STEP * step)))
         # a force that grows while the slider moves is no step from rest
         share = rest / len(speed)
-        if rest >= LEAST_REST and travel(slider, poses[:rest]) < SLIPS * share * travel(slider, poses) + _STILL:
-            phases[:rest], zero = "rest", np.median(forces[:rest][known[:rest]], axis=0)
+        if rest and travel(slider, poses[:rest]) < SLIPS * share * travel(slider, poses) + _STILL:
+            phases[:rest] = "rest"
+            zero = np.median(forces[:rest][known[:rest]], axis=0) if rest >= LEAST_REST else zero
+            break
     left = np.flatnonzero(known & (_size(forces - zero) > _LEFT * np.linalg.norm(load - zero)))
     if len(left) and left[-1] >= moving[0]:
         phases[left[-1] + 1 :] = "retract"

@@ -31,12 +31,12 @@ from stablepush.core import (
 from stablepush.effects import Effect, KnownEffect, effects_from_node
 from stablepush.geometry import inverse, transform_points
 from stablepush.io import (
-    contact_from_node,
+    contact_or_path,
     contact_to_json,
     model_or_path,
     model_to_json,
     read_json,
-    slider_from_node,
+    slider_or_path,
     slider_to_json,
     write_json,
 )
@@ -291,13 +291,14 @@ _OPTIONAL = ("uncertainty", "finger_radius", "support_friction", "effects", "alt
 
 
 def load_scene(path: str | Path) -> PlanningProblem:
-    """Read a ``scene/1`` file; a model given as a path is relative to it."""
+    """Read a ``scene/1`` file. A slider, a model or a contact may be a path, from the scene's folder, of a file that has it."""
     root = read_json(path, "scene/1")
     root.expect_keys(*_REQUIRED, *_OPTIONAL)
     root.require(*_REQUIRED)
-    slider = slider_from_node(root["slider"])
-    surface = model_or_path(root["model"], Path(path).parent)
-    contacts = [contact_from_node(node) for node in root["contacts"].items()]
+    folder = Path(path).parent
+    slider = slider_or_path(root["slider"], folder)
+    surface = model_or_path(root["model"], folder)
+    contacts = [contact_or_path(node, folder) for node in root["contacts"].items()]
     if not contacts:
         root["contacts"].fail("expected at least one contact")
     pusher_node = root["pusher"] if root["pusher"].value is not None else None

@@ -160,9 +160,21 @@ def test_negative_answers_exit_with_one(rig, tmp_path, capsys):
     assert "duration" in capsys.readouterr().out
 
 
-def test_models_may_be_paths_relative_to_the_scene(rig, tmp_path):
+def test_models_sliders_and_contacts_may_be_paths_relative_to_the_scene(rig, tmp_path, capsys):
     scene = json.loads((rig / "scene.json").read_text())
-    write_json(tmp_path / "deep" / "m.json", scene["model"])
-    scene["model"] = "deep/m.json"
+    for key in ("model", "slider"):
+        write_json(tmp_path / "deep" / f"{key}.json", scene[key])
+        scene[key] = f"deep/{key}.json"
+    for number, contact in enumerate(scene["contacts"]):
+        write_json(tmp_path / f"c{number}.json", contact)
+    scene["contacts"] = [f"c{number}.json" for number in range(len(scene["contacts"]))]
     write_json(tmp_path / "scene.json", scene)
     assert main(["check", str(tmp_path / "scene.json"), str(rig / "plan.json")]) == 0
+    assert sp.load_slider(tmp_path / "scene.json").mass == sp.load_slider(rig / "scene.json").mass
+    # an error names the file that it is in; a scene is no slider, of another or of itself
+    write_json(tmp_path / "c0.json", {"points": [[0, 0]], "normals": [[0, 1]]})
+    write_json(tmp_path / "round.json", {**scene, "slider": "round.json"})
+    capsys.readouterr()
+    for scene_file, words in (("scene.json", "c0.json: mu: missing key"), ("round.json", "round.json: format: expected")):
+        assert main(["check", str(tmp_path / scene_file), str(rig / "plan.json")]) == 2
+        assert words in capsys.readouterr().err

@@ -8,6 +8,7 @@ import pytest
 from conftest import LOAD, pressure, triangle
 
 import stablepush as sp
+from stablepush.core import one_blas_thread
 
 
 def power(base, exponent):
@@ -156,3 +157,16 @@ def test_cross_validation_tells_the_better_model_and_is_the_same_everywhere(clus
 def test_bad_cross_validations_are_refused(options, words):
     with pytest.raises(sp.InputError, match=words):
         sp.cross_validate(*pokes(8), **options)
+
+
+def test_one_thread_of_blas_within_and_as_many_as_before_after():
+    from threadpoolctl import threadpool_info
+
+    def threads():
+        return [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
+
+    before = threads()
+    with pytest.raises(ValueError, match="left early"), one_blas_thread():
+        assert threads() == [1] * len(before)
+        raise ValueError("left early")
+    assert threads() == before

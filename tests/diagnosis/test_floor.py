@@ -78,6 +78,18 @@ def test_a_precise_rig_with_few_pushes_is_none():
     assert report.verdict in ("none", "absorbed"), report.sentence
 
 
+@pytest.mark.parametrize(("rows", "seed"), ((7, 5), (30, 1), (30, 2), (30, 5), (100, 5)))
+def test_turns_about_a_foot_are_no_gap(rows, seed):
+    """The friction of a support point that the slider turns about may have any direction: the motion does not show it."""
+    feet = sp.SupportDistribution([(-0.03, -0.02), (0.06, -0.02), (-0.03, 0.045)], [1, 1, 1])
+    outline = sp.Slider.centered([(0, 0), (0.12, 0), (0.12, 0.04), (0.04, 0.04), (0.04, 0.09), (0, 0.09)]).vertices
+    slider = sp.Slider(outline, mass=0.6, support=feet)
+    surface, noise = sp.IdealLimitSurface(feet, 0.35 * 9.81 * 0.6), sp.Noise(0.02, 1e-4, 1e-3)
+    rig = sp.VirtualRig(slider, surface, 0.5, sp.Pusher.finger(0.005), [], noise)
+    pushes = sp.random_pushes(slider, rig.pusher, 20, seed=seed, groups=0)
+    assert sp.diagnose(rig.execute(pushes, rows=rows, seed=seed).log).verdict == "none"
+
+
 def test_pushes_that_slip_against_the_prediction_are_not_none():
     log = make_log(noise=NOISE, two=True, count=24)
     stable = np.array(log.trials["stable"], dtype=float)

@@ -19,7 +19,8 @@ from stablepush.effects import CATALOGUE, Parameter
         # each of two logs has its own
         ("1, first to last trial", [-0.3, 0.1], [[-0.32, -0.28], [0.09, 0.11]], "(-30.0, 10.0) ± 2.0 % (95 %)"),
         ("1", 0.3, [0.3, 0.3], "0.300 ± 0.000 (95 %)"),
-        ("kg", 1.2, [0.0, 26.0], "1 ± 13 kg (95 %)"),
+        ("kg", 1.2, [0.0, 26.0], "1 kg (95 %: 0 to 26)"),
+        ("1", 1.1, [1.08, 1.16], "1.100 (95 %: 1.080 to 1.160)"),
     ),
 )
 def test_numbers_are_told_with_their_uncertainty(unit, estimate, interval, words):
@@ -42,5 +43,11 @@ def test_the_sentence_says_what_acts_and_what_the_correction_does():
     half = 1000 * (delay.ci95[1] - delay.ci95[0]) / 2
     lag = f"{1000 * delay.estimate:.1f} ± {half:.1f} ms (95 %)"
     assert report.sentence.startswith(f"latency: the slider's poses lag the forces and the pusher by {lag}; so corrected, ")
-    first = report.reductions[0]
-    assert f"on pushes left out of the fit falls from {first.before:.3g} to {first.after:.3g} {first.unit} rms" in report.sentence
+    pose = next(entry for entry in report.reductions if entry.channel == "pose")
+    nearer = f"falls from {1000 * pose.before:.3g} to {1000 * pose.after:.3g} mm rms"
+    assert f"the error of the final pose, push by push, on pushes left out of the fit {nearer}" in report.sentence
+
+
+@pytest.mark.parametrize("effect", ("drift:rate=-0.3", "force-bias:force=0.2/0.1", "tilt:slope=0.03/0.02"))
+def test_the_sentence_tells_the_error_that_the_cause_acts_on(effect):
+    assert "the error of the wrench on pushes left out" in sp.diagnose(make_log(effect)).sentence

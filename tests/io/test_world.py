@@ -162,6 +162,19 @@ def test_a_delay_of_the_poses_is_taken_off():
         sp.log_from_arrays(sp.Rig(SLIDER), t, late, forces, tips, trials, pose_delay="80 ms")
 
 
+@pytest.mark.parametrize("few", (1, 2, 3, 10))
+def test_few_rows_before_contact_are_rest(few):
+    (t, poses, tips, forces), trials, loads = recorded()
+    # contact is after 100 rows of 151
+    kept = np.arange(len(t)) % 151 >= 100 - few
+    names = [name for name, there in zip(trials, kept, strict=True) if there]
+    log = sp.log_from_arrays(sp.Rig(SLIDER), t[kept], poses[kept], forces[kept], tips[kept], names, window=0.02)
+    for name in log.trials["trial"]:
+        phases = log.samples["phase"][log.rows(name)]
+        assert (phases[:few] == "rest").all() and (phases[few : few + 50] == "push").all()
+    assert log.pairs().wrenches == pytest.approx(loads, abs=1e-9)
+
+
 def test_rows_in_which_a_finger_has_stopped_and_presses_on_are_no_push():
     """0.4 s more at each end of a push of 0.5 s, with two thirds of the load; noise of a tracker in all rows."""
     rng = np.random.default_rng(6)

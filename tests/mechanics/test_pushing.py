@@ -354,6 +354,27 @@ def test_no_pusher_passes_through_a_slider(shape, kind):
     assert jams <= 2
 
 
+@pytest.mark.parametrize("radius", (0.0, 0.005))
+def test_no_finger_passes_through_an_edge_beside_an_inner_corner(radius):
+    """Long steps along jagged paths leave fingers a little inside of an edge, within reach of the other one."""
+    slider = sp.Slider(SHAPES["ell"], 1.0)
+    surface = sp.IdealLimitSurface(sp.SupportDistribution.from_polygon(slider.vertices, 0.02), 3.0)
+    ring, face = shapely.LinearRing(slider.vertices), shapely.Polygon(slider.vertices)
+    pusher = Pusher.finger(radius)
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        # on the upper edge of the corner, or mirrored on the other one, pushed into it
+        place = np.array((rng.uniform(0.006, 0.012), radius + 1e-4, -np.pi / 2 + rng.uniform(-0.4, 0.4)))
+        if seed % 2:
+            place = np.array((place[1], place[0], -np.pi / 2 - place[2]))
+        motion = [((0.05, 0.003 * rng.normal(), 0.0), 0.06) for _ in range(12)]
+        trace = simulate_push(surface, slider, pusher, 0.5, (0, 0, 0), place, motion, step=0.002)
+        points = transform_points(compose(inverse(trace.poses), trace.pushers), np.zeros((1, 2)))
+        inside = shapely.contains_xy(face, points[..., 0], points[..., 1])
+        depth = (np.where(inside, 1, -1) * shapely.distance(ring, shapely.points(points)) + radius).max(axis=1)
+        assert depth.max() < 5e-4, (seed, depth.max())
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     (

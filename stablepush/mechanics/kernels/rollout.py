@@ -58,16 +58,19 @@ def find_touch(outline, pusher, x, y, c, s, qx, qy, qc, qs, pushed, reach, touch
     for k in range(pusher.fingers.shape[0]):
         a, b = pusher.fingers[k, 0], pusher.fingers[k, 1]
         cx, cy = fx + fc * a - fs * b, fy + fs * a + fc * b
-        # a finger that a step has left a little inside came through the edge that it moves into and is least deep behind
+        # a disc that a step has left a little inside touches the edges that its centre is outside of; a point, or a disc whose
+        # centre is inside, came through the edge that it moves into and is least deep behind
         ux, uy = pushed[0] - pushed[2] * cy, pushed[1] + pushed[2] * cx
-        shallowest = -math.inf
+        shallowest, inside = -math.inf, False
         for e in range(n):
             ax, ay = outline[e, 0], outline[e, 1]
             ex, ey = outline[(e + 1) % n, 0] - ax, outline[(e + 1) % n, 1] - ay
             length = math.sqrt(ex * ex + ey * ey)
+            if (ay > cy) != (outline[(e + 1) % n, 1] > cy) and cx < ax + ex * (cy - ay) / ey:
+                inside = not inside
             if overlap <= ((cx - ax) * ex + (cy - ay) * ey) / length <= length - overlap:
                 gap = ((cx - ax) * ey - (cy - ay) * ex) / length - radius
-                if gap <= reach and (gap > -_SHALLOW or ex * uy - ey * ux > 0.0):
+                if gap <= _SHALLOW and (gap > -_SHALLOW or ex * uy - ey * ux > 0.0):
                     shallowest = max(shallowest, gap)
         for e in range(n):
             ax, ay = outline[e, 0], outline[e, 1]
@@ -79,7 +82,8 @@ def find_touch(outline, pusher, x, y, c, s, qx, qy, qc, qs, pushed, reach, touch
             away = (cx - ax) * ey - (cy - ay) * ex
             gap = away - radius
             near = overlap <= along <= length - overlap and deepest < gap <= reach
-            if near and (gap > -_SHALLOW or (gap >= shallowest - _SAME and ex * uy - ey * ux > 0.0)):
+            through = away > 0.0 or (inside and gap >= shallowest - _SAME)
+            if near and (gap > -_SHALLOW or (through and ex * uy - ey * ux > 0.0)):
                 _add(touch, ax + along * ex, ay + along * ey, -ey, ex, gap, k)
             # the corner at the end of this edge, if it sticks out; the corners of a flat edge meet edges, or are met by them
             if radius == 0.0:
