@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import subprocess
 import sys
@@ -370,20 +371,25 @@ def draw(rows: list[Row], path: Path) -> None:
 
     rcParams["svg.hashsalt"] = "stablepush"
     tasks = [t for t in dict.fromkeys(r.task for r in rows) if len({r.count for r in rows if r.task == t}) > 1]
-    figure = Figure(figsize=(11, 2.6 * ((len(tasks) + 3) // 4)), layout="constrained")
+    figure = Figure(figsize=(11, 3.3 * ((len(tasks) + 2) // 3)), layout="constrained")
     FigureCanvasSVG(figure)
     for k, task in enumerate(tasks):
-        axes = figure.add_subplot((len(tasks) + 3) // 4, 4, k + 1)
+        axes = figure.add_subplot((len(tasks) + 2) // 3, 3, k + 1)
         mine = [r for r in rows if r.task == task]
         axes.loglog([r.count for r in mine], [r.ours for r in mine], "o-", color="#0072B2", label="stablepush")
         axes.loglog([r.count for r in mine], [r.theirs for r in mine], "s--", color="#D55E00", label=mine[0].other)
-        axes.set_title(task, fontsize=8)
-        axes.set_xlabel(mine[0].size.split(maxsplit=1)[1].split("x")[-1].strip(" 0123456789"), fontsize=8)
-        axes.set_ylabel("s", fontsize=8)
-        axes.tick_params(labelsize=7)
+        axes.set_title(task, fontsize=10)
+        axes.set_xlabel(f"number of {mine[0].size.split(maxsplit=1)[1].split('x')[-1].strip(' 0123456789')}", fontsize=9)
+        axes.set_ylabel("time (s)", fontsize=9)
+        axes.set_xticks([r.count for r in mine], [f"{r.count:,.0f}" for r in mine])
+        # whole decades, and room for the legend above the curves
+        times = [t for r in mine for t in (r.ours, r.theirs)]
+        low, high = math.floor(math.log10(min(times))), math.ceil(math.log10(max(times)))
+        axes.set_ylim(10.0**low, 10.0 ** (high + 0.35 * (high - low)))
+        axes.tick_params(labelsize=8)
         axes.minorticks_off()
         axes.grid(visible=True, color="0.9", linewidth=0.5)
-        axes.legend(fontsize=6, frameon=False)
+        axes.legend(fontsize=8, frameon=False, loc="upper left")
     figure.savefig(path, metadata={"Date": None})
 
 

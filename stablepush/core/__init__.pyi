@@ -68,7 +68,7 @@ from .plausibility import (
     note_time as note_time,
     note_tolerance as note_tolerance,
 )
-from .plugins import load_plugin as load_plugin, plugin_names as plugin_names
+from .plugins import load_plugin as load_plugin, plugin_names as plugin_names, what_failed as what_failed
 from .renamed import renamed as renamed, renamed_fields as renamed_fields
 from .rich import shown_as as shown_as
 from .shares import binomial_interval as binomial_interval

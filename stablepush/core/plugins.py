@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import traceback
 from functools import cache
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any
 
 from stablepush.core.errors import UnavailableError
@@ -27,3 +29,10 @@ def load_plugin(group: str, name: str) -> Any:
     except (ImportError, AttributeError) as error:
         package = entry.dist.name if entry.dist else entry.module
         raise UnavailableError(f"{group}: {name} of the package {package} cannot be loaded: {error}") from None
+
+
+def what_failed(error: Exception) -> str:
+    """Return an error of a package's code in a line: its kind, its words, and where it was raised."""
+    words = f"{type(error).__name__}: {error}"
+    places = traceback.extract_tb(error.__traceback__)
+    return f"{words} ({Path(places[-1].filename).name}, line {places[-1].lineno}, in {places[-1].name})" if places else words

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stablepush.core import FloatArray, InputError, StablepushWarning, UnavailableError, load_plugin, plugin_names
+from stablepush.core import FloatArray, InputError, StablepushWarning, UnavailableError, load_plugin, plugin_names, what_failed
 from stablepush.effects.catalogue import CATALOGUE, Parameter
 
 #: What to do about an effect of a lab's own.
@@ -103,7 +103,7 @@ def lab_effects(given: Sequence[LabEffect] = ()) -> dict[str, LabEffect]:
             effect = _checked(entry() if isinstance(entry, type) else entry, name, found)
         # whatever goes wrong in another's package is its own: other logs, and other effects, are no worse for it
         except Exception as error:
-            words = str(error) if isinstance(error, (InputError, UnavailableError)) else f"{type(error).__name__}: {error}"
+            words = str(error) if isinstance(error, (InputError, UnavailableError)) else what_failed(error)
             warnings.warn(StablepushWarning(f"the registered effect {name} is left out: {words}"), stacklevel=2)
         else:
             found[effect.id] = effect
@@ -161,7 +161,7 @@ def applicable(effects: Mapping[str, LabEffect], rows: LogRows, asked: Sequence[
             missing, got = True, f"no column {error.args[0]!r} in trials.csv"
         # a mistake in somebody's effect is told by its name, whatever it is
         except Exception as error:
-            got = f"{type(error).__name__}: {error}"
+            got = what_failed(error)
         if not got:
             found[id] = effect
         elif id in asked:

@@ -25,6 +25,7 @@ from stablepush.core import (
     load_plugin,
     plugin_names,
     renamed,
+    what_failed,
     within,
 )
 from stablepush.geometry import wrap_angle
@@ -175,9 +176,11 @@ def plan(
             except StablepushError:
                 raise
             except Exception as error:
-                raise UnavailableError(f"planner {planner}: it failed by {type(error).__name__}: {error}") from error
+                raise UnavailableError(f"planner {planner}: it failed by {what_failed(error)}") from error
             if not isinstance(found, PlanResult):
                 raise UnavailableError(f"planner {planner}: expected it to return a PlanResult, got {type(found).__name__}")
+            # one that asks another planner is the author all the same
+            found = replace(found, planner=planner)
             return found if aligning is None or not found.solved else _preceded(found, aligning)
 
         if level and problem.surface.is_dual:

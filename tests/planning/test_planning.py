@@ -479,26 +479,3 @@ def test_a_search_can_be_stopped():
     full = sp.plan(problem, time_limit=60, refinement_budget=math.inf, stop=stop, progress=said.append)
     assert full.solved
     assert sp.check_plan(problem, full).valid
-
-
-@pytest.mark.parametrize(
-    ("registered", "words"),
-    [
-        (lambda problem: None, r"planner mine: expected a function f\(problem, \*, deadline, seed, options, progress\)"),
-        (
-            lambda problem, *, deadline, seed, options, progress: None,
-            "planner mine: expected it to return a PlanResult, got NoneType",
-        ),
-        (3, "planner mine: expected a function"),
-        (
-            lambda problem, *, deadline, seed, options, progress: problem.nothing,
-            "planner mine: it failed by AttributeError: 'PlanningProblem' object has no attribute 'nothing'",
-        ),
-    ],
-)
-def test_what_is_registered_as_a_planner_and_is_none_is_said(monkeypatch, registered, words):
-    from stablepush.planning import registry
-
-    monkeypatch.setattr(registry, "load_plugin", lambda group, name: registered)
-    with pytest.raises(sp.UnavailableError, match=words):
-        sp.plan(small_scene(), "mine")
