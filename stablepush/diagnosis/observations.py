@@ -310,10 +310,9 @@ def _losing(trial: np.ndarray, touches: BoolArray, pusher: FloatArray, force: Fl
 
 
 def _one_sided(log: PushLog) -> BoolArray:
-    """Rows (n,) whose twist is not logged, and of one interval between poses: the first and the last of a trial."""
+    """Rows (n,) whose twist is of one interval between poses, whoever took the difference: the first and the last of a trial."""
     poses = np.asarray(np.isfinite(log.columns("x", "y", "theta")).all(axis=1))
-    poses &= ~np.asarray(np.isfinite(log.columns("vx", "vy", "omega")).all(axis=1))
-    found = np.zeros(len(poses), dtype=bool)
+    found = np.zeros(len(poses), dtype=np.bool_)
     for name in log.trials["trial"]:
         rows = log.rows(name)
         known = rows[poses[rows]]

@@ -31,7 +31,7 @@ from stablepush.objects import Slider
 
 #: What a force acts on: the slider, the finger (its reaction), or whichever makes the power of the pushes positive.
 FORCES_ON = ("slider", "finger", "power")
-#: A finger that is farther (m) from the outline does not touch it.
+#: A finger that is farther (m) from the outline, or than it usually is in a push, does not touch it.
 _TOUCHES = 1e-3
 #: So far (m) from it a finger that touches it may seem to be.
 _SEEMS = 8e-3
@@ -168,8 +168,9 @@ def log_from_arrays(
                 read, moment = read - np.median(read[rest], axis=0), moment - np.median(moment[rest])
             local = _into(here, tips[mine, :2])
             parts["force"].append(rotate_vectors(-here[:, 2], read))
-            parts["place"].append(nearest_on_outline(rig.slider.vertices, local)[0])
-            arms = parts["place"][-1] if turning is None else local
+            place = nearest_on_outline(rig.slider.vertices, local)[0]
+            parts["place"].append(np.where(_touching(local, place, phases)[:, None], place, np.nan))
+            arms = place if turning is None else local
             load = parts["force"][-1]
             parts["moment"].append((moment + arms[:, 0] * load[:, 1] - arms[:, 1] * load[:, 0])[:, None])
     found = {name: np.concatenate(several) for name, several in parts.items() if several}
@@ -351,6 +352,13 @@ def _touched(
 def _into(poses: FloatArray, points: FloatArray) -> FloatArray:
     """Points (n, 2) of W, one for each pose (n, 3), as the frame of that pose has them."""
     return rotate_vectors(-poses[:, 2], points - poses[:, :2])
+
+
+def _touching(tips: FloatArray, places: FloatArray, phases: np.ndarray[Any, np.dtype[np.object_]]) -> BoolArray:
+    """Rows (n,) of a push in which a tip is as near to the outline as it usually is."""
+    away, pushed = np.linalg.norm(tips - places, axis=1), phases == "push"
+    usual = float(np.median(away[pushed & np.isfinite(away)])) if (pushed & np.isfinite(away)).any() else np.nan
+    return np.asarray(pushed & (away < usual + _TOUCHES))
 
 
 def _pushers(slider: Slider, body: FloatArray, tips: FloatArray, phases: np.ndarray[Any, np.dtype[np.object_]]) -> FloatArray:
