@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -59,16 +60,20 @@ class Demands(NamedTuple):
     certain: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Fitted:
-    """Loads (k,) of the support points, parameters by effect with their covariance, and what is left: residuals of all whitened
-    rows and the log density of each trial."""
+    """Loads (k,) of the support points, parameters by effect, and what is left: residuals of all whitened rows and the log
+    density of each trial. ``jackknife`` returns the covariance of the parameters; few fits are asked for it."""
 
     loads: FloatArray
     values: Values
-    covariance: FloatArray
+    jackknife: Callable[[], FloatArray]
     residual: FloatArray
     density: FloatArray
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        return self.jackknife()
 
     @property
     def score(self) -> float:
@@ -251,8 +256,11 @@ class Equations(ABC):
                     break
             if before - after <= self.tolerance * max(before, 1.0):
                 break
-        covariance = self._spread(design, data, prior, residual, use)[q:, q:]
-        return Fitted(loads, values, covariance, residual, self.density(residual, use))
+
+        def jackknife() -> FloatArray:
+            return self._spread(design, data, prior, residual, use)[q:, q:]
+
+        return Fitted(loads, values, jackknife, residual, self.density(residual, use))
 
     def clipped(self, id: str, value: FloatArray) -> FloatArray:
         """Values within what makes sense."""

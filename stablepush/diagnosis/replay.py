@@ -257,9 +257,12 @@ def pose_errors(
     return np.reshape(in_threads(pose_error, pushes), (-1, 3))
 
 
-def carried(pushes: Sequence[Replay], friction: TableFriction, slider: Slider, mu: float, noise: Noise) -> FloatArray:
-    """Return how far (n, 3) the final poses move, in ``(x, y, rho θ)`` in m, when the first pose errs by its noise (root mean
-    squares over the draws that can be simulated: no finger may begin inside of the slider); NaN where there is none."""
+def carried(
+    pushes: Sequence[Replay], friction: TableFriction, slider: Slider, mu: float, noise: Noise
+) -> tuple[FloatArray, FloatArray]:
+    """Return pose errors (n, 3), and how far (n, 3) the final poses move, in ``(x, y, rho θ)`` in m, when the first pose errs by
+    its noise (root mean squares over the draws that can be simulated: no finger may begin inside of the slider); NaN where there
+    is none."""
     rng = np.random.default_rng(0)
     sizes = np.array((noise.position, noise.position, noise.angle))
     nominal = pose_errors(pushes, friction, slider, mu, {})
@@ -269,7 +272,7 @@ def carried(pushes: Sequence[Replay], friction: TableFriction, slider: Slider, m
         moved = pose_errors(other, friction, slider, mu, {}) - nominal
         squares += np.nan_to_num(moved) ** 2
         counts += np.isfinite(moved)
-    return np.asarray(np.sqrt(np.where(counts > 0, squares / np.maximum(counts, 1), np.nan)))
+    return nominal, np.sqrt(np.where(counts > 0, squares / np.maximum(counts, 1), np.nan))
 
 
 def friction_change(values: Mapping[str, FloatArray], order: float) -> float:

@@ -146,6 +146,7 @@ class System(Equations):
         #: Noise (m) of the final poses that are carried out again, where there are any.
         self.final_pose_noise = np.zeros((0, 3))
         self.unpredictable: tuple[list[Replay], FloatArray] = ([], np.zeros((0, 3)))
+        self._nominal_errors: dict[Replay, FloatArray] = {}
         if rig.model is not None and self.has_wrench:
             self.demands = _DEMANDS_OF_A_MODEL
         if rig.finger_radius is None and any(len(rows) for _, rows in self.clearance_rows):
@@ -242,7 +243,8 @@ class System(Equations):
         if not self.has_surface or not pushes:
             return [], np.zeros((0, 3))
         table = self.table(self.nominal, {})
-        moved = carried(pushes, table, self.rig.slider, self.mu, self.noise)
+        nominal, moved = carried(pushes, table, self.rig.slider, self.mu, self.noise)
+        self._nominal_errors = dict(zip(pushes, nominal, strict=True))
         own = np.array((self.noise.position, self.noise.position, self.rho * self.noise.angle))
         kept = np.linalg.norm(moved, axis=1) <= _AMPLIFIED * np.linalg.norm(own)
         left = ~kept & np.isfinite(moved).all(axis=1)
@@ -251,7 +253,8 @@ class System(Equations):
 
     def white(self, wrenches: FloatArray) -> FloatArray:
         """Whitened rows (3n, ...) of arrays (n, 3, ...)."""
-        return np.einsum("nij,nj...->ni...", self._w, wrenches).reshape(3 * len(wrenches), *wrenches.shape[2:])
+        white = self._w @ wrenches if wrenches.ndim > 2 else np.einsum("nij,nj->ni", self._w, wrenches)
+        return white.reshape(3 * len(wrenches), *wrenches.shape[2:])
 
     def clipped(self, id: str, value: FloatArray) -> FloatArray:
         """Values within what this rig can have: no delay outlasts a push, no mass is below zero or far above the slider's, no
@@ -392,7 +395,8 @@ class System(Equations):
             return np.zeros((len(self.points), 0)), np.zeros((clearances, 0)), np.zeros((0, 0))
         directions, precision = self.directions(free)
         matrix, _ = self.model.matrix(self.of_wrench(values))
-        columns = self.white(matrix @ directions)
+        # loads that are free change each for itself
+        columns = self.white(matrix if free else matrix @ directions)
         return directions, np.concatenate((columns, np.zeros((clearances, directions.shape[1])))), precision
 
     def of_modes(self, values: Values) -> FloatArray:
@@ -443,6 +447,8 @@ class System(Equations):
 
     def simulated_errors(self, pushes: Sequence[Replay], loads: FloatArray, values: Values) -> FloatArray:
         """Return pose errors (n, 3) of pushes, simulated with friction loads and effects; NaN where they cannot be simulated."""
+        if loads is self.nominal and not values and all(push in self._nominal_errors for push in pushes):
+            return np.reshape([self._nominal_errors[push] for push in pushes], (-1, 3))
         try:
             table = self.table(loads, values)
         except InputError:

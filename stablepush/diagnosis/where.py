@@ -144,12 +144,13 @@ def _findings(rows: np.ndarray, features: Mapping[str, FloatArray], residuals: R
         x = (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-12)
         x = np.concatenate((np.ones((len(x), 1)), x), axis=1)
         ridge = np.diag([1e-9] + [_RIDGE] * (x.shape[1] - 1))
-        # what a permutation of trials does to the predictions is linear in the targets
-        left = np.zeros(permuted.shape[1])
+        # by moments: |y - x w|² = |y|² - 2 w·(xᵀ y) + w·(xᵀ x) w
+        squares = [x[folds == k].T @ x[folds == k] for k in range(_FOLDS)]
+        products = [x[folds == k].T @ permuted[folds == k] for k in range(_FOLDS)]
+        left = spread.copy()
         for k in range(_FOLDS):
-            test, train = folds == k, folds != k
-            weights = np.linalg.solve(x[train].T @ x[train] + ridge, x[train].T @ permuted[train])
-            left += ((permuted[test] - x[test] @ weights) ** 2).sum(axis=0)
+            weights = np.linalg.solve(sum(squares) - squares[k] + ridge, sum(products) - products[k])
+            left += (weights * (squares[k] @ weights - 2 * products[k])).sum(axis=0)
         table = (1 - left / spread).reshape(len(orders), -1)
         for k, (channel, component) in enumerate(residuals):
             # ties count, whatever rounding made of them

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +95,7 @@ class Rig:
     model: LimitSurface | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PushLog:
     """A log of pushes: a rig, and two tables as mappings from column to array.
 
@@ -129,7 +130,7 @@ class PushLog:
 
     def rows(self, trial: str) -> np.ndarray[Any, np.dtype[np.intp]]:
         """Return the rows (n,) of ``samples`` that belong to a trial, in the order of the file."""
-        return np.flatnonzero(self.samples["trial"] == trial)
+        return self._rows_by_trial.get(trial, np.zeros(0, dtype=np.intp)).copy()
 
     def columns(self, *names: str) -> FloatArray:
         """Return columns (n, k) of numbers of ``samples`` side by side; NaN where the log has no such column."""
@@ -150,7 +151,7 @@ class PushLog:
         pushed = np.ones(len(loads), dtype=bool) if phase is None else phase == "push"
         usable = pushed & np.isfinite(loads).all(axis=1)
         f, v, names = [], [], []
-        for name, rows in self._rows_by_trial().items():
+        for name, rows in self._rows_by_trial.items():
             kept = rows[usable[rows]]
             moving = kept[np.isfinite(twists[kept]).all(axis=1)]
             if not len(moving):
@@ -177,7 +178,7 @@ class PushLog:
         if not lacking.any():
             return twists
         times = self.samples["t"]
-        for rows in self._rows_by_trial().values():
+        for rows in self._rows_by_trial.values():
             known = rows[np.isfinite(poses[rows]).all(axis=1)]
             known = known[np.argsort(times[known], kind="stable")]
             known = known[distinct(times[known])]
@@ -194,6 +195,7 @@ class PushLog:
             twists[known[own]] = (total / span[:, None])[own]
         return twists
 
+    @cached_property
     def _rows_by_trial(self) -> dict[str, np.ndarray[Any, np.dtype[np.intp]]]:
         names = self.samples["trial"]
         groups: dict[str, list[int]] = {name: [] for name in self.trials["trial"]}

@@ -102,7 +102,8 @@ def respond(table, at, touch, pushed, mu, length, dt, every, solution, work):  #
                         solution.mode[m] = STICKING
             if not every:
                 return
-    # one contact: first sticking, then sliding
+    # one contact: first sticking, then sliding; the slider turns about as it did
+    guess = at.omega if at.omega != 0.0 else pushed[2]
     for sliding in (False, True):
         for i in range(k):
             nx, ny = touch.normal[i, 0], touch.normal[i, 1]
@@ -112,7 +113,7 @@ def respond(table, at, touch, pushed, mu, length, dt, every, solution, work):  #
                 # nothing presses here
                 continue
             px, py = touch.point[i, 0], touch.point[i, 1]
-            mode = one_contact(table, at, px, py, nx, ny, ux, uy, mu, pushed[2], length, sliding, twist, load)
+            mode = one_contact(table, at, px, py, nx, ny, ux, uy, mu, guess, length, sliding, twist, load)
             if mode < 0 or (sliding and mode == STICKING) or not others_open(touch, i, i, twist, dt, slack):
                 continue
             found += 1
