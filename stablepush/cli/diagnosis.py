@@ -59,6 +59,7 @@ def diagnose(
         _write_pushes(report, pushes)
     if mended is not None:
         _write_corrected(report, mended)
+    to_do = list(report.steps) if report.verdict != "none" or report.suspected_friction is not None else []
     told(
         log=report.log, verdict=report.verdict, effects=report.named, sentence=report.sentence, estimates=report.effects,
         channels=[
@@ -66,7 +67,7 @@ def diagnose(
              "ci95": e.ci95}
             for e in report.reductions
         ],
-        to_do=list(report.steps) if report.verdict != "none" else [],
+        to_do=to_do,
     )  # fmt: skip
     print(f"{report.log}: {report.verdict}{': ' + ', '.join(report.named) if report.named else ''}")
     print(report.sentence)
@@ -75,9 +76,10 @@ def diagnose(
     friction = report.support_friction
     if friction is not None:
         print(f"support friction: {friction:.3g} as refitted, where {report.rig.support_friction:.3g} was assumed")
-    for id, needs in report.untested.items():
+    # without columns of its own the log is of nobody who expects more
+    for id, needs in report.untested.items() if any(log.own_columns for log in data) else ():
         print(f"not tested: {id}, which needs {needs}")
-    for words in report.steps if report.verdict != "none" else ():
+    for words in to_do:
         print(f"to do: {words}")
     if answer is not None and report.corrected and report.changes_plans:
         print(f"to plan for the rig as it is: stablepush correct SCENE.json {answer} -o SCENE2.json")
@@ -115,6 +117,8 @@ def correct(
     output: Annotated[Path, typer.Option("-o", "--output", help="scene/1 file to write.")],
 ) -> None:
     """Write the scene of the rig as a diagnosis found it: surface, fingers, effects and what is left uncertain of them."""
+    from stablepush.effects import CATALOGUE
+    from stablepush.io import read_json
     from stablepush.planning import correct as corrected, load_corrections, load_scene, require_loads, save_scene
 
     require_files(output, read=(scene, diagnosis))
@@ -139,7 +143,10 @@ def correct(
     told(
         output=output, changes=changes, effects=[entry.effect.id for entry in found.effects], alternatives=len(found.alternatives)
     )
-    print(f"{output}: {'; '.join(changes) or 'nothing to correct'}")
+    named = read_json(diagnosis, "diagnosis/1").get("effects")
+    left = [] if named is None else [node.text() for node in named.items() if node.text() not in CATALOGUE]
+    without = f": {', '.join(left)} is the lab's own, which no scene can hold" if left else ""
+    print(f"{output}: {'; '.join(changes) or 'nothing to correct'}{without}")
     try:
         found.require_plannable()
         require_loads(found)

@@ -60,6 +60,7 @@ from .plausibility import (
     note_noise as note_noise,
     note_overlap as note_overlap,
     note_part as note_part,
+    note_pressure as note_pressure,
     note_push_speed as note_push_speed,
     note_quantity as note_quantity,
     note_scene as note_scene,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -13,6 +14,9 @@ from stablepush.core.errors import InputError
 
 #: Threads at most: what is not compiled takes turns.
 _MOST_THREADS = 4
+#: How many ask for one thread of BLAS, and what takes it back.
+_LOCK, _within = threading.Lock(), 0
+_limits: Any = None
 
 
 def run_parallel(
@@ -99,15 +103,26 @@ def _on_cluster(function: Callable[..., Any], jobs: list[tuple[Any, ...]], clien
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Let BLAS use one thread, for products of small matrices.
+    """Let BLAS use one thread, for products of small matrices, until the last of those that asked for it at once has left.
 
     Its threads gain nothing there, and wait for each other by spinning: beside another busy process a diagnosis took 15 times as
     long.
     """
+    global _within, _limits  # noqa: PLW0603 (the library's threads are those of the process)
     from threadpoolctl import threadpool_limits
 
-    with threadpool_limits(limits=1, user_api="blas"):
+    with _LOCK:
+        _within += 1
+        if _limits is None:
+            _limits = threadpool_limits(limits=1, user_api="blas")
+    try:
         yield
+    finally:
+        with _LOCK:
+            _within -= 1
+            if not _within:
+                _limits.restore_original_limits()
+                _limits = None
 
 
 def usable_cores() -> int:

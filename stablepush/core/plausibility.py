@@ -29,6 +29,8 @@ _FASTEST_PUSH, _FASTEST_SLIDE, _FASTEST_TURN = 2.0, 20.0, 60.0
 _LARGEST_HEADING = 4 * math.pi
 #: Largest tolerance and margin (rad).
 _LARGEST_TOLERANCE, _LARGEST_MARGIN = 1.0, math.pi / 2
+#: Share of the slider's radius that the centre of pressure may be from the centre of mass: feet are never quite even.
+_ASIDE = 0.2
 #: Largest standard deviations of a row: position (m), angle (rad); longest trial (s).
 _NOISY_POSITION, _NOISY_ANGLE, _LONGEST_TRIAL = 0.02, 0.3, 3600.0
 #: Largest coefficient of friction; beyond, it is an angle.
@@ -84,6 +86,17 @@ def note_overlap(depth: float, radius: float, place: str) -> None:
     if depth > _LEAST_DEPTH:
         _note(
             place, f"a finger of radius {1000 * radius:.3g} mm would stand {1000 * depth:.2g} mm inside of the slider beside it"
+        )
+
+
+def note_pressure(center: ArrayLike, radius: float, place: str) -> None:
+    """Doubt a centre of pressure (2,) in B (m) far from the centre of mass, at the origin: on a level table they are one."""
+    x, y = np.asarray(center, dtype=np.float64)
+    if math.hypot(x, y) > _ASIDE * radius:
+        _note(
+            place,
+            f"the centre of pressure is at ({1000 * x:.3g}, {1000 * y:.3g}) mm, but on a level table it is below the centre "
+            "of mass, at the origin; other weights of the points bring it there",
         )
 
 

@@ -32,7 +32,10 @@ def load_plugin(group: str, name: str) -> Any:
 
 
 def what_failed(error: Exception) -> str:
-    """Return an error of a package's code in a line: its kind, its words, and where it was raised."""
-    words = f"{type(error).__name__}: {error}"
-    places = traceback.extract_tb(error.__traceback__)
-    return f"{words} ({Path(places[-1].filename).name}, line {places[-1].lineno}, in {places[-1].name})" if places else words
+    """Return an error of a package's code in a line: its kind, its words, and the last place in the file that was called."""
+    words = ": ".join(filter(None, (type(error).__name__, " ".join(str(error).split()))))
+    places = traceback.extract_tb(error.__traceback__)[1:]
+    if not places:
+        return words
+    place = [place for place in places if place.filename == places[0].filename][-1]
+    return f"{words} ({Path(place.filename).name}, line {place.lineno}, in {place.name})"

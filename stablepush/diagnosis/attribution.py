@@ -39,6 +39,8 @@ _FURTHER, _BESIDE_FORMS = 0.03, 0.06
 _SHOWS = 6.0
 #: What a term of a family must gain more, and the largest logarithm of the p-value of all of them.
 _CHARGE, _LOG_P = 4.0, math.log(1e-3)
+#: An effect that is not so many of its standard errors from none is not named.
+_VAGUE = 2.0
 #: Standard errors of its own that an effect beside a nominal surface that was fitted to pokes must exceed: the pushes of a plan
 #: are alike and share what the surface cannot take.
 _ERRORS = 4.0
@@ -109,8 +111,10 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
     """Find which effects act on a log."""
     chosen, current, screened = _steps(system, progress)
     single = [id for id in chosen if not _replicates(system, chosen, id)]
-    if single:
-        chosen = [id for id in chosen if id not in single]
+    # beside the others an effect may be left with values that are none, within their errors
+    vague = [id for id in chosen if id not in system.opened and current.errors_of(id) < _VAGUE]
+    if single or vague:
+        chosen = [id for id in chosen if id not in (*single, *vague)]
         system.opened -= set(single)
         current = system.fit(chosen, True)
     confounded_with, confounded = _confounded(system, chosen, current)

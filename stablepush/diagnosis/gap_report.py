@@ -138,7 +138,7 @@ def _diagnose(
     if turned:
         return without_causes(log, name, Verdict.UNKNOWN, [], [], f"{turned[0].upper()}{turned[1:]}.", [turned], UNSEEN)
     of_lab = lab_effects(effects)
-    own = applicable(of_lab, log_rows(observations), [effect.id for effect in effects])
+    own, untested = applicable(of_lab, log_rows(observations), [effect.id for effect in effects])
     system, pushes, left_out = _equations(log, observations, own, comparison, number)
     if comparison is not None and not system.has_wrench and not pushes:
         return _only_compared(log, name, comparison)
@@ -175,11 +175,8 @@ def _diagnose(
         if entry.effect in of_rig and entry.effect in CATALOGUE and entry.effect not in dropped
     }
     notes = notes_on(log, system, found, reported, judged.share, judged.p_share, left_out)
-    untested = {
-        id: effect.needs if system.has_wrench else "forces"
-        for id, effect in of_lab.items()
-        if id not in own or not system.has_wrench
-    }
+    if not system.has_wrench:
+        untested = dict.fromkeys(of_lab, "forces")
     notes += [f"{id} was not tested: it needs {needs}" for id, needs in untested.items()]
     if comparison is not None:
         notes = [*comparison.notes(), *notes]
@@ -210,6 +207,7 @@ def _diagnose(
         suspected = forces.suspected_friction(nominal)
     if suspected is not None and nominal is not None:
         notes.append(suspicion_note(suspected, nominal))
+        sentence += f" But fingers slipped or crept as with friction {suspected:.3g}, where {nominal:.3g} was assumed."
     return GapReport(
         log=name,
         trials=len(log),
@@ -245,6 +243,7 @@ def _diagnose(
         signatures=signatures(system, found.final, reported),
         estimates=estimates(system, found.final) if found.final.values else None,
         times=system.observations.time,
+        suspected_friction=suspected,
         untested=untested,
     )
 

@@ -38,7 +38,7 @@ _WIDEST = 0.03
 _MOST_ROWS = 12
 #: A force below this share of its median in a push has fallen away.
 _FALLEN = 0.5
-#: Noise of the mean twist of one row, of two and of more, over that of as many elsewhere, where the last is of one interval.
+#: Noise of the mean twist of one row, of two and of more, the last of them of one interval, times the span over that of a pose.
 _AT_END = (math.sqrt(2), math.sqrt(3.5), math.sqrt(3))
 #: Rows slower than this share of the median speed do not move.
 _REST = 0.05
@@ -224,7 +224,7 @@ def observe(log: PushLog) -> Observations:
     touches = np.isfinite(place[:, 0, 0]) | np.isfinite(place[:, 1, 0])
     idle = np.isfinite(pusher).all(axis=1) & ~touches
     idle &= np.linalg.norm(wrench[:, :2], axis=1) <= _STANDS * (log.rig.noise.force if log.rig.noise else 0.0)
-    idle |= _losing(trial, touches, pusher, np.linalg.norm(wrench[:, :2], axis=1))
+    idle |= _being_lost(trial, touches, pusher, np.linalg.norm(wrench[:, :2], axis=1))
     seen = Observations(
         names, trial, rank[trial], time, pose, twist, acceleration, unsteady, wrench, pusher,
         normal, place, clearance, slip, span, blur, group, _at_rest(log, names, rows_of_trial, poses), radius,
@@ -297,20 +297,22 @@ def _spans(trial: np.ndarray, time: FloatArray, whole: dict[int, float]) -> Floa
     return result
 
 
-def _losing(trial: np.ndarray, touches: BoolArray, pusher: FloatArray, force: FloatArray) -> BoolArray:
+def _being_lost(trial: np.ndarray, touches: BoolArray, pusher: FloatArray, force: FloatArray) -> BoolArray:
     """Rows (n,) in which the object is being lost: the last ones of a push, no finger touches, and the force falls away."""
     found = np.zeros(len(trial), dtype=bool)
     for k in np.unique(trial[touches]):
         rows = np.flatnonzero(trial == k)
         touching = rows[touches[rows]]
         after = rows[rows > touching[-1]]
-        gone = np.isfinite(pusher[after]).all(axis=1) & (force[after] < _FALLEN * np.median(force[touching]))
+        usual = force[touching][np.isfinite(force[touching])]
+        least = _FALLEN * float(np.median(usual)) if len(usual) else 0.0
+        gone = np.isfinite(pusher[after]).all(axis=1) & (force[after] < least)
         found[after[gone]] = True
     return found
 
 
 def _one_sided(log: PushLog) -> BoolArray:
-    """Rows (n,) whose twist is of one interval between poses, whoever took the difference: the first and the last of a trial."""
+    """Rows (n,) whose twist is of one interval between poses, also where the log has twists: the ends of a trial."""
     poses = np.asarray(np.isfinite(log.columns("x", "y", "theta")).all(axis=1))
     found = np.zeros(len(poses), dtype=np.bool_)
     for name in log.trials["trial"]:

@@ -81,12 +81,16 @@ class GapReport:
     estimates: Estimates | None = field(default=None, repr=False)
     #: time (s) of each row in its push
     times: FloatArray = field(default_factory=lambda: np.zeros(0), repr=False)
+    #: friction of the fingers that too few pushes show for a name, and that a corrected scene takes
+    suspected_friction: float | None = None
     #: effects of the lab's own that this log cannot show, and what they need
     untested: dict[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def steps(self) -> list[str]:
         """What to do, in order, against each named effect, and what the verdict asks for."""
+        if self.verdict == "none" and self.suspected_friction is not None:
+            return [f"stablepush correct, then plan again for friction {self.suspected_friction:.3g} of the fingers"]
         if self.verdict != "named":
             return [self.verdict.advice]
         return [f"{id}: {CATALOGUE[id].remedy if id in CATALOGUE else LAB_REMEDY}{self._in_numbers(id)}" for id in self.named]
@@ -110,8 +114,10 @@ class GapReport:
     @property
     def changes_plans(self) -> bool:
         """Whether plans for the scene that :func:`stablepush.correct` makes differ. Effects of sensors change none."""
+        if self.suspected_friction is not None:
+            return bool(self.corrected)
         if self.verdict == "named":
-            return any(id == "frame-offset" or (id in CATALOGUE and CATALOGUE[id].acts != "sensing") for id in self.named)
+            return any(id == "frame-offset" or (id in CATALOGUE and CATALOGUE[id].changes_plans) for id in self.named)
         return self.verdict in ("absorbed", "ambiguous") and bool(self.corrected)
 
     @property

@@ -124,6 +124,8 @@ class GapReduction(Record):
         """How much of the gap is explained, in words."""
         if self._had_no_gap:
             return "within the noise"
+        if self.before == self.after == 0:
+            return "no gap before"
         if 0 < self.before <= _WITHIN * self.floor:
             return "no gap before"
         # where the gap is near the noise the interval of its share is very wide
@@ -136,7 +138,7 @@ class GapReduction(Record):
         if self.channel == "stability":
             # the square of an error of a label, right or wrong, is 1 or 0
             wrong = [round(size**2 * self.held_out_trials) for size in (self.before, self.after)]
-            return f"{wrong[0]} of {self.held_out_trials} labels wrong before, {wrong[1]} after"
+            return f"{wrong[0]} of {self.held_out_trials} pushes wrongly predicted to be stable or not before, {wrong[1]} after"
         before = size_in_words(self.before, self.unit)
         after, floor = (size_in_words(value, self.unit, named=False) for value in (self.after, self.floor))
         words = f"{before} before, {after} after"

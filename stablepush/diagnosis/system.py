@@ -51,7 +51,7 @@ _STEADY = 0.3
 _OF_NOISE = 1.8
 #: How far (in units of the position noise) a rotation centre may be from a support point that it is taken to be at.
 _PIVOT = 4.0
-#: Odds that a row turns about one of the support points: the facets of a limit surface are flat.
+#: Odds that a row turns about one of all support points: the facets of a limit surface are flat.
 _TURNS = 0.3
 #: A push does not measure its final pose if noise of its first pose moves that pose so many times as far as noise of its last.
 _AMPLIFIED = 10.0
@@ -174,17 +174,16 @@ class System(Equations):
         beyond = self.model.beyond_points
         covariance += beyond[:, :, None] * beyond[:, None, :]
         # a support point that all but rests may have friction in any direction: the motion does not show it
-        carrying = 0 if self.believed.model is not None else np.count_nonzero(loads)
-        for point, load in zip(self.points, loads, strict=True):
-            if load == 0.0 or not carrying:
-                continue
+        carrying = np.flatnonzero(loads if self.believed.model is None else 0 * loads)
+        for point, load in zip(self.points[carrying], loads[carrying], strict=True):
             x, y = point
             velocity = o.twist[:, :2] + o.twist[:, 2:] * (-y, x)
             jitter = (
                 spread[:, 0] ** 2 + (spread[:, 2] * np.hypot(x, y)) ** 2 + (_PIVOT * noise.position) ** 2 * o.twist[:, 2] ** 2
             )
-            # the odds that a row which seems to turn beside the point turns about it, by Bayes' rule
-            odds = _TURNS / carrying * (self.rho * o.twist[:, 2]) ** 2 / (2 * jitter)
+            # the odds, by Bayes' rule, that a row which seems to turn beside the point turns about it: noise has moved the
+            # velocity of the point from none, or it is any that the turn gives to points within rho
+            odds = _TURNS / len(carrying) * (self.rho * o.twist[:, 2]) ** 2 / (2 * jitter)
             odds = odds * np.exp(-0.5 * (velocity**2).sum(axis=1) / jitter)
             unknown = load**2 * odds / (1 + odds)
             for arm in (np.array((1.0, 0.0, -y)), np.array((0.0, 1.0, x))):

@@ -29,6 +29,8 @@ _LISTED, _LIKELY = 3, 0.005
 _LARGER = 1.2
 #: Whitened residuals of a row that is an outlier, and the share of rows that may be outliers.
 _OUTLIER, _FEW = 6.0, 0.1
+#: Rows that tell what a push has in common.
+_OF_PUSH = 3
 #: A sentence names a channel whose gap is reduced by more than this share.
 _REPORTED = 0.05
 #: And if the gap itself becomes smaller by this factor: where it is within the noise its share is anything.
@@ -92,7 +94,7 @@ def sentence_of(
 
 
 def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: float, refitted: Mapping[str, float]) -> str:
-    """How far the correction reduces the gap, of the channel in which it shows best: a cause need not show in all. What a
+    """How far the correction reduces the gap, of the channel that the causes act on, or else in which it shows best. What a
     refitted surface leaves by itself (by channel) is told where it does much of that."""
     certain = {e.channel for e in reductions if e.ci95[0] > 0} | {"touch"}
     shares = [(e.channel, e.closed) for e in reductions if e.before > _NEARER * e.after] + [("touch", touch)]
@@ -113,7 +115,8 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
     left = entry.after / entry.floor if entry.floor > 0 else 0.0
     more = f", what is left is {left:.0f} times the floor" if left > _LEFT else ""
     alone = refitted.get(channel)
-    if alone is not None and entry.before**2 - alone**2 > _MUCH * (entry.before**2 - entry.after**2):
+    much = alone is not None and entry.before**2 - alone**2 > _MUCH * (entry.before**2 - entry.after**2)
+    if alone is not None and much and alone > entry.after:
         more += f"; refitting the surface alone would leave {factor * alone:.3g}{unit}"
     return (
         f"; so corrected, {_ERRORS_OF[channel]} on pushes left out of the fit falls from {before} to {after}{unit} rms "
@@ -123,10 +126,10 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
 
 def _acts_on(effects: Sequence[str]) -> str:
     """The channel that effects of the catalogue act on, if it is the same for all; else blank."""
-    of_poses = [id in _OF_POSES or (id in CATALOGUE and CATALOGUE[id].acts == "contact") for id in effects]
-    of_loads = [id in CATALOGUE and not of_pose for id, of_pose in zip(effects, of_poses, strict=True)]
     # what the fingers do decides where the object goes
-    return "pose" if effects and all(of_poses) else "wrench" if effects and all(of_loads) else ""
+    of_poses = {id for id in CATALOGUE if id in _OF_POSES or CATALOGUE[id].acts == "contact"}
+    channels = {"pose" if id in of_poses else "wrench" if id in CATALOGUE else "" for id in effects}
+    return channels.pop() if len(channels) == 1 else ""
 
 
 def _cause(system: System, entry: RankedEffect) -> str:
@@ -165,12 +168,14 @@ def _in_words(parameter: Parameter, found: ParameterEstimate) -> str:
     half = float(np.ptp(bounds, axis=1).max()) / 2
     # as many decimals as two digits of the uncertainty have
     decimals = int(np.clip(1 - math.floor(math.log10(half) + _LAST_BIT), 0, 6)) if half > 0 else 3
-    numbers = [f"{value:.{decimals}f}" for value in values]
+    # no minus before nothing
+    numbers = [f"{round(value, decimals) + 0.0:.{decimals}f}" for value in values]
     if len(numbers) > 1:
         return f"({', '.join(numbers)}) ± {half:.{decimals}f}{unit} (95 %)"
     low, high = bounds[0]
-    if abs(low + high - 2 * values[0]) > _LOPSIDED * half:
-        return f"{numbers[0]}{unit} (95 %: {low:.{decimals}f} to {high:.{decimals}f})"
+    if abs((low + high) / 2 - values[0]) > _LOPSIDED * half:
+        ends = " to ".join(f"{round(end, decimals) + 0.0:.{decimals}f}" for end in (low, high))
+        return f"{numbers[0]}{unit} (95 %: {ends})"
     return f"{numbers[0]} ± {half:.{decimals}f}{unit} (95 %)"
 
 
@@ -282,10 +287,14 @@ def notes_on(
 
 
 def _outliers(system: System, found: Attribution) -> np.ndarray:
-    """Which rows (n,) have forces far off, where these are few."""
+    """Which rows (n,) have forces far off from those of their push, where these are few."""
     if not system.has_wrench:
         return np.zeros(0, dtype=bool)
-    rows = found.final.residual[: 3 * len(system.observations.time)].reshape(-1, 3)
+    rows = found.final.residual[: 3 * len(system.observations.time)].reshape(-1, 3).copy()
+    for k in np.unique(system.observations.trial):
+        mine = np.flatnonzero(system.observations.trial == k)
+        if len(mine) >= _OF_PUSH:
+            rows[mine] -= np.median(rows[mine], axis=0)
     unit = max(1.0, float(np.sqrt(robust_variance(rows**2))))
     far = np.asarray(np.abs(rows).max(axis=1) > _OUTLIER * unit)
     return far if far.mean() < _FEW else np.zeros_like(far)

@@ -49,6 +49,10 @@ class Parameter:
         raise InputError(self.name, f"expected a {kind}{floor} of at most {self.most:g}", f"{value:g}")
 
 
+#: Effects of the table that leave the stable pushes as they are: friction that is as much more everywhere.
+_PLAN_NEUTRAL = ("drift",)
+
+
 @dataclass(frozen=True, slots=True)
 class EffectKind:
     """An entry of the catalogue; ``acts`` is ``"support"``, ``"inertia"``, ``"contact"`` or ``"sensing"``; ``needs``: what a log
@@ -61,6 +65,12 @@ class EffectKind:
     remedy: str
     says: str
     parameters: tuple[Parameter, ...]
+
+    @property
+    def changes_plans(self) -> bool:
+        """Whether stable pushes may be others with it: not with effects of the sensors, nor with friction that changes alike
+        everywhere."""
+        return self.acts != "sensing" and self.id not in _PLAN_NEUTRAL
 
 
 def _kinds() -> tuple[EffectKind, ...]:

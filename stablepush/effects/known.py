@@ -10,8 +10,6 @@ import numpy as np
 from stablepush.core import FloatArray, InputError, Node, check_array, read_only
 from stablepush.effects.catalogue import CATALOGUE, Effect
 
-#: Effects that leave the stable set as it is: friction that is as much more everywhere, and what sensors do.
-_PLAN_NEUTRAL = ("drift",)
 #: Rounding of a covariance, over its largest entry.
 _ROUNDED = 1e-9
 
@@ -34,11 +32,8 @@ class KnownEffect:
 
     @property
     def changes_no_plan(self) -> bool:
-        """Whether the stable pushes are the same with it.
-
-        So it is with effects of the sensors, friction that changes alike everywhere, and nominal values.
-        """
-        if CATALOGUE[self.effect.id].acts == "sensing" or self.effect.id in _PLAN_NEUTRAL:
+        """Whether the stable pushes are the same with it, as with nominal values."""
+        if not CATALOGUE[self.effect.id].changes_plans:
             return True
         return self._is_nominal and (self.covariance is None or not self.covariance.any())
 

@@ -134,14 +134,17 @@ def _checked(effect: object, place: str, others: Mapping[str, LabEffect]) -> Lab
     return effect
 
 
-def applicable(effects: Mapping[str, LabEffect], rows: LogRows, asked: Sequence[str]) -> dict[str, LabEffect]:
-    """Return the effects that a log can be asked about; those that packages registered and that it cannot are left out, with a
-    :class:`StablepushWarning` if that is not for want of a column.
+def applicable(
+    effects: Mapping[str, LabEffect], rows: LogRows, asked: Sequence[str]
+) -> tuple[dict[str, LabEffect], dict[str, str]]:
+    """Return the effects that a log can be asked about, and what it lacks for others. Those that packages registered are
+    left out, with a :class:`StablepushWarning` if that is not for want of a column.
 
     Raises :class:`InputError` for one that was asked for, if the log lacks a column that it reads, or if what it returns has
     another shape, is not finite where the log is, or changes anything at 0.
     """
     found: dict[str, LabEffect] = {}
+    lacking: dict[str, str] = {}
     known = np.isfinite(rows.wrench).all(axis=1)
     wrench = np.nan_to_num(rows.wrench)
     for id, effect in effects.items():
@@ -166,6 +169,8 @@ def applicable(effects: Mapping[str, LabEffect], rows: LogRows, asked: Sequence[
             found[id] = effect
         elif id in asked:
             raise InputError(f"effect {id}", f"expected finite loads {rows.wrench.shape} of a log with {effect.needs}", got)
-        elif not missing:
+        elif missing:
+            lacking[id] = f"{effect.needs}: {got}"
+        else:
             warnings.warn(StablepushWarning(f"the registered effect {id} is left out, it gives {got}"), stacklevel=2)
-    return found
+    return found, lacking

@@ -10,6 +10,9 @@ from stablepush.io.json_files import read_json, write_json
 from stablepush.objects import PushContact, Slider, SupportDistribution
 from stablepush.surfaces import LimitSurface, surface_kinds, surface_of_kind
 
+#: Formats of files that are no contact.
+_OTHERS = ("model", "slider", "scene", "plan", "pushlog", "diagnosis")
+
 
 def slider_from_node(node: Node) -> Slider:
     """Read the value of a ``slider/1``."""
@@ -61,6 +64,9 @@ def contact_or_path(node: Node, folder: Path) -> PushContact:
 
 def contact_from_node(node: Node) -> PushContact:
     """Read the value of a ``contact``."""
+    kind = node.get("format")
+    if kind is not None and str(kind.value).partition("/")[0] in _OTHERS:
+        kind.fail("expected a contact: points, normals and mu", kind.value)
     node.expect_keys("format", "points", "normals", "mu")
     points = node["points"].array(None, 2)
     normals = node["normals"].array(None, 2)

@@ -132,6 +132,11 @@ class PushLog:
         """Return the rows (n,) of ``samples`` that belong to a trial, in the order of the file."""
         return self._rows_by_trial.get(trial, np.zeros(0, dtype=np.intp)).copy()
 
+    @property
+    def own_columns(self) -> list[str]:
+        """The columns of ``trials`` that the format does not have: a lab's own."""
+        return [name for name in self.trials if name not in (*OF_TRIALS, *TRIAL_NUMBERS, "group")]
+
     def columns(self, *names: str) -> FloatArray:
         """Return columns (n, k) of numbers of ``samples`` side by side; NaN where the log has no such column."""
         blank = np.full(len(self.samples["t"]), np.nan)

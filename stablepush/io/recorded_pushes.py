@@ -109,8 +109,9 @@ def phases_of(
     # few rows may come before the step: one, in the worst case
     for count in (LEAST_REST, 1):
         first = np.median(forces[np.flatnonzero(known)[:count]], axis=0)
-        step = float(np.linalg.norm(load - first))
-        if step <= _LEAST_STEP * float(np.linalg.norm(load)):
+        step, size = float(np.linalg.norm(load - first)), float(np.linalg.norm(load))
+        # a single row must read next to nothing
+        if step <= _LEAST_STEP * size or (count == 1 and float(np.linalg.norm(first)) > _STEP * size):
             continue
         rest = int(np.argmax(known & (_size(forces - first) > _STEP * step)))
         # a force that grows while the slider moves is no step from rest

@@ -17,6 +17,7 @@ from stablepush.core import (
     check_number,
     note_mass,
     note_part,
+    note_pressure,
     note_size,
     read_only,
 )
@@ -67,6 +68,7 @@ class Slider:
         note_size(self.radius, "slider.vertices")
         if self.support is not None:
             note_part(self.support.points, self.radius, "slider.support")
+            note_pressure(self.support.center, self.radius, "slider.support.weights")
         if self.mass is not None:
             note_mass(self.mass, self.polygon.convex_hull.area, "slider.mass")
 

@@ -179,7 +179,7 @@ def plan(
                 raise UnavailableError(f"planner {planner}: it failed by {what_failed(error)}") from error
             if not isinstance(found, PlanResult):
                 raise UnavailableError(f"planner {planner}: expected it to return a PlanResult, got {type(found).__name__}")
-            # one that asks another planner is the author all the same
+            # also where that planner asked another one, the result names the planner that was asked
             found = replace(found, planner=planner)
             return found if aligning is None or not found.solved else _preceded(found, aligning)
 

@@ -152,7 +152,7 @@ class PlanResult:
             return "of unknown probability of success"
         low, high = self.success_interval
         words = (
-            f"sticks throughout with probability {self.success_probability:.3f} ({low:.3f} to {high:.3f}), "
+            f"sticks throughout with probability {self.success_probability:.3f} (95 %: {low:.3f} to {high:.3f}), "
             f"arrives with {self.arrival_probability:.3f}"
         )
         if self.success is not None and self.success.failures:

@@ -109,6 +109,8 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         words = f"Nothing that this log can show is left to separate. To check the correction, {check}, and diagnose that log."
         if pushes and after.separates:
             words += f" Should you doubt the cause, these pushes tell {' from '.join(after.separates)} best."
+    if report.verdict == "none" and "wrench" in report.channels:
+        words, pushes = "Nothing is left to be explained.", []
     if pushes:
         words += (
             " Edges are counted from 0, places along them from their first corner; directions turn counter-clockwise "
@@ -262,7 +264,7 @@ def _gap(entry: ChannelGap) -> str:
     if entry.channel == "stability":
         # the square of an error of a label, right or wrong, is 1 or 0
         wrong, refitted = (f"{100 * size**2:.1f} %" for size in (entry.nominal, entry.refitted))
-        return f"{wrong} of the labels wrong with the nominal simulation, {refitted} with a refitted surface"
+        return f"wrongly predicted to be stable or not: {wrong} of the pushes, {refitted} with a refitted surface"
     nominal, p = size_in_words(entry.nominal, entry.unit), entry.p_lack_of_fit
     refitted, floor = (size_in_words(size, entry.unit, named=False) for size in (entry.refitted, entry.noise_floor))
     words = f"{nominal} from the nominal simulation, {refitted} with a refitted surface, floor {floor}"

@@ -15,6 +15,8 @@ from stablepush.mechanics.kernels.friction import Motion
 
 #: How deep (m) a finger without a radius may be in the slider before its contact is lost.
 _DEEP = 2e-4
+#: A finger with no larger radius (m) is a point.
+_POINT = 1e-5
 #: A finger less deep (m) than this behind an edge touches it wherever it moves.
 _SHALLOW = 1e-6
 #: How far (m) beyond its ends a flat pusher is touched by corners, and how far from corners its ends touch edges.
@@ -43,6 +45,17 @@ def _add(touch, px, py, nx, ny, gap, finger):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _overrun(outline, e, deep, overlap):  # type: ignore[no-untyped-def]
+    """How far (m) beyond the two ends of an edge a point touches it that is ``deep`` behind: behind an inner corner its foot may
+    miss both edges."""
+    n = outline.shape[0]
+    ax, ay, bx, by = outline[e, 0], outline[e, 1], outline[(e + 1) % n, 0], outline[(e + 1) % n, 1]
+    before = (ax - outline[e - 1, 0]) * (by - ay) - (ay - outline[e - 1, 1]) * (bx - ax)
+    after = (bx - ax) * (outline[(e + 2) % n, 1] - by) - (by - ay) * (outline[(e + 2) % n, 0] - bx)
+    return 2.0 * deep if before < 0.0 else -overlap, 2.0 * deep if after < 0.0 else -overlap
+
+
+@inner
 def find_touch(outline, pusher, x, y, c, s, qx, qy, qc, qs, pushed, reach, touch):  # type: ignore[no-untyped-def]
     """Find the contacts of a slider at (x, y, c, s) with a pusher at (qx, qy, qc, qs), and those that may close within
     ``reach``; ``pushed`` is the twist of a slider that is stuck to the pusher."""
@@ -58,8 +71,8 @@ def find_touch(outline, pusher, x, y, c, s, qx, qy, qc, qs, pushed, reach, touch
     for k in range(pusher.fingers.shape[0]):
         a, b = pusher.fingers[k, 0], pusher.fingers[k, 1]
         cx, cy = fx + fc * a - fs * b, fy + fs * a + fc * b
-        # a disc that a step has left a little inside touches the edges that its centre is outside of; a point, or a disc whose
-        # centre is inside, came through the edge that it moves into and is least deep behind
+        # a disc that a step has left a little inside touches the edges that its centre is outside of; a point came through the
+        # edge that it moves into and is least deep behind
         ux, uy = pushed[0] - pushed[2] * cy, pushed[1] + pushed[2] * cx
         shallowest, inside = -math.inf, False
         for e in range(n):
@@ -68,10 +81,13 @@ def find_touch(outline, pusher, x, y, c, s, qx, qy, qc, qs, pushed, reach, touch
             length = math.sqrt(ex * ex + ey * ey)
             if (ay > cy) != (outline[(e + 1) % n, 1] > cy) and cx < ax + ex * (cy - ay) / ey:
                 inside = not inside
-            if overlap <= ((cx - ax) * ex + (cy - ay) * ey) / length <= length - overlap:
-                gap = ((cx - ax) * ey - (cy - ay) * ex) / length - radius
-                if gap <= _SHALLOW and (gap > -_SHALLOW or ex * uy - ey * ux > 0.0):
-                    shallowest = max(shallowest, gap)
+            gap = ((cx - ax) * ey - (cy - ay) * ex) / length - radius
+            first = last = -overlap
+            if gap < 0.0 and radius <= _POINT:
+                first, last = _overrun(outline, e, -gap, overlap)
+            near = -first <= ((cx - ax) * ex + (cy - ay) * ey) / length <= length + last
+            if near and gap <= _SHALLOW and (gap > -_SHALLOW or ex * uy - ey * ux > 0.0):
+                shallowest = max(shallowest, gap)
         for e in range(n):
             ax, ay = outline[e, 0], outline[e, 1]
             ex, ey = outline[(e + 1) % n, 0] - ax, outline[(e + 1) % n, 1] - ay
@@ -81,7 +97,10 @@ def find_touch(outline, pusher, x, y, c, s, qx, qy, qc, qs, pushed, reach, touch
             # outside is to the right of an edge
             away = (cx - ax) * ey - (cy - ay) * ex
             gap = away - radius
-            near = overlap <= along <= length - overlap and deepest < gap <= reach
+            first = last = -overlap
+            if gap < 0.0 and radius <= _POINT:
+                first, last = _overrun(outline, e, -gap, overlap)
+            near = -first <= along <= length + last and deepest < gap <= reach
             through = away > 0.0 or (inside and gap >= shallowest - _SAME)
             if near and (gap > -_SHALLOW or (through and ex * uy - ey * ux > 0.0)):
                 _add(touch, ax + along * ex, ay + along * ey, -ey, ex, gap, k)
