@@ -120,23 +120,21 @@ def _of_others(id: str, system: System, found: Attribution, reshaped: bool) -> E
     return Evidence([], ["a refitted pressure does not predict held-out pushes significantly better than the nominal one"])
 
 
-#: The fit gains what its sum of squares, over the scatter that is left, falls by.
-_GAINS = "the fit gains"
+#: Over the scatter that is left.
+_GAINS = "the sum of squares falls by"
 
 
 def _beside(others: Sequence[str]) -> str:
-    return f"beside {' and '.join(others)}, " if others else ""
+    return f"with {' and '.join(others)} fitted already, " if others else ""
 
 
 def _failed(screening: Screening, system: System) -> str:
     """Why an effect did not enter, or did not stay."""
     least = system.demands.gain
     if screening.gain <= least:
-        return f"too little, it takes {readable(least)}"
+        return f"{readable(least)} is needed"
     if screening.statistic <= least:
-        return (
-            f"but few pushes bring that: the statistic over pushes is {readable(screening.statistic)}, it takes {readable(least)}"
-        )
+        return f"but by few pushes: the statistic over pushes is {readable(screening.statistic)}, {readable(least)} is needed"
     if not screening.possible:
         return "but it is too small to matter, or of a sign that it cannot have"
     if screening.significantly_better is False:

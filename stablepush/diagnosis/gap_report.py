@@ -345,7 +345,7 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
     why = f"{pair[0]} and {pair[1]} predict readings that differ most here, at the sizes estimated from this log"
     if not pushes:
         why = (
-            f"{pair[0]} and {pair[1]} predict the same readings, within the noise, for straight pushes of every edge on which "
-            "the pusher fits: use another pusher, or measure one of the effects separately"
+            f"no straight push of an edge by this pusher tells {pair[0]} from {pair[1]}: their readings differ by less than the "
+            "noise; use another pusher, or measure one of the effects separately"
         )
     return NextExperiment(pair, pushes, why)

@@ -157,7 +157,7 @@ class PlanResult:
         )
         if self.success is not None and self.success.failures:
             number, _, cause = self.success.failures[0]
-            words += f"; weakest: push {number + 1}, {cause}"
+            words += f"; most likely to slip: push {number + 1}, {cause}"
         return words
 
     def from_goal(self, goal: ArrayLike) -> tuple[float, float]:

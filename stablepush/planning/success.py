@@ -243,8 +243,8 @@ def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
     everything = {
         "the contact friction is": (scenarios.contact_mu[:, push.contact], ""),
         "the fingers are displaced along the edge by": (1000 * scenarios.aside[:, push.contact], " mm"),
-        "x of the centre of mass is": (1000 * scenarios.center_of_mass[:, 0], " mm"),
-        "y of the centre of mass is": (1000 * scenarios.center_of_mass[:, 1], " mm"),
+        "the centre of mass, along x of the slider, is": (1000 * scenarios.center_of_mass[:, 0], " mm"),
+        "the centre of mass, along y of the slider, is": (1000 * scenarios.center_of_mass[:, 1], " mm"),
     }
     if 2 * np.count_nonzero(~scenarios.flush[rows]) > len(rows):
         return "because the slider is not square to the fingers after the docking"

@@ -43,8 +43,8 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     what to try next."""
     size = (
         "Root mean squares over all trials. Floor: what the noise, and the give of fingers and table, leave. "
-        "p: the probability that noise alone leaves as much as the nominal simulation does, by the scatter between pushes: "
-        "a single push that is far off hardly lowers it."
+        "p: how likely noise alone is to leave as much as the nominal simulation does. It counts pushes: a single push that is "
+        "far off hardly lowers it."
     )
     steps = "\n".join(report.steps)
     told = [("verdict", str(report.verdict)), ("effects", ", ".join(report.named) or "none"), ("what to do", steps)]
@@ -54,9 +54,9 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     sections = [Section("Verdict", report.sentence, told)]
     if report.signatures:
         words = (
-            "Each dot is a push. Across: what the effect gives, as fitted. Upwards: what is left of the measurement if all else "
-            "that was fitted is taken off. If the effect acts as fitted, the dots lie on the slanted line; if it did not act, "
-            "they would lie on the level one."
+            "Each dot is a push. Horizontal axis: what the effect adds to the measurement, as fitted. Vertical axis: the "
+            "measurement less everything else that was fitted. If the effect acts as fitted, the dots lie on the slanted line; "
+            "if it did not act, they would lie on the level one."
         )
         shown = [(entry.effect, _numbers(entry)) for entry in report.ranking if entry.effect in report.named]
         sections.append(Section.with_picture("The evidence in one picture", figure_png(plot_signatures(report)), words, shown))
@@ -199,7 +199,7 @@ def _rows_of_loads(report: GapReport) -> _Seen:
     rows = _rows(report.row_names, report.poses, arrows, parts, covariates, signals, report.times)
     scale = _scale(rows, report.rig.slider)
     return _Seen(
-        f"Arrows: measured minus simulated force, at the slider's position; 1 N is {1000 * scale:.3g} mm of the table long.",
+        f"Lines from the slider's position: measured minus simulated force. 1 N is drawn as {readable(1000 * scale)} mm.",
         rows,
         [("along the load", "N"), ("across the load", "N"), ("moment", "N mm")],
         [

@@ -314,7 +314,7 @@ def test_the_command_leaves_answer_page_and_mended_rig(tmp_path, capsys):
     page = (tmp_path / "d.html").read_text(encoding="utf-8")
     for words in (
         "Verdict",
-        "for: the fit gains",
+        "for: the sum of squares falls by",
         "against: ",
         "push 1 and 2",
         " mm along it",

@@ -67,11 +67,11 @@ def find_touch(outline, pusher, x, y, c, s, qx, qy, qc, qs, pushed, reach, touch
     radius = pusher.radius
     # where a corner of the slider and an end of a flat edge pass each other, it is the corner that touches the edge
     overlap = _OVERLAP if pusher.half > 0.0 else 0.0
-    deepest = -max(radius, _DEEP, 2.0 * reach)
+    deepest = -max(radius, _DEEP, 2.0 * reach) - _SAME
     for k in range(pusher.fingers.shape[0]):
         a, b = pusher.fingers[k, 0], pusher.fingers[k, 1]
         cx, cy = fx + fc * a - fs * b, fy + fs * a + fc * b
-        # a disc that a step has left a little inside touches the edges that its centre is outside of; a point came through the
+        # a disc that a step has left a little inside touches the edges that its centre is not behind; a point came through the
         # edge that it moves into and is least deep behind
         ux, uy = pushed[0] - pushed[2] * cy, pushed[1] + pushed[2] * cx
         shallowest, inside = -math.inf, False
@@ -101,7 +101,7 @@ def find_touch(outline, pusher, x, y, c, s, qx, qy, qc, qs, pushed, reach, touch
             if gap < 0.0 and radius <= _POINT:
                 first, last = _overrun(outline, e, -gap, overlap)
             near = -first <= along <= length + last and deepest < gap <= reach
-            through = away > 0.0 or (inside and gap >= shallowest - _SAME)
+            through = away > -_SAME or (inside and gap >= shallowest - _SAME)
             if near and (gap > -_SHALLOW or (through and ex * uy - ey * ux > 0.0)):
                 _add(touch, ax + along * ex, ay + along * ey, -ey, ex, gap, k)
             # the corner at the end of this edge, if it sticks out; the corners of a flat edge meet edges, or are met by them

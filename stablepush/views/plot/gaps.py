@@ -236,6 +236,7 @@ def plot_signatures(report: GapReport, ax: ArrayLike | None = None) -> np.ndarra
         axes.axhline(0.0, color=OBSTACLE, linewidth=0.8)
         axes.axline((0.0, 0.0), slope=1.0, color="black", linewidth=1.4)
         axes.grid(visible=True, color="0.9", linewidth=0.6)
+        axes.locator_params(axis="x", nbins=5)
         axes.set_xlabel(f"what it gives [{unit.strip()}]")
         axes.set_ylabel(f"measured, less all else [{unit.strip()}]")
         axes.set_title(signature.effect, fontsize=11)

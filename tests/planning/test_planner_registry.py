@@ -19,7 +19,7 @@ from stablepush.planning import registry
         (
             lambda problem, *, deadline, seed, options, progress: problem.nothing,
             "planner mine: it failed by AttributeError: 'PlanningProblem' object has no attribute 'nothing' "
-            r"\(test_registry.py, line \d+, in <lambda>\)",
+            r"\(test_planner_registry.py, line \d+, in <lambda>\)",
         ),
     ],
 )
