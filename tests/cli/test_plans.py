@@ -178,3 +178,16 @@ def test_models_sliders_and_contacts_may_be_paths_relative_to_the_scene(rig, tmp
     for scene_file, words in (("scene.json", "c0.json: mu: missing key"), ("round.json", "round.json: format: expected")):
         assert main(["check", str(tmp_path / scene_file), str(rig / "plan.json")]) == 2
         assert words in capsys.readouterr().err
+
+
+def test_a_plan_for_other_margins_is_carried_out_and_that_is_said(rig, tmp_path, capsys):
+    """As of a corrected scene, whose fingers have less friction: its pushes hold here with more."""
+    plan = json.loads((rig / "plan.json").read_text())
+    for segment in plan["segments"]:
+        segment["margin"] -= 0.01
+    plan["min_margin"] -= 0.01
+    write_json(tmp_path / "plan.json", plan)
+    assert main(["check", str(rig / "scene.json"), str(tmp_path / "plan.json")]) == 1
+    capsys.readouterr()
+    assert main(["simulate", str(rig / "scene.json"), str(tmp_path / "plan.json"), "-o", str(tmp_path / "log")]) == 0
+    assert "made for another scene, where its pushes have other margins; they are stable here, too" in capsys.readouterr().err
