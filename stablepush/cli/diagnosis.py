@@ -59,7 +59,6 @@ def diagnose(
         _write_pushes(report, pushes)
     if mended is not None:
         _write_corrected(report, mended)
-    to_do = list(report.steps) if report.verdict != "none" or report.suspected_friction is not None else []
     told(
         log=report.log, verdict=report.verdict, effects=report.named, sentence=report.sentence, estimates=report.effects,
         channels=[
@@ -67,7 +66,7 @@ def diagnose(
              "ci95": e.ci95}
             for e in report.reductions
         ],
-        to_do=to_do,
+        to_do=report.to_do,
     )  # fmt: skip
     print(f"{report.log}: {report.verdict}{': ' + ', '.join(report.named) if report.named else ''}")
     print(report.sentence)
@@ -76,10 +75,10 @@ def diagnose(
     friction = report.support_friction
     if friction is not None:
         print(f"support friction: {friction:.3g} as refitted, where {report.rig.support_friction:.3g} was assumed")
-    # without columns of its own the log is of nobody who expects more
+    # who wrote no columns beside those of the format expects no effects of a lab's own
     for id, needs in report.untested.items() if any(log.own_columns for log in data) else ():
         print(f"not tested: {id}, which needs {needs}")
-    for words in to_do:
+    for words in report.to_do:
         print(f"to do: {words}")
     if answer is not None and report.corrected and report.changes_plans:
         print(f"to plan for the rig as it is: stablepush correct SCENE.json {answer} -o SCENE2.json")

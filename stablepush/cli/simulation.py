@@ -197,7 +197,7 @@ def _warn_if_invalid(problem: PlanningProblem, result: PlanResult, path: Path) -
     if report.valid:
         return
     words = f"the plan does not pass the check of this scene: {report.objections[0]}"
-    if all("states a margin of" in objection for objection in report.objections):
+    if report.only_margins_differ:
         words = "the plan was made for another scene, where its pushes have other margins; they are stable here, too"
     print(f"{path}: note: {words}", file=sys.stderr)
 

@@ -183,7 +183,7 @@ def _straight(system: System) -> tuple[list[EdgePush], FloatArray, Observations]
         clearance=np.full((n, 2), np.nan),
         slip=np.full(n, np.nan),
         span=np.ones(n),
-        blur=np.ones(n),
+        noise_gain=np.ones(n),
     )
     return entries, np.reshape(normals, (n, 2)), rows
 

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError, in_threads
+from stablepush.diagnosis.fingers_seen import finger_places, nearest
 from stablepush.diagnosis.nominal import Nominal
-from stablepush.diagnosis.observations import Observations, finger_places, nearest
+from stablepush.diagnosis.observations import Observations
 from stablepush.effects import principal
 from stablepush.geometry import (
     compose,

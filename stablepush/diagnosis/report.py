@@ -81,9 +81,9 @@ class GapReport:
     estimates: Estimates | None = field(default=None, repr=False)
     #: time (s) of each row in its push
     times: FloatArray = field(default_factory=lambda: np.zeros(0), repr=False)
-    #: friction of the fingers that too few pushes show for a name, and that a corrected scene takes
+    #: friction of the fingers for a corrected scene; too few pushes show it to name it as the cause
     suspected_friction: float | None = None
-    #: effects of the lab's own that this log cannot show, and what they need
+    #: effects of the lab's own that were not tested, and what the log lacks for them
     untested: dict[str, str] = field(default_factory=dict, repr=False)
 
     @property
@@ -94,6 +94,11 @@ class GapReport:
         if self.verdict != "named":
             return [self.verdict.advice]
         return [f"{id}: {CATALOGUE[id].remedy if id in CATALOGUE else LAB_REMEDY}{self._in_numbers(id)}" for id in self.named]
+
+    @property
+    def to_do(self) -> list[str]:
+        """The :attr:`steps`; none where nothing is to be done."""
+        return [] if self.verdict == "none" and self.suspected_friction is None else self.steps
 
     def _in_numbers(self, id: str) -> str:
         """What to write into the mapping of an import, for effects that it takes off."""

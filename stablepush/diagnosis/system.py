@@ -27,7 +27,7 @@ from stablepush.diagnosis.equations import (
 )
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.nominal import CELLS, nominal_of, unit_loads
-from stablepush.diagnosis.observations import Observations, beyond_noise, contact_velocity, rows_of
+from stablepush.diagnosis.observations import Observations, beyond_noise, contact_velocity, pushes_of, rows_of
 from stablepush.diagnosis.replay import Replay, carried, friction_of, pose_errors
 from stablepush.effects import FAMILIES, LabEffect, LogRows
 from stablepush.geometry import rotate_vectors
@@ -99,7 +99,7 @@ class System(Equations):
         o = rows_of(observations, chosen)
         self.noise = _noise(rig, o, noisier)
         of_poses = np.array((self.noise.position, self.noise.position, self.noise.angle))
-        self.motion_noise = of_poses * o.blur[:, None]
+        self.motion_noise = of_poses * o.noise_gain[:, None]
         self.observations = o = replace(o, acceleration=beyond_noise(o, of_poses / o.span[:, None]))
         self.push = pushes_of(o.group)
         self.log = np.zeros(len(o.names), dtype=int)
@@ -478,14 +478,6 @@ def log_rows(o: Observations) -> LogRows:
     """Return rows as effects of a lab's own see them."""
     columns = {name: values[o.trial] for name, values in o.columns.items()}
     return LogRows(columns, o.time, o.order, o.pose, o.twist, o.pusher, o.wrench, o.normal)
-
-
-def pushes_of(groups: Sequence[str]) -> np.ndarray:
-    """Numbers (trials,) of the pushes that trials repeat; a log that is one group says nothing of repeats."""
-    together = len({g or k for k, g in enumerate(groups)}) > 1
-    names = [(g, 0) if g and together else ("", k) for k, g in enumerate(groups)]
-    number = {name: k for k, name in enumerate(dict.fromkeys(names))}
-    return np.array([number[name] for name in names], dtype=int)
 
 
 def system_of(observations: Observations, rig: Rig, own: Mapping[str, LabEffect] = MappingProxyType({})) -> System:

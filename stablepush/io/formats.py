@@ -53,12 +53,12 @@ def save_slider(slider: Slider, path: str | Path) -> None:
 
 
 def slider_or_path(node: Node, folder: Path) -> Slider:
-    """Read a ``slider/1`` that stands in another file, or the one whose path, from that file's folder, stands there."""
+    """Read a ``slider/1`` from a value, or from the file whose path it is, relative to ``folder``."""
     return slider_from_node(read_json(folder / node.value, "slider/1") if isinstance(node.value, str) else node)
 
 
 def contact_or_path(node: Node, folder: Path) -> PushContact:
-    """Read a ``contact`` that stands in another file, or the one whose path, from that file's folder, stands there."""
+    """Read a ``contact`` from a value, or from the file whose path it is, relative to ``folder``."""
     return contact_from_node(read_json(folder / node.value) if isinstance(node.value, str) else node)
 
 
@@ -104,7 +104,7 @@ def model_from_node(node: Node) -> LimitSurface:
 
 
 def model_or_path(node: Node, folder: Path) -> LimitSurface:
-    """Read a ``model/1`` that stands in another file, or the one whose path, from that file's folder, stands there."""
+    """Read a ``model/1`` from a value, or from the file whose path it is, relative to ``folder``."""
     if isinstance(node.value, str):
         return model_from_node(read_json(folder / node.value, "model/1"))
     if not isinstance(node.value, dict):

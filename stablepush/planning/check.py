@@ -29,6 +29,8 @@ _FINEST = 1e-5
 #: Seed of the check's own scenarios, the level of the interval that a stated probability must lie in, and what is granted to a
 #: number that was itself measured on as many scenarios.
 _SEED, _CERTAINTY, _STATED = 987_654_321, 0.999, 0.02
+#: What is said of a push whose margin is another than its plan states.
+_OTHER_MARGIN = "states a margin of"
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,12 @@ class CheckReport:
 
     valid: bool
     objections: tuple[str, ...]
+
+    @property
+    def only_margins_differ(self) -> bool:
+        """Whether all that is wrong is the margins that a plan states, as where it was made for another scene: its pushes are
+        stable all the same."""
+        return bool(self.objections) and all(_OTHER_MARGIN in words for words in self.objections)
 
 
 def check_plan(problem: PlanningProblem, result: PlanResult) -> CheckReport:
@@ -140,7 +148,7 @@ def _check_push(problem: PlanningProblem, push: Push, place: str) -> list[str]:
         found.append(f"{place}: a point of the outline moves at {speed:.6g} m/s, the limit is {problem.speed:g}")
     margin = _margin(problem, push)
     if abs(margin - push.margin) > TOLERANCE:
-        found.append(f"{place}: states a margin of {push.margin:.6g} rad, the oracle gives {margin:.6g}")
+        found.append(f"{place}: {_OTHER_MARGIN} {push.margin:.6g} rad, the oracle gives {margin:.6g}")
     least = max(0.0, problem.min_margin)
     if margin < least - TOLERANCE:
         found.append(f"{place}: margin {margin:.6g} rad is below {least:g}")

@@ -14,9 +14,9 @@ from stablepush.diagnosis.attribution import family_wise_p_values
 from stablepush.diagnosis.equations import SIZES, ScoreTest, statistics
 from stablepush.diagnosis.forward import ForwardModel
 from stablepush.diagnosis.gap_reduction import HeldOut
-from stablepush.diagnosis.observations import _rates, beyond_noise, observe
+from stablepush.diagnosis.observations import _rates, beyond_noise, observe, pushes_of
 from stablepush.diagnosis.reshaping import _as_good_as_free
-from stablepush.diagnosis.system import System, pushes_of
+from stablepush.diagnosis.system import System
 from stablepush.diagnosis.verdicts import explains_most
 from stablepush.diagnosis.where import repeats_share
 from stablepush.effects.catalogue import CATALOGUE

@@ -8,7 +8,8 @@ from conftest import FORCES, LOAD, MASS, QUIET, check_schema, edited, make_log, 
 
 import stablepush as sp
 from stablepush.diagnosis.finger_forces import FingerForces
-from stablepush.diagnosis.observations import finger_places, observe
+from stablepush.diagnosis.fingers_seen import finger_places
+from stablepush.diagnosis.observations import observe
 from stablepush.rig import edge_command
 
 
