@@ -11,6 +11,7 @@ from scipy.stats import chi2, t as student
 
 from stablepush.core import ConvergenceError, FloatArray, InputError
 from stablepush.diagnosis.attribution import Attribution
+from stablepush.diagnosis.determined import determined_rows, motion_spread, size, variance
 from stablepush.diagnosis.equations import Values
 from stablepush.diagnosis.folds import FOLDS, folds_of
 from stablepush.diagnosis.replay import Replay, first_contacts, friction_change
@@ -24,8 +25,6 @@ from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
 #: Resampled trials behind an interval.
 _RESAMPLES = 500
-#: A facet counts as this share of all friction at least: of many points, more than one turns its friction at a time.
-_SMOOTH = 0.2
 #: Draws of the noise behind the floor of the directions of motion.
 _DRAWS = 4
 #: What a simulation with rigid bodies errs by itself, since fingers and feet give: of a load over its size, of a final pose over
@@ -122,10 +121,14 @@ def _wrenches(held: HeldOut, system: System, folds: list[_Fold]) -> None:
             angles[key][rows] = _angles(system, fold.surfaces[key], load)[rows]
         floor += float(_twist_floor(system, fold, rows).sum()) / len(o.time)
     held.wrenches.update(wrenches)
-    held.squares["wrench"] = {k: size(system, o.wrench - w) for k, w in wrenches.items()}
     held.squares["twist"] = {k: angle**2 for k, angle in angles.items()}
-    held.trials["wrench"] = held.trials["twist"] = o.trial
-    held.floors["wrench"], held.floors["twist"] = wrench_floor(system), floor
+    determined = determined_rows(system)
+    counted = determined if determined.any() else ~determined
+    held.squares["wrench"] = {k: size(system, o.wrench - w)[counted] for k, w in wrenches.items()}
+    held.trials["wrench"], held.trials["twist"] = o.trial[counted], o.trial
+    own = 3 * _RIGID**2 * size(system, o.wrench)
+    explained = variance(system, system.reading_covariance) + motion_spread(system) ** 2 + own
+    held.floors["wrench"], held.floors["twist"] = float(explained[counted].mean()), floor
 
 
 def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Replay]) -> None:
@@ -183,28 +186,6 @@ def _stability(
             touching = replace(contact, mu=max(0.0, contact.mu + friction_change(fold.values[key], order[trial])))
             believed = model if model is not None and key == "before" else surfaces[system.log[trial]]
             held.squares["stability"][key][at] = float(StabilityOracle(believed, touching).is_stable(twist) != stable)
-
-
-def size(system: System, wrenches: FloatArray) -> FloatArray:
-    """Return the squared size (n,) of wrenches in ``(fx, fy, tau/rho)``, in N²."""
-    return np.asarray(((wrenches / (1, 1, system.rho)) ** 2).sum(axis=1))
-
-
-def wrench_floor(system: System) -> float:
-    """Return the mean square (N²) that the noise of forces and motion leaves, and what a simulation errs by itself.
-
-    Next to a facet of the limit surface (a turn about a support point) a little noise of the motion moves the predicted load far,
-    but not beyond the facet, whose radius is the load of that point: it bounds what the motion of a row may contribute.
-    """
-    scale = np.array((1.0, 1.0, 1.0 / system.rho))
-    rows, force = (
-        (np.einsum("nii->ni", covariance) * scale**2).sum(axis=1) for covariance in (system.covariance, system.reading_covariance)
-    )
-    motion = np.maximum(rows - force, 0.0)
-    loads = np.abs(system.of_last(system.nominal))
-    most = max(float(loads.max()), _SMOOTH * float(loads.sum())) ** 2 + 1e-30
-    own = 3 * _RIGID**2 * size(system, system.observations.wrench)
-    return float((force + own + motion * most / (motion + most)).mean())
 
 
 def clearance_reduction(held: HeldOut) -> float:

@@ -12,6 +12,7 @@ from stablepush.core import InputError, one_blas_thread
 from stablepush.diagnosis.attribution import Attribution, attribute
 from stablepush.diagnosis.contact_friction import slip_friction
 from stablepush.diagnosis.corrected import corrections, in_own_forms, of_last_log
+from stablepush.diagnosis.determined import determined_rows
 from stablepush.diagnosis.equations import SIZES
 from stablepush.diagnosis.evidence import evidence
 from stablepush.diagnosis.finger_forces import finger_forces
@@ -29,7 +30,15 @@ from stablepush.diagnosis.system import System, log_rows, system_of
 from stablepush.diagnosis.together import join, observe_each, together_of
 from stablepush.diagnosis.verdicts import judge, refit_leaves_noise, stands_clear
 from stablepush.diagnosis.where import localise, residuals
-from stablepush.diagnosis.wording import notes_on, sentence_of, slipping_note, still_note, suspicion_note, unexplained
+from stablepush.diagnosis.wording import (
+    notes_on,
+    sentence_of,
+    slipping_note,
+    still_note,
+    suspicion_note,
+    turning_note,
+    unexplained,
+)
 from stablepush.effects import CATALOGUE, LabEffect, applicable, lab_effects
 from stablepush.io import PushLog, Rig
 
@@ -201,6 +210,10 @@ def _diagnose(
         notes.append(still_note(still, len(log)))
     if judged.slipping:
         notes.append(slipping_note([observations.names[k] for k in judged.slipping], len(log)))
+    determined = determined_rows(system) if system.has_wrench else np.ones(len(system.observations.time), dtype=bool)
+    turning = int(np.count_nonzero(~determined))
+    if _TOLD_SHARE * len(determined) < turning < len(determined):
+        notes.append(turning_note(turning, len(determined)))
     forces = finger_forces(system, found.final)
     nominal, suspected = log.rig.contact_friction, None
     if forces is not None and comparison is None and "contact-friction" not in reported:
@@ -242,6 +255,7 @@ def _diagnose(
         fingers=forces if "contact-friction" in found.named else None,
         signatures=signatures(system, found.final, reported),
         estimates=estimates(system, found.final) if found.final.values else None,
+        determined=determined,
         times=system.observations.time,
         suspected_friction=suspected,
         untested=untested,

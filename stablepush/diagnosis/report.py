@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import FloatArray, renamed_fields, shown_as
+from stablepush.core import BoolArray, FloatArray, renamed_fields, shown_as
 from stablepush.diagnosis.evidence import Evidence, not_identifiable
 from stablepush.diagnosis.finger_forces import FingerForces
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
@@ -79,6 +79,8 @@ class GapReport:
     signatures: list[Signature] = field(default_factory=list, repr=False)
     #: correlation of the estimated parameters, and those at their bounds
     estimates: Estimates | None = field(default=None, repr=False)
+    #: rows (n,) whose motion determines the load; the others, turns about a support point, count in no error of the wrench
+    determined: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
     #: time (s) of each row in its push
     times: FloatArray = field(default_factory=lambda: np.zeros(0), repr=False)
     #: friction of the fingers for a corrected scene; too few pushes show it to name it as the cause

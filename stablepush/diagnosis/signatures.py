@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stablepush.core import FloatArray
+from stablepush.diagnosis.determined import determined_rows
 from stablepush.diagnosis.equations import Fitted
 from stablepush.diagnosis.system import IN_CLEARANCES, System
 from stablepush.effects import CATALOGUE
@@ -30,7 +31,7 @@ class Signature:
     parts : sequence of str
         Names of the c components.
     contribution : array, shape (n, c)
-        What the effect adds to the prediction at its estimate: medians over the rows of each push.
+        What the effect adds to the prediction at its estimate: medians over the rows of each push that determine their load.
     partial_residual : array, shape (n, c)
         Measured less predicted without the effect; all else as fitted.
     """
@@ -100,7 +101,9 @@ def _in_loads(system: System, fitted: Fitted, id: str) -> tuple[float, Signature
         return np.column_stack((rotate_vectors(-direction, load[:, :2]), load[:, 2] / system.rho))
 
     names = ("along the load", "across the load", "moment over rho")
-    pushes = [_medians(parts(load), o.trial) for load in (given, o.wrench - without)]
+    told = determined_rows(system)
+    told = told if told.any() else ~told
+    pushes = [_medians(parts(load)[told], o.trial[told]) for load in (given, o.wrench - without)]
     return float((system.white(given) ** 2).sum()), Signature(id, "N", names, *pushes)
 
 
@@ -120,5 +123,5 @@ def _in_clearances(system: System, fitted: Fitted, id: str) -> tuple[float, Sign
 
 
 def _medians(values: FloatArray, trial: np.ndarray) -> FloatArray:
-    """Medians (n, c) of the rows of each trial: a row whose motion is all but about a support point may be far off."""
+    """Medians (n, c) of the rows of each trial: a single row may be far off."""
     return np.array([np.median(values[trial == k], axis=0) for k in np.unique(trial)])

@@ -313,6 +313,14 @@ def still_note(names: Sequence[str], pushes: int) -> str:
     )
 
 
+def turning_note(turning: int, rows: int) -> str:
+    """How many rows do not count in the errors of the wrench."""
+    return (
+        f"{turning} of {rows} rows turn about a support point, within the noise: their motion does not determine the load, "
+        "so the errors of the wrench leave them out"
+    )
+
+
 def suspicion_note(friction: float, nominal: float) -> str:
     """What is said of fingers that moved in too few pushes for their friction to be named."""
     return (

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import FloatArray
+from stablepush.core import BoolArray, FloatArray
 from stablepush.diagnosis import ChannelGap, Estimates, Evidence, GapReport, RankedEffect, readable, size_in_words
 from stablepush.geometry import rotate_vectors
 from stablepush.objects import EdgePush, Slider
@@ -196,10 +196,13 @@ def _rows_of_loads(report: GapReport) -> _Seen:
     )
     load = report.loads * (1, 1, 1000)
     signals = {key: load - report.residuals[key] * (1, 1, 1000) for key in ("before", "after")} | {"measured": load}
-    rows = _rows(report.row_names, report.poses, arrows, parts, covariates, signals, report.times)
+    rows = _rows(report.row_names, report.poses, arrows, parts, covariates, signals, report.times, report.determined)
     scale = _scale(rows, report.rig.slider)
+    about = f"Lines from the slider's position: measured minus simulated force. 1 N is drawn as {readable(1000 * scale)} mm."
+    if not all(row["determined"] for row in rows):
+        about += " Faint: turns about a support point. Noise leaves their load open; they count in no error of the wrench."
     return _Seen(
-        f"Lines from the slider's position: measured minus simulated force. 1 N is drawn as {readable(1000 * scale)} mm.",
+        about,
         rows,
         [("along the load", "N"), ("across the load", "N"), ("moment", "N mm")],
         [
@@ -239,8 +242,10 @@ def _rows(
     covariates: FloatArray,
     signals: Mapping[str, FloatArray] = MappingProxyType({}),
     times: FloatArray | None = None,
+    determined: BoolArray | None = None,
 ) -> list[dict[str, Any]]:
-    """Rows whose numbers are all known, as many as a page can take. ``signals``: loads (fx, fy, tau; N, N mm) over ``times``."""
+    """Rows whose numbers are all known, as many as a page can take. ``signals``: loads (fx, fy, tau; N, N mm) over ``times``;
+    ``determined``: rows whose motion determines the load."""
     if not arrows:
         return []
     numbers = np.column_stack([poses, covariates, *arrows.values(), *parts.values()])
@@ -253,6 +258,7 @@ def _rows(
             "arrow": {key: arrow[i].tolist() for key, arrow in arrows.items() if key in ("before", "after")},
             **{key: part[i].tolist() for key, part in parts.items() if key in ("before", "after")},
             "covariates": covariates[i].tolist(),
+            "determined": int(determined is None or determined[i]),
             **({} if times is None else {"t": float(times[i]), "signals": {k: v[i].tolist() for k, v in signals.items()}}),
         }
         for i in chosen

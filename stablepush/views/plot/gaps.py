@@ -35,6 +35,8 @@ _HIDDEN = "#767676"
 _GOOD, _LONGEST = 0.12, 0.45
 #: Errors of final positions are drawn so many times as long, at most.
 _MOST_TIMES = 1000
+#: Opacity of what counts in no error.
+_FAINT = 0.2
 #: Names of pushes up to so many letters stand close on an axis.
 _SHORT = 4
 
@@ -125,7 +127,7 @@ def _draw_over_table(places: FloatArray, tails: FloatArray, arrows: FloatArray, 
 
 def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np.ndarray:
     """Draw the residual force along and across the measured one, against heading and trial order, before and after the
-    correction; into four axes, which are returned (2, 2)."""
+    correction; into four axes, which are returned (2, 2). Faint: turns about a support point, whose load is left open."""
     shown = panels((6.6, 4.8), 2, 2, ax, sharey="row")
     direction = np.arctan2(report.loads[:, 1], report.loads[:, 0])
     for row, name in enumerate(("along the load [N]", "across it [N]")):
@@ -135,15 +137,10 @@ def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np
             axes = shown[row, column]
             for key, color, marker in (("before", PUSHER, "o"), ("after", COUNTER_CLOCKWISE, ".")):
                 residual = rotate_vectors(-direction, report.residuals[key][:, :2])[:, row]
-                axes.plot(
-                    values,
-                    residual,
-                    linestyle="none",
-                    marker=marker,
-                    markersize=3,
-                    color=color,
-                    label="nominal" if key == "before" else "corrected",
-                )
+                word = "nominal" if key == "before" else "corrected"
+                style = {"linestyle": "none", "marker": marker, "markersize": 3, "color": color}
+                for chosen, look in ((report.determined, {"label": word}), (~report.determined, {"alpha": _FAINT})):
+                    axes.plot(values[chosen], residual[chosen], **style, **look)
             axes.axhline(0.0, color=OBSTACLE, linewidth=0.8)
             axes.grid(visible=True, color="0.9", linewidth=0.6)
             if row == 1:
