@@ -46,9 +46,10 @@ sphinx_gallery_conf = {
     "show_signature": False,
     "abort_on_example_error": True,
     "image_scrapers": ("figures.collect",),
+    "show_memory": False,
 }
 exclude_patterns = [
-    *("_build", "jupyter_execute", "sg_execution_times.rst", "gallery/*.ipynb"),
+    *("_build", "jupyter_execute", "sg_execution_times.rst", "gallery/sg_execution_times.rst", "gallery/*.ipynb"),
     *("benchmarks/table.md", "benchmarks/before.md"),
 ]
 
@@ -61,6 +62,20 @@ def _keep_together(app, name, source):
     source[0] = "```".join(parts)
 
 
+def _link_names(app, name, source):
+    """A public name in a page leads to the reference. The page itself has no markup for it, so that it reads well anywhere."""
+    if Path(app.env.doc2path(name)).suffix != ".md":
+        return
+    parts = source[0].split("```")
+    parts[::2] = [re.sub(r"(?<!`)`(?:sp\.)?(\w+)`(?!`)", _reference, part) for part in parts[::2]]
+    source[0] = "```".join(parts)
+
+
+def _reference(found):
+    return f"{{py:obj}}`{found[1]} <stablepush.{found[1]}>`" if found[1] in stablepush.__all__ else found[0]
+
+
 def setup(app):
     """Called by Sphinx."""
     app.connect("source-read", _keep_together)
+    app.connect("source-read", _link_names)

@@ -141,10 +141,17 @@ def test_the_page_of_effects_is_that_of_the_catalogue():
     from stablepush.effects import CATALOGUE
 
     text = (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
-    rows = {row.split("`")[1]: [cell.strip() for cell in row.split("|")] for row in text.splitlines() if row.startswith("| `")}
-    assert set(rows) == set(CATALOGUE)
+    sections = {part.split("`")[1]: part for part in text.split("\n### ")[1:]}
+    assert set(sections) == set(CATALOGUE)
     for id, kind in CATALOGUE.items():
-        assert (rows[id][2], rows[id][4], rows[id][5]) == (kind.what, kind.needs, kind.remedy)
+        for words in (f"\n{kind.what[0].upper()}{kind.what[1:]}.\n", f"needs:** {kind.needs}.\n", f"named:** {kind.remedy}.\n"):
+            assert words in sections[id], id
+
+
+def test_the_pictures_of_the_pages_are_there():
+    for page in (ROOT / "docs").glob("*.md"):
+        for name in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / name).is_file(), (page.name, name)
 
 
 def blocks(page, folder):

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 import stablepush as sp
 from stablepush.geometry import cor_from_twist
+from stablepush.views.plot import plot_regions
 from stablepush.views.plot.canvas import fill, save_figure
-from stablepush.views.plot.regions import plot_regions
 
 slider = sp.Slider([(-0.05, -0.05), (0.10, -0.05), (-0.05, 0.10)])
 contact = sp.PushContact.on_edge(slider, edge=0, center=0.05, width=0.05, mu=0.5)
@@ -38,11 +38,12 @@ reach = np.array((0.0, 6.0))
 low, high = (reach * moment / rho for moment in moments)
 section.fill_between(reach, low, high, color="#56B4E9", alpha=0.4, label="composite friction cone")
 section.plot(loads[:, 1], loads[:, 2] / rho, color="black", label="limit surface")
-for (name, (load, twist)), color in zip(motions.items(), ("#009E73", "#D55E00"), strict=True):
+for (name, (load, twist)), color in zip(motions.items(), ("#009E73", "#CC79A7"), strict=True):
     at, along = np.array((load[1], load[2] / rho)), np.array((twist[1], twist[2] * rho))
     end = at + 1.6 * along / np.linalg.norm(along)
     section.annotate("", end, at, arrowprops={"arrowstyle": "->", "color": color, "linewidth": 2})
-    section.plot(*at, marker="o", color=color, linestyle="none", label=f"load and twist of motion {name}")
+    section.plot(*at, marker="o", color=color, linestyle="none", label=f"load and twist, rotation centre of motion {name}")
+    section.annotate(name, at, xytext=(-12, 4), textcoords="offset points", ha="center", fontweight="bold")
 section.set_aspect("equal")
 section.set_xlabel("fy [N]")
 section.set_ylabel("τ/ρ [N]")
@@ -51,10 +52,12 @@ section.set_title("Loads with fx = 0", fontsize=11)
 plot_regions([sp.stable_region(even, contact)], contact, slider, ax=chart)
 chart.set_title("Stable rotation centres\n(blue: counter-clockwise)", fontsize=11)
 chart.get_legend().remove()
+for line in [line for line in chart.lines if line.get_marker() == "D"]:
+    line.remove()
 chart.set_xlim(-0.22, 0.22)
 chart.set_xticks([-0.2, -0.1, 0.0, 0.1, 0.2])
 chart.set_ylim(-0.22, 0.22)
-for (name, (_, twist)), color in zip(motions.items(), ("#009E73", "#D55E00"), strict=True):
+for (name, (_, twist)), color in zip(motions.items(), ("#009E73", "#CC79A7"), strict=True):
     center, _ = cor_from_twist(twist)
     chart.plot(*center, marker="o", color=color, markeredgecolor="black", linestyle="none", zorder=5)
     chart.annotate(name, center, xytext=(0, -16), textcoords="offset points", ha="center", fontweight="bold")
@@ -62,10 +65,11 @@ for (name, (_, twist)), color in zip(motions.items(), ("#009E73", "#D55E00"), st
 found = sp.worst_pressure(slider, contact, motions["A"][1])
 fill(worst, slider.polygon, facecolor="0.9", edgecolor="black")
 worst.scatter(*found.points.T, s=900 * found.shares, color="#0072B2", zorder=3)
-worst.plot(*contact.points.T, marker="^", color="black", linestyle="none", label="fingers")
+worst.plot(*contact.points.T, marker="o", color="#D55E00", linestyle="none", label="fingers")
 worst.plot(0, 0, marker="+", color="black", markersize=10, linestyle="none", label="centre of mass")
 worst.set_aspect("equal")
 worst.set_xlabel("x in B [m]")
+worst.set_ylabel("y in B [m]")
 worst.set_xticks([-0.05, 0.0, 0.05, 0.1])
 worst.set_title("Worst pressure for A\n(area: share of the weight)", fontsize=11)
 words.axis("off")

@@ -3,7 +3,9 @@ How many pokes does it take?
 ============================
 
 Pokes of the built-in rig are simulated; three polynomial models are fitted to the first 3, 5, 10, 20 and 40 of them, and
-judged by the angle between predicted and measured twists on 200 other pokes.
+judged by the angle between predicted and measured twists on 200 other pokes. With the outline known, three pokes nearly suffice.
+What stays is the shape: the limit surface of three feet has flat facets, which a quartic rounds off. Fitted to those 200 pokes
+themselves it is still 6.7° off.
 """
 
 import matplotlib.pyplot as plt
@@ -11,7 +13,7 @@ import numpy as np
 
 import stablepush as sp
 from stablepush.demo import demo_pokes
-from stablepush.geometry.planar import angle_between, normalize_twist
+from stablepush.geometry import angle_between, normalize_twist
 
 log = demo_pokes(240)
 loads, twists, _ = log.pairs()

@@ -9,8 +9,7 @@ slipping at the fingers: for even pressure, for every pressure distribution, and
 import numpy as np
 
 import stablepush as sp
-from stablepush.views.plot.canvas import save_figure
-from stablepush.views.plot.regions import plot_regions
+from stablepush.views.plot import plot_regions, save_figure
 
 slider = sp.Slider([(-0.05, -0.05), (0.10, -0.05), (-0.05, 0.10)])
 contact = sp.PushContact.on_edge(slider, edge=0, center=0.05, width=0.05, mu=1.0)

@@ -8,8 +8,7 @@ line is where nine in ten do.
 
 import stablepush as sp
 from stablepush.demo import demo_pokes
-from stablepush.views.plot.canvas import save_figure
-from stablepush.views.plot.regions import plot_regions
+from stablepush.views.plot import plot_regions, save_figure
 
 log = demo_pokes(8)
 loads, twists, _ = log.pairs()

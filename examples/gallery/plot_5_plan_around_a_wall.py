@@ -8,8 +8,7 @@ pressure distribution.
 """
 
 import stablepush as sp
-from stablepush.views.plot.canvas import save_figure
-from stablepush.views.plot.plans import plot_plan
+from stablepush.views.plot import plot_plan, save_figure
 
 slider = sp.Slider([(-0.05, -0.05), (0.10, -0.05), (-0.05, 0.10)])
 feet = sp.SupportDistribution([(-0.02, -0.02), (0.04, -0.02), (-0.02, 0.04)], [1, 1, 1])

@@ -7,8 +7,7 @@ pressure.
 """
 
 import stablepush as sp
-from stablepush.views.plot.canvas import save_figure
-from stablepush.views.plot.regions import plot_contacts
+from stablepush.views.plot import plot_contacts, save_figure
 
 slider = sp.Slider([(-0.06, -0.03), (0.06, -0.03), (0.06, 0.03), (-0.06, 0.03)])
 ranked = sp.rank_contacts(slider, None, mu=0.6, measure="tightest-turn")

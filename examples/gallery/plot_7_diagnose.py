@@ -7,8 +7,7 @@ nominal simulation, and finds the slope. Shown is what the nominal simulation an
 """
 
 import stablepush as sp
-from stablepush.views.plot.canvas import save_figure
-from stablepush.views.plot.gaps import plot_residuals_against
+from stablepush.views.plot import plot_residuals_against, save_figure
 
 feet = sp.SupportDistribution([(-0.03, -0.03), (0.07, -0.03), (-0.03, 0.07)], [1, 1, 1])
 slider = sp.Slider([(-0.05, -0.05), (0.10, -0.05), (-0.05, 0.10)], mass=1.2, support=feet)

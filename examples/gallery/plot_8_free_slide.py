@@ -7,8 +7,7 @@ one of few values, the eigen-directions of the limit surface.
 """
 
 import stablepush as sp
-from stablepush.views.plot.canvas import save_figure
-from stablepush.views.plot.motions import plot_slide
+from stablepush.views.plot import plot_slide, save_figure
 
 slider = sp.Slider([(-0.05, -0.05), (0.10, -0.05), (-0.05, 0.10)], mass=1.0)
 surface = sp.IdealLimitSurface(sp.SupportDistribution.from_polygon(slider.vertices, 0.01), friction_load=3.0)

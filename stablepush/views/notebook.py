@@ -26,8 +26,8 @@ from stablepush.views.plot.surfaces import plot_limit_surface
 if TYPE_CHECKING:
     from stablepush.views.plot.canvas import Drawn
 
-#: Height (pixels) of a page in a notebook, and the greatest; most rows of a table.
-_HEIGHT, _HIGHEST, _ROWS = 760, 1600, 30
+#: Height (pixels) of a page in a notebook until it is known; most rows of a table.
+_HEIGHT, _ROWS = 760, 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,15 +115,17 @@ def result_html(result: PlanResult) -> str:
     rows = []
     for number, push in enumerate(result.pushes[:_ROWS], 1):
         vx, vy, omega = push.twist
-        twist = f"{1000 * vx:.1f}, {1000 * vy:.1f} mm/s, {math.degrees(omega):.1f} deg/s"
-        rows.append((str(number), str(push.contact), twist, f"{push.duration:.2f} s", f"{math.degrees(push.margin):.2f} deg"))
+        twist = f"{1000 * vx:.1f}, {1000 * vy:.1f}, {math.degrees(omega):.1f}"
+        rows.append((str(number), str(push.contact), twist, f"{push.duration:.2f}", f"{math.degrees(push.margin):.2f}"))
     if len(result.pushes) > _ROWS:
         rows.append(("…", "", f"{len(result.pushes) - _ROWS} more", "", ""))
     summary = [
         ("duration", f"{result.duration:.2f} s"), ("length", f"{result.length:.3f} m"),
         ("changes of contact", str(result.switches)), ("outlook", result.outlook),
     ]  # fmt: skip
-    return _table(("plan", ""), summary) + _table(("push", "contact", "twist in B", "duration", "margin"), rows)
+    return _table(("plan", ""), summary) + _table(
+        ("push", "contact", "twist in B [mm/s, mm/s, deg/s]", "duration [s]", "margin [deg]"), rows
+    )
 
 
 def report_html(report: GapReport) -> str:
@@ -138,14 +140,19 @@ def _image(drawn: Drawn) -> str:
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     def row(cells: Sequence[str], tag: str) -> str:
-        style = "text-align:left;padding:2px 14px 2px 0"
+        style = "text-align:left;padding:2px 14px 2px 0;border-bottom:1px solid #8884"
         return "<tr>" + "".join(f'<{tag} style="{style}">{html.escape(cell)}</{tag}>' for cell in cells) + "</tr>"
 
-    return "<table>" + row(head, "th") + "".join(row(cells, "td") for cells in rows) + "</table>"
+    return (
+        '<table style="border-collapse:collapse;margin:.8em 0">'
+        + row(head, "th")
+        + "".join(row(cells, "td") for cells in rows)
+        + "</table>"
+    )
 
 
 def _embedded(page: str) -> str:
-    # as high as the page is, where scripts may run, up to what still scrolls well
-    fit = f"this.height=Math.min({_HIGHEST},this.contentDocument.documentElement.scrollHeight+8)"
+    # as high as the page is, where scripts may run
+    fit = "this.height=this.contentDocument.documentElement.scrollHeight+8"
     frame = f'width="100%" height="{_HEIGHT}" style="border:0" title="page" onload="{fit}"'
     return f'<iframe srcdoc="{html.escape(page)}" {frame}></iframe>'

@@ -26,11 +26,11 @@ def test_what_is_filled_is_held_at_that_heading():
     """Against the load of the push written out: friction less the weight's pull along the slope."""
     here = problem(f"tilt:slope={SLOPE[0]}/{SLOPE[1]}")
     shown = plot_headings(here, headings=4, extent=0.4)
-    assert shown.shape == (1, 4)
+    assert shown.shape == (2, 2)
     rng, rho = np.random.default_rng(0), here.surface.characteristic_length
     cone = here.contacts[0].cone(rho)
     cors, compared = rng.uniform(-0.39, 0.39, (400, 2)), 0
-    for number, axes in enumerate(shown[0]):
+    for number, axes in enumerate(shown.ravel()):
         c, s = math.cos(number * math.pi / 2), math.sin(number * math.pi / 2)
         pull = 1.2 * 9.81 * np.array((c * SLOPE[0] + s * SLOPE[1], -s * SLOPE[0] + c * SLOPE[1]))
         filled = [found for found in axes.collections if found.get_fill() and len(found.get_facecolor())]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Points of the grid of rotation centres along a side.
-_GRID = 160
+_GRID = 240
 _COLUMNS = 4
 
 
@@ -64,7 +64,9 @@ def plot_headings(
     at, touching = check_array(place, "place", (2,)), problem.contacts[contact]
     radius = max(touching.radius, problem.slider.radius)
     size = 5 * radius if extent is None else check_number(extent, "extent", positive=True)
-    columns = next(count for count in range(min(_COLUMNS, headings), 0, -1) if headings % count == 0)
+    # as near to a square as rows of four allow
+    fitting = [count for count in range(1, min(_COLUMNS, headings) + 1) if headings % count == 0]
+    columns = next((count for count in fitting if count**2 >= headings), fitting[-1])
     rows = headings // columns
     shown = panels((3.1 * columns, 3.3 * rows + 0.6), rows, columns, ax, "compressed")
     line = np.linspace(-size, size, _GRID)
@@ -73,16 +75,16 @@ def plot_headings(
         heading = 2 * math.pi * number / headings
         _draw(axes, problem, loads, contact, np.array((*at, heading)), centers, line)
         fill(axes, problem.slider.polygon, facecolor=SLIDER, alpha=0.5, edgecolor="black", linewidth=1.0)
-        draw_contact(axes, touching, 0.6 * radius)
+        draw_contact(axes, touching, 1.2 * radius)
         pull = rotate_vectors(-heading, np.array(loads.friction.external_force))
         if np.any(pull):
             down = 2.2 * radius * pull / np.linalg.norm(pull)
             axes.annotate("", xy=tuple(down), xytext=(0, 0), arrowprops={"arrowstyle": "-|>", "color": "black", "linewidth": 1.4})
         axes.set(xlim=(-size, size), ylim=(-size, size), aspect="equal")
-        axes.set_title(f"heading {math.degrees(heading):.0f}°", fontsize=10)
+        axes.set_title(f"slider turned by {math.degrees(heading):.0f}°", fontsize=10)
         axes.tick_params(labelsize=7)
     _legend(shown, bool(np.any(loads.friction.external_force)))
-    figure_of(shown).suptitle(f"{title} (x and y of the COR in B, m)", fontsize=11)
+    figure_of(shown).suptitle(f"{title} (x and y in B, m)", fontsize=11)
     return shown
 
 
@@ -106,7 +108,11 @@ def _legend(shown: np.ndarray, slopes: bool) -> None:
 
     entries: list[Patch | Line2D] = [Patch(color=color, alpha=0.6, label=word) for _, word, color in SENSES]
     entries.append(Line2D([], [], color="0.3", linestyle="dashed", label="without effects"))
-    entries.append(Line2D([], [], color=PUSHER, marker=">", linestyle="none", label="contact, normal"))
+    entries.append(Line2D([], [], color=PUSHER, marker=r"$\uparrow$", markersize=10, linestyle="none", label="contact, normal"))
     if slopes:
-        entries.append(Line2D([], [], color="black", marker=">", linestyle="none", label="down the slope"))
-    figure_of(shown).legend(handles=entries, loc="outside lower center", ncols=len(entries), frameon=False, fontsize=9)
+        entries.append(
+            Line2D([], [], color="black", marker=r"$\downarrow$", markersize=10, linestyle="none", label="down the slope")
+        )
+    figure_of(shown).legend(
+        handles=entries, loc="outside lower center", ncols=len(entries) if shown.shape[1] > 2 else 3, frameon=False, fontsize=9
+    )

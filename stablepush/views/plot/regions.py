@@ -20,6 +20,7 @@ from stablepush.surfaces import LimitSurface
 from stablepush.views.plot.canvas import (
     CLOCKWISE,
     COUNTER_CLOCKWISE,
+    PUSHER,
     SENSES,
     SLIDER,
     canvas,
@@ -192,6 +193,7 @@ def plot_contacts(
 ) -> Axes:
     """Draw ranked contacts along the edges of a slider, one row of dots for each spacing of the fingers, and the best of them."""
     from matplotlib.colors import LogNorm
+    from matplotlib.ticker import FuncFormatter, LogLocator
 
     check_choice(measure, "measure", MEASURES)
     if not ranked:
@@ -222,12 +224,17 @@ def plot_contacts(
         zorder=3,
         plotnonfinite=True,
     )
-    figure_of(axes).colorbar(dots, ax=axes, label=f"{measure.replace('-', ' ')} [{unit_name}]", shrink=0.8)
+    bar = figure_of(axes).colorbar(dots, ax=axes, label=f"{measure.replace('-', ' ')} [{unit_name}]", shrink=0.8)
+    if scale is not None:
+        bar.locator = LogLocator(subs=(1, 2, 5))
+        bar.formatter = FuncFormatter(lambda value, _: f"{value:g}")
+        bar.minorticks_off()
     best = ranked[0]
-    draw_contact(axes, best.contact, 0.35 * slider.radius)
+    axes.plot(*best.contact.points.T, marker="^", color=PUSHER, markersize=9, linestyle="none", label="fingers of the best")
+    axes.plot(*places[0], marker="o", markersize=12, markerfacecolor="none", markeredgewidth=2, color=PUSHER, linestyle="none")
     if not np.isfinite(values).all():
         axes.plot([], [], marker="o", markerfacecolor="white", color="black", linestyle="none", label="no stable turn")
-    words = ", ".join(f"{1e3 * width:.0f} mm" for width in widths)
+    words = ", ".join(f"{1e3 * width:.0f}" for width in widths)
     axes.plot(0, 0, marker="+", color="black", markersize=9, linestyle="none", label="centre of mass")
     for edge in range(len(slider.vertices)):
         start, end = slider.edge(edge)
@@ -238,8 +245,11 @@ def plot_contacts(
     axes.margins(0.12)
     axes.set_xlabel("x in B [m]")
     axes.set_ylabel("y in B [m]")
-    rows = f"A dot: the middle of two fingers, {words} apart row by row outwards"
-    axes.set_title(title or f"{rows}\nbest: edge {best.edge}, {values[0]:.3g} {unit_name}", fontsize=10)
+    rows = "Dots: middles of two fingers" + (
+        f", {words} mm apart" if len(widths) == 1 else f"; rows, inner to outer: {words} mm apart"
+    )
+    chosen = f"best: edge {best.edge}, {1e3 * best.width:.0f} mm apart, {measure.replace('-', ' ')} {values[0]:.3g} {unit_name}"
+    axes.set_title(title or f"{rows}\n{chosen}", fontsize=10)
     legend(axes, columns=2)
     return axes
 
