@@ -72,6 +72,10 @@ class Ledger:
 
     def expect(self, heads: Sequence[str]) -> None:
         """Refuse a ledger that lacks one of the hashes that were noted before."""
+        if heads and not self.entries:
+            raise InputError(
+                "--expect", "expected the hash of a check that was begun; this folder holds none", file=self.file.parent
+            )
         for head in heads:
             if all(entry["hash"] != head for entry in self.entries):
                 raise InputError(

@@ -15,7 +15,12 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
-    help="Plan stable pushes of flat objects: from pokes to a limit surface, stable rotation centres and push paths.",
+    help="Plan stable pushes of flat objects: from pokes to a limit surface, stable rotation centres and push paths.\n\n"
+    "demo shows the whole chain. With files of your own: fit a surface to pokes, map its stable region, plan a scene, check the "
+    "plan, make a trajectory of it for the robot, diagnose the log of what happened, correct the scene, and plan again.",
+    epilog="Exit codes: 0 success, 1 a negative answer (no path, not valid), 2 bad input, 130 Ctrl-C. Options of this program "
+    "come before the command: stablepush --quiet plan ... The files and all words are explained in docs/formats.md and "
+    "docs/glossary.md.",
 )
 
 
@@ -28,9 +33,10 @@ def _root(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary of the command as one JSON object.")] = False,
 ) -> None:
-    if as_json:
+    speaks = version or context.invoked_subcommand is None
+    if as_json and not speaks:
         common.answer_in_json()
-    if quiet:
+    if quiet and not speaks:
         common.be_quiet()
     if version:
         print(f"stablepush {__version__}")
@@ -45,11 +51,14 @@ def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")] = Path("stablepush-demo"),
     seed: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of the simulated pokes.")] = 0,
 ) -> None:
-    """Run the whole chain on a small built-in rig: pokes, fit, map, plan, check, report."""
+    """Run the whole chain on a built-in rig.
+
+    Pokes, fit, map, plan, an execution that fails, its diagnosis, the corrected plan, and a report of all of it.
+    """
     from stablepush.cli.demo import run_demo
     from stablepush.core import check_seed
 
-    check_seed(seed)
+    check_seed(seed, "--seed")
     require_folder(output)
     raise typer.Exit(run_demo(output, seed))
 

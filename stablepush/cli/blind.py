@@ -67,7 +67,11 @@ def blind(
         ),
     ] = None,
 ) -> None:
-    """Make logs whose cause is sealed, diagnose them, then open the labels and score the answers.
+    """Score the diagnosis on logs whose cause is sealed.
+
+    Logs are made, their causes encrypted, the logs diagnosed, and the labels opened. With --loop whole loops are counted, in
+    four arms: plans with the surface of the pokes (old), the same with wide margins (wide), with the corrected scene
+    (corrected), and with the true one (true).
 
     Exits with 1 if the seal of any set is broken.
     """

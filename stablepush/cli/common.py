@@ -13,11 +13,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from stablepush.core import EffectError, InputError, StablepushError, UnsupportedContactError
+
+if TYPE_CHECKING:
+    from stablepush.planning import PlanningProblem, PlanResult
 
 
 def number(text: str | float) -> float:
@@ -100,6 +103,38 @@ def require_outside(path: Path, folder: Path) -> None:
     """Refuse to write a file into a folder that is read, or replaced as a whole."""
     if folder.resolve() in (path.resolve(), *path.resolve().parents):
         raise InputError("", f"expected a place outside of {folder}", file=path)
+
+
+def note_if_invalid(problem: PlanningProblem, result: PlanResult | None, path: Path | None) -> None:
+    """Say so where a plan is not one that the scene's own check lets through."""
+    from stablepush.planning import check_plan
+
+    if path is None or result is None or not result.solved or is_quiet():
+        return
+    try:
+        report = check_plan(problem, result)
+    except InputError:
+        # effects that no plan knows: nothing can be said
+        return
+    if report.valid:
+        return
+    words = f"the plan does not pass the check of this scene: {report.objections[0]}"
+    if report.only_margins_differ:
+        words = "the plan was made for another scene, where its pushes have other margins; they are stable here, too"
+    print(f"{path}: note: {words}", file=sys.stderr)
+
+
+def counted(number: int, what: str) -> str:
+    """A number of things: "1 push", "2 pushes"."""
+    return f"{number} {what}{('es' if what.endswith('sh') else 's') if number != 1 else ''}"
+
+
+def also_written(*paths: Path | None) -> None:
+    """Say which files were written beside the one that the summary names."""
+    made = [str(path) for path in paths if path is not None and path.exists()]
+    told(also_written=made)
+    if made:
+        print(f"also written: {', '.join(made)}")
 
 
 def options_of(*names: str, **others: str) -> dict[str, str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stablepush.cli.common import Progress, about, require_files, require_folder, require_outside, told
+from stablepush.cli.common import Progress, about, also_written, require_files, require_folder, require_outside, told
 from stablepush.core import InputError
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def diagnose(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="pushlog/1 folder; several of one rig together.")],
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG", help="pushlog/1 folder; several of one rig together.")],
     simulated: Annotated[
         Path | None, typer.Option(help="pushlog/1 folder of another simulator, same commands: the nominal simulation.")
     ] = None,
@@ -26,7 +26,12 @@ def diagnose(
     pushes: Annotated[Path | None, typer.Option(help="CSV list of the pushes to try next, as simulate takes it.")] = None,
     mended: Annotated[Path | None, typer.Option(help="Folder for rig.json and model.json of the corrected simulation.")] = None,
 ) -> None:
-    """Find where simulation and reality differ, which effect causes it, and how much a corrected simulation reduces the gap."""
+    """Find where a log differs from simulation, and why.
+
+    Names the effect that causes the gap, with its size, and how much of the gap a corrected simulation explains. In the summary,
+    "before" is the error of the nominal simulation, "after" that of the corrected one, both on pushes that the fit did not see,
+    and "floor" the error that noise alone leaves.
+    """
     from stablepush.diagnosis import diagnose as run
     from stablepush.io import read_pushlog, write_atomically, write_json
 
@@ -59,6 +64,7 @@ def diagnose(
         _write_pushes(report, pushes)
     if mended is not None:
         _write_corrected(report, mended)
+    also_written(answer, html, pushes, mended)
     told(
         log=report.log, verdict=report.verdict, effects=report.named, sentence=report.sentence, estimates=report.effects,
         channels=[
@@ -84,6 +90,12 @@ def diagnose(
         print(f"to plan for the rig as it is: stablepush correct SCENE.json {answer} -o SCENE2.json")
 
 
+def _leave_out(path: Path, why: str) -> None:
+    """Say why a file that was asked for is not written."""
+    told(**{f"not written: {path}": why})
+    print(f"{path}: not written: {why}")
+
+
 def _write_pushes(report: GapReport, path: Path) -> None:
     from stablepush.rig import write_pushes
 
@@ -91,17 +103,17 @@ def _write_pushes(report: GapReport, path: Path) -> None:
     if proposed:
         write_pushes(proposed, path)
     else:
-        print(f"{path}: not written: {report.next_experiment.why}")
+        _leave_out(path, report.next_experiment.why)
 
 
 def _write_corrected(report: GapReport, folder: Path) -> None:
     from stablepush.io import model_to_json, rig_to_json, write_json
 
     if not report.corrected:
-        print(f"{folder}: not written: the differences belong to the other simulator, not to rig.json")
+        _leave_out(folder, "the differences belong to the other simulator, not to rig.json")
         return
     if report.surface is None:
-        print(f"{folder}: not written: a corrected simulation needs forces in the log, or mass and support friction in rig.json")
+        _leave_out(folder, "a corrected simulation needs forces in the log, or mass and support friction in rig.json")
         return
     effects = [{"effect": id, "parameters": values, "covariance": None} for id, values in report.effects.items()]
     extra = {**(report.rig.extra or {}), "effects": effects}
@@ -111,11 +123,14 @@ def _write_corrected(report: GapReport, folder: Path) -> None:
 
 
 def correct(
-    scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
-    diagnosis: Annotated[Path, typer.Argument(help="diagnosis/1 file, as diagnose --json writes it.")],
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="scene/1 file.")],
+    diagnosis: Annotated[Path, typer.Argument(metavar="DIAGNOSIS", help="diagnosis/1 file, as diagnose --json writes it.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="scene/1 file to write.")],
 ) -> None:
-    """Write the scene of the rig as a diagnosis found it: surface, fingers, effects and what is left uncertain of them."""
+    """Write the scene of the rig as a diagnosis found it.
+
+    Its surface, fingers and effects are the corrected ones, with what is left uncertain of them.
+    """
     from stablepush.effects import CATALOGUE
     from stablepush.io import read_json
     from stablepush.planning import correct as corrected, load_corrections, load_scene, require_loads, save_scene
@@ -123,7 +138,7 @@ def correct(
     require_files(output, read=(scene, diagnosis))
     problem, corrections = load_scene(scene), load_corrections(diagnosis)
     with about(scene):
-        found = corrected(problem, corrections)
+        found = corrected(problem, diagnosis)
     save_scene(found, output)
     before, after = problem.contacts[0].mu, found.contacts[0].mu
     changes = ["limit surface as refitted to the log"] if found.surface is not problem.surface else []

@@ -18,13 +18,17 @@ def effects(
     effect: Annotated[str | None, typer.Argument(metavar="ID", help="Id of one effect; all if not given.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Show what simulations leave out: each effect, its parameters, units and ranges, and what a log needs to show it."""
+    """Show the catalogue of what simulations leave out.
+
+    For each effect: parameters, units, ranges, and what a log needs to show it. W is the frame of the table, B that of the
+    slider; the numbers of a vector are given as 0.01/0.02.
+    """
     from stablepush.core import check_choice
     from stablepush.effects import CATALOGUE, lab_effects
 
     own = {} if effect in CATALOGUE else lab_effects()
     if effect is not None:
-        check_choice(effect, "effect", (*CATALOGUE, *own))
+        check_choice(effect, "ID", (*CATALOGUE, *own))
     chosen = [asdict(kind) for kind in CATALOGUE.values() if effect in (None, kind.id)]
     chosen += [_of_lab(kind) for kind in own.values() if effect in (None, kind.id)]
     told(effects=chosen)
@@ -55,7 +59,7 @@ def _of_lab(effect: LabEffect) -> dict[str, Any]:
 
 
 def _words(parameter: dict[str, Any]) -> str:
-    nominal = "that of the rig" if parameter["nominal"] is None else f"{parameter['nominal']:g}"
+    nominal = "the rig's own value" if parameter["nominal"] is None else f"{parameter['nominal']:g}"
     numbers = "two numbers, each " if parameter["size"] == 2 else ""
     unit = "no unit" if parameter["unit"] == "1" else parameter["unit"]
     found = f"{numbers}from {parameter['low']:.3g} to {parameter['high']:.3g} on real rigs"

@@ -8,15 +8,15 @@ from typing import Annotated
 
 import typer
 
-from stablepush.cli.common import about, number, options_of, require_files, told
+from stablepush.cli.common import about, note_if_invalid, number, options_of, require_files, told
 from stablepush.core import EffectError, InputError
 
 
 def export(
-    scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="scene/1 file.")],
     plan_file: Annotated[
         Path | None,
-        typer.Argument(metavar="[PLAN]", help="plan/1 file, solved: the motion of the fingers, and where they begin."),
+        typer.Argument(metavar="PLAN", help="plan/1 file, solved: the motion of the fingers, and where they begin."),
     ] = None,
     mjcf: Annotated[Path | None, typer.Option(help="MuJoCo model to write (XML); its keyframes are the plan.")] = None,
     sdf: Annotated[Path | None, typer.Option(help="SDFormat world for Drake to write.")] = None,
@@ -24,7 +24,10 @@ def export(
         float | None, typer.Option(parser=number, metavar="METRES", help="Radius of the fingers; the scene's if not given.")
     ] = None,
 ) -> None:
-    """Write a scene, and a plan, as a model that MuJoCo or Drake opens: slider on feet, driven fingers, obstacles."""
+    """Write a scene and a plan for MuJoCo or Drake.
+
+    The model has the slider on feet, driven fingers, and obstacles. Fingers need a radius: that of the scene, or --finger-radius.
+    """
     from stablepush.io import write_atomically
     from stablepush.planning import load_plan, load_scene
     from stablepush.rig import export_mjcf, export_sdf
@@ -48,12 +51,14 @@ def export(
         except InputError as error:
             # of the plan, or of the scene
             of_plan = plan_file is not None and error.place.startswith(("segments", "plan"))
-            with about(plan_file if of_plan and plan_file is not None else scene, options=options_of("finger_radius")):
+            named = options_of("finger_radius") if finger_radius is not None else {}
+            with about(plan_file if of_plan and plan_file is not None else scene, options=named):
                 raise error from None
     for path, text in models:
         write_atomically(path, text)
     if problem.pusher is not None:
         print("note: the outline of the pusher is not in the model, which has its fingers alone", file=sys.stderr)
+    note_if_invalid(problem, result, plan_file)
     keyframes = models[0][1].count("<key ")
     told(mjcf=mjcf, sdf=sdf, keyframes=keyframes if mjcf is not None else None)
     if mjcf is not None:

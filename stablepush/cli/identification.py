@@ -12,6 +12,7 @@ from stablepush.cli.common import (
     Output,
     Progress,
     about,
+    counted,
     number,
     options_of,
     require_files,
@@ -24,11 +25,13 @@ from stablepush.core import InputError
 
 
 def import_logs(
-    source: Annotated[Path, typer.Argument(help="Raw log, a folder of them, or a clone of the lab's repository.")],
+    source: Annotated[
+        Path, typer.Argument(metavar="SOURCE", help="Raw log, a folder of them, or a clone of the lab's repository.")
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write; several logs give one folder each.")],
     kind: Annotated[
         str | None,
-        typer.Option(help="mlab-poke, mlab-stable, mit-push, rosbag or csv; if not given, all but the last two are looked for."),
+        typer.Option(help="mlab-poke, mlab-stable, mit-push, rosbag or csv; if not given, the first three are tried."),
     ] = None,
     slider: Annotated[
         Path | None, typer.Option(help="slider/1 file: the outline about the centre of mass; replaces the lab's triangle.")
@@ -37,7 +40,10 @@ def import_logs(
         Path | None, typer.Option(help="YAML file that says which topic or column is what; for the kinds rosbag and csv.")
     ] = None,
 ) -> None:
-    """Convert raw logs into pushlog/1 folders: Manipulation Lab, MIT push data set, ROS bags, CSV tables."""
+    """Convert raw logs into pushlog/1 folders.
+
+    Logs of the Manipulation Lab and of the MIT push data set, ROS bags, and CSV tables.
+    """
     from stablepush.io import load_slider, write_pushlog
     from stablepush.io.importers import find_sources, import_source
 
@@ -69,10 +75,12 @@ def import_logs(
             forward = int(((pairs.wrenches * pairs.twists).sum(axis=1) > 0).sum())
             for note in notes:
                 step.say(f"note: {note}")
-            summary = f", {len(pairs.trials)} pairs, {forward} with F·V > 0" if pairs.trials else ""
+            against = len(pairs.trials) - forward
+            summary = f", {counted(len(pairs.trials), 'pair')} of load and twist" if pairs.trials else ""
+            summary += f", in {against} of which the force opposes the motion" if against else ""
             made.append({"output": target, "kind": item.kind, "pushes": len(log), "pairs": len(pairs.trials), "notes": notes})
             told(logs=made)
-            step.say(f"{target}: {item.kind}, {len(log)} pushes{summary}", error=False)
+            step.say(f"{target}: {item.kind}, {counted(len(log), 'push')}{summary}", error=False)
             step()
     if not imported:
         raise InputError("", f"expected at least one whole log, none of {len(sources)} could be read", file=source)
@@ -80,7 +88,7 @@ def import_logs(
 
 def fit(
     output: Output,
-    log: Annotated[Path | None, typer.Argument(help="pushlog/1 folder.")] = None,
+    log: Annotated[Path | None, typer.Argument(metavar="LOG", help="pushlog/1 folder.")] = None,
     slider: Annotated[
         Path | None, typer.Option(help="slider/1 file or scene, instead of a log: a surface from no poke at all.")
     ] = None,
@@ -125,7 +133,8 @@ def fit(
         body = pokes.rig.slider
         if not names:
             raise InputError("", "expected push rows with forces and motion, found none", file=log)
-    with Progress("fit") as step, about(source, options=options_of("model", "loss", "com_tolerance", "seed")):
+    given = options_of("model", "loss", "com_tolerance", "seed") | ({"wrenches, twists": "--slider"} if log is None else {})
+    with Progress("fit") as step, about(source, options=given):
         result = fit_limit_surface(
             loads,
             twists,
@@ -150,19 +159,19 @@ def fit(
         validation_error=result.validation_error, angle_error=float(np.mean(result.angle_errors)) if names else None,
         sos_convex=None if result.certificate is None else result.certificate.sos_convex, notes=list(result.warnings),
     )  # fmt: skip
-    print(f"{output}: {model} from {len(names)} pokes, {result.status}, {result.total_time:.2f} s")
+    print(f"{output}: {model} from {counted(len(names), 'poke')}, {result.status}, {result.total_time:.2f} s")
     for warning in result.warnings:
         print(f"note: {warning}")
     if result.prior_weight:
         told_of_loads = ", weighed by the pokes" if names else "; loads are in units of mu*N"
         print(f"prior: pressures under the slider's outline{told_of_loads}")
     if result.validation_error is not None:
-        print(f"angle error on held-out folds: {math.degrees(result.validation_error):.2f} deg")
+        print(f"angle error on pokes left out: {math.degrees(result.validation_error):.2f} deg")
     if names:
         print(f"angle error on the pokes used:  {math.degrees(float(np.mean(result.angle_errors))):.2f} deg")
     if result.certificate is not None:
-        word = "SOS-convex" if result.certificate.sos_convex else "NOT certified convex"
+        word = "proven convex" if result.certificate.sos_convex else "NOT proven convex"
         print(
-            f"certificate: {word}, smallest eigenvalue {result.certificate.min_eigenvalue:.3g}, "
-            f"residual {result.certificate.residual:.1g}"
+            f"the surface is {word} (sum of squares: smallest eigenvalue {result.certificate.min_eigenvalue:.3g}, "
+            f"residual {result.certificate.residual:.1g})"
         )

@@ -13,7 +13,9 @@ from stablepush.cli.common import (
     Output,
     Progress,
     about,
+    also_written,
     interruptible,
+    note_if_invalid,
     number,
     options_of,
     require_files,
@@ -25,7 +27,15 @@ from stablepush.cli.common import (
 if TYPE_CHECKING:
     from stablepush.planning import PlanResult
 
-PlannerName = Annotated[str, typer.Option("--planner", help="Name of the planner.")]
+PlannerName = Annotated[
+    str,
+    typer.Option(
+        "--planner",
+        metavar="NAME",
+        help="cor-lattice; ompl-bitstar, ompl-rrtstar, ompl-informed-rrtstar, ompl-rrtconnect, ompl-rrt, ompl-kpiece to compare "
+        "with (one contact); or one that a package registers.",
+    ),
+]
 Seed = Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of planners that draw random numbers.")]
 RefinementBudget = Annotated[
     float,
@@ -59,7 +69,7 @@ _OPTIONS = options_of(
 
 
 def plan(
-    scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="scene/1 file.")],
     output: Output,
     planner: PlannerName = "cor-lattice",
     time_limit: Annotated[
@@ -79,7 +89,13 @@ def plan(
         float,
         typer.Option(parser=number, metavar="P", help="Reject plans that are less likely to succeed: no-path, exit code 1."),
     ] = 0.0,
-    region: Annotated[str, typer.Option(help="Rotation centres to use: model, all-pressure or conservative.")] = "model",
+    region: Annotated[
+        str,
+        typer.Option(
+            help="Rotation centres to use. model: what the fitted surface allows; all-pressure: what holds for every pressure "
+            "under the slider; conservative: the part of that which STABLE finds (Lynch and Mason)."
+        ),
+    ] = "model",
     probability: Annotated[
         float, typer.Option(parser=number, metavar="P", help="Deprecated. Least probability of each push, by the ensemble.")
     ] = 0.0,
@@ -159,6 +175,9 @@ def plan(
         arrival_interval=result.arrival_interval,
     )  # fmt: skip
     print(f"{output}: {_plan_line(result)}")
+    also_written(view, picture if result.solved else None)
+    if picture is not None and not result.solved:
+        print(f"{picture}: not written, for there is no plan")
     if result.solved:
         away, turned = result.from_goal(problem.goal)
         near, square = problem.tolerance
@@ -177,10 +196,13 @@ def plan(
 
 
 def check(
-    scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="scene/1 file.")],
     plan_file: Annotated[Path, typer.Argument(metavar="PLAN", help="plan/1 file.")],
 ) -> None:
-    """Verify a plan independently of the planner that made it."""
+    """Verify a plan, apart from the planner that made it.
+
+    Exit code 0: valid; 1: not valid, with what is wrong; 2: a file that cannot be read.
+    """
     from stablepush.planning import check_plan, load_plan, load_scene
 
     problem = load_scene(scene)
@@ -191,30 +213,42 @@ def check(
     for objection in report.objections:
         print(objection)
     print(f"{plan_file}: {'valid' if report.valid else 'NOT valid'}")
+    if report.only_margins_differ:
+        print("only the margins that it states differ: it was made for another scene, and its pushes are stable in this one, too")
     raise typer.Exit(0 if report.valid else 1)
 
 
 def compare(
-    scenes: Annotated[list[Path], typer.Argument(metavar="SCENE...", help="scene/1 files.")],
+    scenes: Annotated[list[Path], typer.Argument(metavar="SCENE", help="scene/1 files.")],
     planner: PlannerName = "cor-lattice",
     time_limit: Annotated[float, typer.Option(parser=number, metavar="SECONDS", help="Wall time in s for each plan.")] = 30.0,
     seed: Seed = 0,
     refinement_budget: RefinementBudget = 20_000,
     table: Annotated[Path | None, typer.Option("--csv", help="Table to write.")] = None,
 ) -> None:
-    """Compare plans within the model's region, the all-pressure region and STABLE: solved or not, duration, margin."""
+    """Compare plans by region: model, all-pressure and conservative.
+
+    The conservative region is what STABLE finds (Lynch and Mason). certified: share of the path that holds for every pressure
+    under the slider. The exit code is 1 if no plan is found.
+    """
     import numpy as np
 
+    from stablepush.core import check_choice, check_number
     from stablepush.io import table_text, write_atomically
-    from stablepush.planning import compare_regions, load_scene
+    from stablepush.planning import compare_regions, load_scene, planner_names
 
+    check_choice(planner, "--planner", planner_names())
+    check_number(time_limit, "--time-limit", at_least=0.0)
     require_files(table, read=scenes)
     problems = [load_scene(scene) for scene in scenes]
-    head = ("duration", "length", "switches", "min_margin_deg", "certified", "planning_time")
+    head = ("duration_s", "length_m", "switches", "min_margin_deg", "certified", "planning_s")
+    names = [scene.stem for scene in scenes]
+    # scenes of one name are told apart by their paths
+    named = [name if names.count(name) == 1 else str(scene) for name, scene in zip(names, scenes, strict=True)]
     rows: list[list[object]] = []
     print(f"{'scene':<24s} {'region':<13s} {'status':<9s}" + "".join(f" {word:>14s}" for word in head))
     with Progress("compare", len(problems)) as step:
-        for scene, problem in zip(scenes, problems, strict=True):
+        for scene, name, problem in zip(scenes, named, problems, strict=True):
             with about(scene, options=_OPTIONS):
                 plans = compare_regions(
                     problem, planner, time_limit, seed, refinement_budget=refinement_budget, progress=step.describe
@@ -226,9 +260,9 @@ def compare(
                     share = None if math.isnan(one.certified) else one.certified
                     numbers = [found.duration, found.length, found.switches, math.degrees(found.min_margin), share]
                 numbers.append(found.planning_time)
-                rows.append([scene.stem, one.region, found.status, *("" if n is None else n for n in numbers)])
+                rows.append([name, one.region, found.status, *("" if n is None else n for n in numbers)])
                 words = "".join(f" {'-' if n is None else f'{n:.4g}':>14s}" for n in numbers)
-                step.say(f"{scene.stem:<24.24s} {one.region:<13s} {found.status:<9s}{words}", error=False)
+                step.say(f"{name:<24s} {one.region:<13s} {found.status:<9s}{words}", error=False)
             step()
     told(plans=[dict(zip(("scene", "region", "status", *head), row, strict=True)) for row in rows])
     if table is not None:
@@ -238,7 +272,7 @@ def compare(
 
 
 def trajectory(
-    scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="scene/1 file.")],
     plan_file: Annotated[Path, typer.Argument(metavar="PLAN", help="plan/1 file.")],
     output: Output,
     rate: Annotated[float, typer.Option(parser=number, metavar="HZ", help="Samples a second.")] = 50.0,
@@ -256,17 +290,25 @@ def trajectory(
         ),
     ] = 0.02,
     height: Annotated[
-        float | None, typer.Option(parser=number, metavar="METRES", help="Also SE(3) poses of a tool: height of the pusher.")
+        float | None,
+        typer.Option(
+            parser=number,
+            metavar="METRES",
+            help="Height of the pusher over the table: adds poses of a tool, in columns tx, ty, tz, qx, qy, qz, qw.",
+        ),
     ] = None,
     tool: Annotated[
         tuple[str, str, str, str, str, str, str] | None,
-        typer.Option(metavar="X Y Z QX QY QZ QW", help="Also SE(3) poses of a tool: its pose in the pusher's frame."),
+        typer.Option(metavar="X Y Z QX QY QZ QW", help="Pose of a tool in the pusher's frame: adds its poses, as --height does."),
     ] = None,
     rosbag: Annotated[
         Path | None, typer.Option(help="ROS 2 bag to write, with a MultiDOFJointTrajectory for controllers (extra ros).")
     ] = None,
 ) -> None:
-    """Sample a plan in time, from rest to rest: poses and velocities of slider and pusher as CSV."""
+    """Sample a plan in time, for a robot to follow.
+
+    Poses and velocities of slider and pusher as CSV, from rest to rest, with an approach and a retract.
+    """
     from stablepush.cli.common import numbers, require_folder
     from stablepush.planning import load_plan, load_scene, sample_plan, save_rosbag, save_trajectory
 
@@ -287,7 +329,12 @@ def trajectory(
         save_rosbag(samples, rosbag, tool_poses=tool_poses)
     save_trajectory(samples, output, tool_poses)
     told(output=output, samples=len(samples.t), duration=samples.t[-1], duration_of_plan=result.duration)
-    print(f"{output}: {len(samples.t)} samples over {samples.t[-1]:.2f} s, the plan takes {result.duration:.2f} s")
+    print(
+        f"{output}: {len(samples.t)} samples over {samples.t[-1]:.2f} s; the plan takes {result.duration:.2f} s, "
+        "without approach, retract and limits of acceleration"
+    )
+    also_written(rosbag)
+    note_if_invalid(problem, result, plan_file)
 
 
 def _plan_line(result: PlanResult) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
+import re
 import sys
 import warnings
 from collections.abc import Iterator
@@ -66,19 +68,32 @@ def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
     except StablepushError as error:
         code = _complain(str(error))
     except usage_error as error:
-        code = _complain(error.format_message())  # type: ignore[attr-defined]
+        words = error.format_message()  # type: ignore[attr-defined]
+        if words.partition(": ")[2].split(" ")[0].rstrip(".") in ("--quiet", "-q", "--json"):
+            words = f"{words.rstrip('.')}: it comes before the command, as in stablepush --quiet plan"
+        code = _complain(words)
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
     except BrokenPipeError:
         # whoever read the output has gone; the interpreter must not complain when it closes the stream
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         code = 0
     except MemoryError:
         code = _complain("out of memory")
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        _drop_output()
+        code = _complain(f"cannot write: {error.strerror}")
     if code == INTERRUPTED:
         # from here, or from typer: newer versions turn a Ctrl-C into this code themselves
         print("stablepush: interrupted", file=sys.stderr)
     return code if isinstance(code, int) else 0
+
+
+def _drop_output() -> None:
+    """Send to nowhere what is not yet written, which the interpreter would write once more when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _require_values(arguments: list[str]) -> None:
@@ -109,6 +124,8 @@ def _notes() -> Iterator[list[str]]:
                 return
             text = " ".join(str(message).split())
             doubt, file = (message.doubt, message.file) if isinstance(message, PlausibilityWarning) else (text, "")
+            # of drawn values each is another: one note says enough
+            doubt = re.sub(r"\d[\d.e+-]*", "#", doubt)
             # what was read is made into values more than once: those know no file
             if text in printed or (doubt in printed and not file):
                 return

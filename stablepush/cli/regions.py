@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 #: Solid angle (sr) of all unit twists, and one below which two regions are the same.
 _ALL_MOTIONS, _SLIVER = 4 * math.pi, 1e-3
 
-Model = Annotated[Path, typer.Argument(help="model/1 file, or a scene.")]
+Model = Annotated[Path, typer.Argument(metavar="MODEL", help="model/1 file, or a scene.")]
 
 
 def classify(
@@ -29,7 +29,9 @@ def classify(
 ) -> None:
     """Tell which rotation centres are stable, and by what margin.
 
-    The table gets the columns stable (1 or 0), margin (rad; negative: not stable) and probability (blank without an ensemble).
+    cor_x, cor_y are the rotation centre in the frame of the slider, in m; sense is 1 for a counter-clockwise turn, -1 for a
+    clockwise one. The table gets the columns stable (1 or 0), margin (rad; negative: not stable) and probability (blank
+    without an ensemble).
     """
     import numpy as np
 
@@ -90,7 +92,7 @@ def draw_map(
         typer.Option(
             parser=number,
             metavar="MU",
-            help="Lowest contact friction that an all-pressure region must hold for; the highest is that of the contact.",
+            help="The all-pressure region holds from this friction up to that of the contact.",
         ),
     ] = None,
     margins: Annotated[
@@ -101,7 +103,10 @@ def draw_map(
         Path | None, typer.Option(help="The map as an HTML page; it shows the margin of any rotation centre.")
     ] = None,
 ) -> None:
-    """Draw the stable regions: of the model, all-pressure and conservative."""
+    """Draw which rotation centres are stable.
+
+    By the model, for every pressure under the slider (all-pressure), and by the test STABLE (conservative).
+    """
     from stablepush.core import check_number
     from stablepush.io import load_contact, load_model, load_slider, write_atomically, write_json
     from stablepush.stability import (
@@ -204,7 +209,7 @@ def _reaches_beyond(region: StableRegion, model: StableRegion) -> bool:
 
 
 def contacts(
-    model: Annotated[Path, typer.Argument(help="model/1 file.")],
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="model/1 file.")],
     slider: Annotated[Path, typer.Option(help="slider/1 file, or a scene.")],
     mu: Annotated[
         float,
@@ -234,7 +239,9 @@ def contacts(
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture of the contacts as PNG.")] = None,
 ) -> None:
-    """Rank two-finger contacts along the edges of a slider, as a table (CSV), the best first.
+    """Rank places for two fingers along the edges.
+
+    Writes a table (CSV), the best first.
 
     Columns: edge; center, width, tightest_left, tightest_right in m (blank: no turn is stable); area in sr; margin in rad.
     """

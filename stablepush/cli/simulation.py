@@ -13,6 +13,10 @@ from stablepush.cli.common import (
     Output,
     Progress,
     about,
+    also_written,
+    counted,
+    is_quiet,
+    note_if_invalid,
     number,
     numbers,
     options_of,
@@ -28,12 +32,12 @@ from stablepush.core import InputError
 _ROUNDING = 1e-6
 
 if TYPE_CHECKING:
-    from stablepush.planning import PlanningProblem, PlanResult
+    from stablepush.planning import PlanningProblem
     from stablepush.rig import Execution
 
 
 def simulate(
-    scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="scene/1 file.")],
     plan_file: Annotated[
         Path,
         typer.Argument(
@@ -50,7 +54,7 @@ def simulate(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of noise and scatter.")] = 0,
-    rows: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Rows that the log has for each push.")] = 7,
+    rows: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Rows logged for each push.")] = 7,
     finger_radius: Annotated[
         float | None,
         typer.Option(parser=number, metavar="METRES", help="Nominal radius of the fingers; the scene's if not given."),
@@ -66,7 +70,8 @@ def simulate(
         ),
     ] = None,
     noise: Annotated[
-        tuple[str, str, str], typer.Option(metavar="N M RAD", help="Noise of a row, standard deviations: force, position, angle.")
+        tuple[str, str, str],
+        typer.Option(metavar="N M RAD", help="Noise of a row, standard deviations of force (N), position (m) and angle (rad)."),
     ] = ("0", "0", "0"),
     outliers: Annotated[
         float, typer.Option(parser=number, metavar="SHARE", help="Share of rows with ten times the noise.")
@@ -86,7 +91,12 @@ def simulate(
     ] = None,
     view: Annotated[Path | None, typer.Option(help="Animation of what happened as an HTML page.")] = None,
 ) -> None:
-    """Execute a plan, or a list of pushes, on a simulated rig with unmodelled effects, and log it."""
+    """Execute a plan or a list of pushes on a simulated rig.
+
+    The rig may have effects that the plan does not know. The result is a log (pushlog/1), as a laboratory records it. Columns of
+    a list: edge (from 0), along (m, from its first vertex), direction (rad, off the inward normal), way (m), and others that
+    docs/simulation.md names. Obstacles are not on the rig.
+    """
     from stablepush.core import check_number, note_finger, note_friction, note_noise
     from stablepush.effects import CATALOGUE, lab_effects, parse_effect
     from stablepush.io import Noise, write_pushlog
@@ -107,7 +117,8 @@ def simulate(
         raise InputError(
             "--effect", "expected an effect of the catalogue: those of a lab are diagnosed, not simulated", of_lab[0]
         )
-    effects = [parse_effect(text) for text in effect or []]
+    with about(scene, options={"effect": "--effect", "effects": "--effect"}):
+        effects = [parse_effect(text) for text in effect or []]
     require_folder(output)
     require_files(view, read=(scene, plan_file))
     for path in (view, scene, plan_file):
@@ -122,9 +133,8 @@ def simulate(
     effects = [*(entry.effect for entry in problem.effects if entry.effect.id not in asked), *effects]
     contact, radius = problem.contacts[0], problem.finger_radius if finger_radius is None else finger_radius
     spread = Noise(*deviations) if any(deviations) else None
-    given = options_of(
-        "outliers", "scatter", "rows", "seed", "engine", "finger_radius", support_friction="support-mu", tolerance="replan"
-    )
+    names = ("outliers", "scatter", "rows", "seed", "engine", *(["finger_radius"] if finger_radius is not None else []))
+    given = options_of(*names, support_friction="support-mu", tolerance="replan")
     with about(scene, options=given):
         require_contacts(problem)
         pusher = Pusher.of_contact(contact, radius)
@@ -157,13 +167,14 @@ def simulate(
         stop_reason=execution.stop_reason,
     )  # fmt: skip
     print(f"{output}: {_outcome(execution, None if result is None else problem)}")
+    also_written(view)
     met = _first_in_an_obstacle(execution, problem)
-    if met is not None:
+    if met is not None and not is_quiet():
         words = f"the slider goes into an obstacle in push {met}: a simulated run has none, and slides on as if it were not there"
         print(f"{output}: note: {words}", file=sys.stderr)
     # effects other than the plan was made with may be what a simulation is about
     if result is not None and not (asked and problem.acting_effects):
-        _warn_if_invalid(problem, result, plan_file)
+        note_if_invalid(problem, result, plan_file)
 
 
 def _outcome(execution: Execution, problem: PlanningProblem | None) -> str:
@@ -171,7 +182,7 @@ def _outcome(execution: Execution, problem: PlanningProblem | None) -> str:
     import numpy as np
 
     log = execution.log
-    words = [f"{len(log)} pushes"]
+    words = [counted(len(log), "push")]
     stable = np.asarray(log.trials["stable"])
     if np.isfinite(stable).any():
         words[0] += f", {int(np.nansum(stable))} of {int(np.isfinite(stable).sum())} sticking throughout"
@@ -211,21 +222,8 @@ def _first_in_an_obstacle(execution: Execution, problem: PlanningProblem) -> str
     return None
 
 
-def _warn_if_invalid(problem: PlanningProblem, result: PlanResult, path: Path) -> None:
-    """Say so where a plan is not one that the scene's own check lets through."""
-    from stablepush.planning import check_plan
-
-    report = check_plan(problem, result)
-    if report.valid:
-        return
-    words = f"the plan does not pass the check of this scene: {report.objections[0]}"
-    if report.only_margins_differ:
-        words = "the plan was made for another scene, where its pushes have other margins; they are stable here, too"
-    print(f"{path}: note: {words}", file=sys.stderr)
-
-
 def slide(
-    model: Annotated[Path, typer.Argument(help="model/1 file.")],
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="model/1 file.")],
     slider_file: Annotated[Path, typer.Option("--slider", help="slider/1 file, with a mass.")],
     twist: Annotated[tuple[str, str, str], typer.Option(metavar="VX VY OMEGA", help="Initial body twist: m/s, m/s, rad/s.")],
     output: Output,
@@ -239,9 +237,9 @@ def slide(
             help="Friction of the support, for models with forces in units of mu*N. --mu: its former name.",
         ),
     ] = None,
-    gravity: Annotated[float, typer.Option(parser=number, metavar="M/S2", help="Gravity.")] = 9.81,
+    gravity: Annotated[float, typer.Option(parser=number, metavar="M/S2", help="Acceleration of gravity, in m/s2.")] = 9.81,
     duration: Annotated[
-        float | None, typer.Option(parser=number, metavar="SECONDS", help="Cut the slide after this time.")
+        float | None, typer.Option(parser=number, metavar="SECONDS", help="Stop the simulation after this time, in s.")
     ] = None,
     samples: Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Rows of the table.")] = 201,
     picture: Annotated[Path | None, typer.Option(help="Picture of the slide as PNG.")] = None,
@@ -273,6 +271,7 @@ def slide(
         write_atomically(view, slide_html(slider, result))
     write_atomically(output, table_text(dict(zip(columns, rows, strict=True))))
     told(output=output, at_rest=result.at_rest, duration=result.t[-1], final_pose=result.poses[-1], rotation_centre=result.cor)
+    also_written(picture, view)
     x, y, theta = result.poses[-1]
     end = "at rest" if result.at_rest else "cut"
     print(
@@ -287,4 +286,4 @@ def _last_motion(cor: object) -> str:
     c = np.asarray(cor)
     if not np.isfinite(c).all():
         return "no turning at the end"
-    return f"last rotation centre ({c[0]:.4g}, {c[1]:.4g}) m in the body"
+    return f"last rotation centre ({c[0]:.4g}, {c[1]:.4g}) m in the body frame"

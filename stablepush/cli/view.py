@@ -7,16 +7,19 @@ from typing import Annotated
 
 import typer
 
-from stablepush.cli.common import Output, about, require_files, told
+from stablepush.cli.common import Output, about, note_if_invalid, require_files, told
 
 
 def view(
-    scene: Annotated[Path, typer.Argument(help="scene/1 file.")],
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="scene/1 file.")],
     output: Output,
-    plan_file: Annotated[Path | None, typer.Argument(metavar="[PLAN]", help="plan/1 file, drawn as a path.")] = None,
-    model: Annotated[Path | None, typer.Argument(metavar="[MODEL]", help="model/1 file, in place of the scene's.")] = None,
+    plan_file: Annotated[Path | None, typer.Argument(metavar="PLAN", help="plan/1 file, drawn as a path.")] = None,
+    model: Annotated[Path | None, typer.Argument(metavar="MODEL", help="model/1 file, in place of the scene's.")] = None,
 ) -> None:
-    """Write a page on which pushes can be tried: move rotation centre, start, goal and obstacles, see stability and load."""
+    """Write a page on which pushes can be tried by hand.
+
+    Move rotation centre, start, goal and obstacles; see stability, margin, the load in the cone, and which finger slips first.
+    """
     from stablepush.io import load_model, write_atomically
     from stablepush.planning import load_plan, load_scene
     from stablepush.views import scene_html
@@ -30,3 +33,5 @@ def view(
     write_atomically(output, page)
     told(output=output)
     print(f"{output}: open it in a browser; it needs no network")
+    if surface is None:
+        note_if_invalid(problem, result, plan_file)

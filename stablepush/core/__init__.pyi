@@ -58,6 +58,7 @@ from .plausibility import (
     note_margin as note_margin,
     note_mass as note_mass,
     note_noise as note_noise,
+    note_off_outline as note_off_outline,
     note_overlap as note_overlap,
     note_part as note_part,
     note_pressure as note_pressure,

@@ -61,7 +61,7 @@ def check_number(
     if at_least is not None and number < at_least:
         raise InputError(name, f"expected a number >= {at_least:g}", f"{number:g}")
     if positive and number < LEAST_POSITIVE:
-        raise InputError(name, f"expected a number > 0, at least {LEAST_POSITIVE:g}", f"{number:g}")
+        raise InputError(name, f"expected a number > 0{f', at least {LEAST_POSITIVE:g}' if number > 0 else ''}", f"{number:g}")
     return number
 
 
@@ -151,8 +151,8 @@ def _shape_text(shape: tuple[int | None, ...]) -> str:
     return "(" + ", ".join("n" if length is None else str(length) for length in shape) + ")"
 
 
-def check_seed(seed: Any) -> int:
+def check_seed(seed: Any, name: str = "seed") -> int:
     """Return a seed for numpy's generators."""
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**32:
-        raise InputError("seed", "expected a whole number from 0 to 4294967295", repr(seed))
+        raise InputError(name, "expected a whole number from 0 to 4294967295", repr(seed))
     return int(seed)

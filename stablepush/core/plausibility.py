@@ -81,6 +81,12 @@ def note_part(points: ArrayLike, radius: float, place: str) -> None:
         _note(place, f"a point {farthest:.4g} m off, with a slider of radius {radius:.4g} m, looks like millimetres")
 
 
+def note_off_outline(distance: float, place: str) -> None:
+    """Doubt a contact point that is ``distance`` (m) from the outline of the slider that it touches."""
+    if distance > _LEAST_DEPTH:
+        _note(place, f"a contact point {1000 * distance:.3g} mm from the slider's outline")
+
+
 def note_overlap(depth: float, radius: float, place: str) -> None:
     """Doubt a finger that would stand ``depth`` (m) inside of the slider that it touches, by an inner corner or a thin part."""
     if depth > _LEAST_DEPTH:

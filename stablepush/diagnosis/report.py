@@ -16,7 +16,7 @@ from stablepush.diagnosis.signatures import Estimates, Signature
 from stablepush.diagnosis.where import Finding
 from stablepush.effects import CATALOGUE, LAB_REMEDY
 from stablepush.geometry import rotate_vectors
-from stablepush.io import PushLog, Rig
+from stablepush.io import PushLog, Rig, slider_to_json
 from stablepush.planning import Correction
 from stablepush.surfaces import IdealLimitSurface
 
@@ -155,6 +155,7 @@ class GapReport:
             "format": "diagnosis/1",
             "log": self.log,
             "trials": self.trials,
+            "slider": slider_to_json(self.rig.slider),
             "channels": self.channels,
             "gap": as_json(self.gap),
             "where": [

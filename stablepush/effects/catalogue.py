@@ -248,12 +248,14 @@ class Effect:
         checked: dict[str, tuple[float, ...]] = {}
         for name, given in values.items():
             if name not in known:
-                raise InputError(f"effect {id}", f"expected the parameters {', '.join(known)}", repr(name))
+                raise InputError(f"effect {id}", f"unknown parameter, expected {' or '.join(known)}", repr(name))
             parameter = known[name]
             several = given if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
             numbers = tuple(check_number(x, f"effect {id}: {name}", largest=math.inf) for x in several)
             if len(numbers) != parameter.size:
-                raise InputError(f"effect {id}: {name}", f"expected {parameter.size} number(s)", len(numbers))
+                raise InputError(
+                    f"effect {id}: {name}", f"expected {parameter.size} number{'s' * (parameter.size > 1)}", len(numbers)
+                )
             for value in numbers:
                 try:
                     parameter.check(value)

@@ -85,7 +85,7 @@ def effects_from_node(node: Node | None) -> tuple[KnownEffect, ...]:
         for name in entry["parameters"].object():
             value = entry["parameters"][name]
             if name not in known:
-                value.fail(f"expected the parameters {', '.join(known)}")
+                value.fail(f"unknown parameter, expected {' or '.join(known)}")
             size = known[name].size
             values[name] = value.number() if size == 1 else value.array(size).tolist()
         if not values:

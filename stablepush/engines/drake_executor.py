@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,9 @@ from stablepush.engines.walls import walls
 
 #: Step (s).
 _STEP = 2e-3
+
+# it warns of half spaces that deformable bodies, which there are none of, do not touch
+logging.getLogger("drake").setLevel(logging.ERROR)
 
 
 class DrakeExecutor(Executor):

@@ -221,6 +221,8 @@ def fit_limit_surface(
             sampler = PressureSampler(slider.vertices, box, seed)
             sampler.prior()
         except InputError as reason:
+            if box.any():
+                raise InputError("com_tolerance", "expected a box inside the slider's outline", com_tolerance) from None
             sampler = None
             warnings.append(f"the slider is not used as a prior: {reason}")
     warnings += pairs.take(train).warnings(1 if sampler is not None else _needed(degree), slider)

@@ -10,6 +10,7 @@ from .formats import (
     save_contact as save_contact,
     save_model as save_model,
     save_slider as save_slider,
+    slider_from_node as slider_from_node,
     slider_or_path as slider_or_path,
     slider_to_json as slider_to_json,
 )

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from stablepush.core import InputError, Node
+from stablepush.core import InputError, Node, describe
 from stablepush.io.json_files import read_json, write_json
 from stablepush.objects import PushContact, Slider, SupportDistribution
 from stablepush.surfaces import LimitSurface, surface_kinds, surface_of_kind
+
+_T = TypeVar("_T")
 
 #: Formats of files that are no contact.
 _OTHERS = ("model", "slider", "scene", "plan", "pushlog", "diagnosis")
@@ -54,12 +57,25 @@ def save_slider(slider: Slider, path: str | Path) -> None:
 
 def slider_or_path(node: Node, folder: Path) -> Slider:
     """Read a ``slider/1`` from a value, or from the file whose path it is, relative to ``folder``."""
-    return slider_from_node(read_json(folder / node.value, "slider/1") if isinstance(node.value, str) else node)
+    return _value_or_path(node, folder, slider_from_node, "slider/1")
 
 
 def contact_or_path(node: Node, folder: Path) -> PushContact:
     """Read a ``contact`` from a value, or from the file whose path it is, relative to ``folder``."""
-    return contact_from_node(read_json(folder / node.value) if isinstance(node.value, str) else node)
+    return _value_or_path(node, folder, contact_from_node)
+
+
+def _value_or_path(node: Node, folder: Path, read: Callable[[Node], _T], *formats: str) -> _T:
+    """Read a value, or the file whose path it is; an error in that file says who named it."""
+    if not isinstance(node.value, str):
+        return read(node)
+    if not node.value.strip():
+        node.fail("expected an object, or the path of a file that has it", describe(node.value))
+    path = folder / node.value
+    try:
+        return read(read_json(path, *formats))
+    except InputError as error:
+        raise InputError(f"{node.place}: {error}", "", file=node.file) from None
 
 
 def contact_from_node(node: Node) -> PushContact:
@@ -87,7 +103,9 @@ def load_contact(path: str | Path) -> PushContact:
         return contact_from_node(root)
     contacts = list(root["contacts"].items())
     if len(contacts) != 1:
-        root["contacts"].fail(f"expected one contact, got {len(contacts)}: give the one that is meant in a file of its own")
+        root["contacts"].fail(
+            f"expected one contact, got {len(contacts)}: choose one, and give it as a file of its own (--contact)"
+        )
     return contact_or_path(contacts[0], Path(path).parent)
 
 
@@ -105,11 +123,9 @@ def model_from_node(node: Node) -> LimitSurface:
 
 def model_or_path(node: Node, folder: Path) -> LimitSurface:
     """Read a ``model/1`` from a value, or from the file whose path it is, relative to ``folder``."""
-    if isinstance(node.value, str):
-        return model_from_node(read_json(folder / node.value, "model/1"))
-    if not isinstance(node.value, dict):
+    if not isinstance(node.value, dict | str):
         node.fail("expected a model/1 object or the path of one")
-    return model_from_node(node)
+    return _value_or_path(node, folder, model_from_node, "model/1")
 
 
 def model_to_json(surface: LimitSurface) -> dict[str, Any]:

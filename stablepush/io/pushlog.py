@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,6 +18,7 @@ from stablepush.core import (
     FloatArray,
     InputError,
     Node,
+    PlausibilityWarning,
     note_finger,
     note_friction,
     note_gravity,
@@ -271,6 +273,11 @@ def _doubt(rig: Rig, trials: Mapping[str, Column], samples: Mapping[str, Column]
         note_friction(getattr(rig, f"{name}_friction") or 0.0, f"{folder / 'rig.json'}: friction.{name}")
     if rig.noise is not None:
         note_noise(rig.noise.position, rig.noise.angle, f"{folder / 'rig.json'}: noise")
+    within = samples["trial"][1:] == samples["trial"][:-1]
+    back = np.flatnonzero(within & (np.diff(samples["t"]) < 0))
+    if len(back):
+        doubt = f"the time goes back within trial {samples['trial'][back[0]]}"
+        warnings.warn(PlausibilityWarning(f"{source}: row {back[0] + 2}: column t", doubt), stacklevel=2)
     note_time(float(np.nanmax(samples["t"], initial=0.0)), f"{source}: column t")
     if "speed" in trials:
         note_push_speed(float(np.nanmax(trials["speed"], initial=0.0)), f"{folder / 'trials.csv'}: column speed")

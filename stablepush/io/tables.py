@@ -89,7 +89,9 @@ def _check_header(header: list[str], required: Sequence[str], name: str) -> None
             raise InputError(f"line 1: column {column}", "expected a column to stand once, found it twice", file=name)
     missing = [column for column in required if column not in header]
     if missing:
-        raise InputError(f"line 1: column {missing[0]}", "missing column", file=name)
+        other = next((sign for sign in (";", "\t") if sign in header[0]), None) if len(header) == 1 else None
+        words = "missing column" if other is None else f"missing column: separate columns by commas, not by {other!r}"
+        raise InputError(f"line 1: column {missing[0]}", words, file=name)
 
 
 def _number(cell: str, name: str, line: int, column: str) -> float:

@@ -6,29 +6,36 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
+import shapely
 
-from stablepush.core import FloatArray
+from stablepush.core import FloatArray, InputError
 from stablepush.effects import CATALOGUE, KnownEffect
 from stablepush.geometry import compose
-from stablepush.objects import PushContact
-from stablepush.planning.correction import Correction, likeliest, load_corrections
+from stablepush.io import Rig
+from stablepush.objects import PushContact, Slider
+from stablepush.planning.correction import Correction, likeliest, load_corrections, load_diagnosed_slider
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.uncertainty import Uncertainty
 
+#: Distance between outlines, over the radius, from which on sliders are not the same.
+_OTHER = 0.1
 #: What is not drawn of each alternative: the rest is in the uncertainty.
 _NOT_DRAWN = {"finger_radius": None, "contact_offset": None, "tracker_offset": None}
 #: Standard errors on each side of a friction, and the least and most relative half-width that is left uncertain.
 _ERRORS, _LEAST_WIDTH, _MOST_WIDTH = 2.0, 0.05, 0.9
 
 
+@runtime_checkable
 class Diagnosed(Protocol):
     """What a diagnosis returns, as far as it matters here."""
 
     @property
     def corrected(self) -> Sequence[Correction]: ...
+    @property
+    def rig(self) -> Rig: ...
 
 
 def correct(problem: PlanningProblem, report: Diagnosed | Sequence[Correction] | str | Path) -> PlanningProblem:
@@ -56,9 +63,11 @@ def correct(problem: PlanningProblem, report: Diagnosed | Sequence[Correction] |
     Raises
     ------
     InputError
-        If the diagnosis corrects nothing: a log of fewer than two pushes.
+        If the diagnosis corrects nothing: a log of fewer than two pushes; or if it is of a slider of another outline.
     """
-    corrections = _corrections_of(report)
+    corrections, diagnosed = _read(report)
+    if diagnosed is not None and _apart(diagnosed, problem.slider) > _OTHER * problem.slider.radius:
+        raise InputError("report", "expected a diagnosis of this slider; its log has one of another outline")
     best = likeliest(corrections)
     contacts = [_moved(contact, best.contact_offset) for contact in problem.contacts]
     uncertainty = problem.uncertainty
@@ -90,10 +99,18 @@ def correct(problem: PlanningProblem, report: Diagnosed | Sequence[Correction] |
     )
 
 
-def _corrections_of(report: Diagnosed | Sequence[Correction] | str | Path) -> Sequence[Correction]:
+def _read(report: Diagnosed | Sequence[Correction] | str | Path) -> tuple[Sequence[Correction], Slider | None]:
+    """What is corrected, and the slider of the log, where the report has it."""
     if isinstance(report, str | Path):
-        return load_corrections(report)
-    return report.corrected if hasattr(report, "corrected") else report
+        return load_corrections(report), load_diagnosed_slider(report)
+    if isinstance(report, Diagnosed):
+        return report.corrected, report.rig.slider
+    return report, None
+
+
+def _apart(a: Slider, b: Slider) -> float:
+    """How far (m) the outlines of two sliders are from each other."""
+    return float(shapely.hausdorff_distance(a.polygon, b.polygon))
 
 
 def _with(known: Sequence[KnownEffect], found: Sequence[KnownEffect]) -> tuple[KnownEffect, ...]:

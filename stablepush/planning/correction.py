@@ -11,7 +11,8 @@ import numpy as np
 
 from stablepush.core import FloatArray, InputError, Node, read_only
 from stablepush.effects import KnownEffect, effects_from_node
-from stablepush.io import model_from_node, model_to_json, read_json
+from stablepush.io import model_from_node, model_to_json, read_json, slider_from_node
+from stablepush.objects import Slider
 from stablepush.surfaces import LimitSurface
 
 _KEYS = (
@@ -107,6 +108,12 @@ def load_corrections(path: str | Path) -> tuple[Correction, ...]:
             "expected at least one entry: a log that could not be diagnosed, or was compared with another simulator's, has none"
         )
     return corrections
+
+
+def load_diagnosed_slider(path: str | Path) -> Slider | None:
+    """Read the slider of the log from a ``diagnosis/1`` file, which older ones lack."""
+    slider = read_json(path, "diagnosis/1").get("slider")
+    return None if slider is None else slider_from_node(slider)
 
 
 def likeliest(corrections: Sequence[Correction]) -> Correction:

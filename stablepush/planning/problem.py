@@ -21,6 +21,7 @@ from stablepush.core import (
     note_finger,
     note_heading,
     note_margin,
+    note_off_outline,
     note_overlap,
     note_part,
     note_push_speed,
@@ -52,6 +53,10 @@ _ROUND = float(np.cos(np.pi / 16))
 _QUARTER = 8
 #: A clearance (m) that is none.
 _NEGLIGIBLE = 1e-6
+
+
+#: How far from a contact point, over the slider's radius, is looked which side is the inner one.
+_BESIDE = 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,7 +172,19 @@ class PlanningProblem:
         object.__setattr__(self, "alternatives", tuple(alternatives))
         mu = None if support_friction is None else check_number(support_friction, "support_friction", positive=True)
         object.__setattr__(self, "support_friction", mu)
+        self._require_inward_normals()
         self._doubt()
+
+    def _require_inward_normals(self) -> None:
+        """Refuse a contact on the outline whose fingers would pull."""
+        reach = _BESIDE * self.slider.radius
+        for i, contact in enumerate(self.contacts):
+            ahead, behind = (
+                shapely.contains_xy(self.slider.polygon, *(contact.points + way * contact.normals).T) for way in (reach, -reach)
+            )
+            outward = np.flatnonzero(behind & ~ahead)
+            if len(outward):
+                raise InputError(f"contacts[{i}].normals[{outward[0]}]", "expected a normal that points into the slider")
 
     def _doubt(self) -> None:
         """Note what looks like another unit."""
@@ -187,6 +204,8 @@ class PlanningProblem:
         note_finger(self.finger_radius, "finger_radius")
         for i, contact in enumerate(self.contacts):
             note_part(contact.points, self.slider.radius, f"contacts[{i}].points")
+            edge = self.slider.polygon.exterior
+            note_off_outline(float(shapely.distance(edge, shapely.points(contact.points)).max()), f"contacts[{i}].points")
             if self.finger_radius > 0:
                 centers = shapely.points(contact.points - self.finger_radius * contact.normals)
                 depths = self.finger_radius - shapely.distance(self.slider.polygon, centers)

@@ -138,7 +138,10 @@ def sample_plan(
     laws = [_rest_to_rest(leg.length, min(leg.speed, limits["speed"]), limits) for leg in legs]
     ends = np.cumsum([law[0] for law in laws] + _waits(result, legs, [law[0] for law in laws]))
     if ends[-1] * hertz > _MOST_SAMPLES:
-        raise InputError("rate", f"expected at most {_MOST_SAMPLES} samples in all, at {hertz:g} a second there are more")
+        raise InputError(
+            "rate",
+            f"expected at most {_MOST_SAMPLES} samples in all: the motion takes {ends[-1]:.3g} s, at {hertz:g} samples a second",
+        )
     # a whole number of steps, also when it is more by rounding
     t = np.arange(math.ceil(ends[-1] * hertz - 1e-9) + 1) / hertz
     # the end is of the last leg that takes time

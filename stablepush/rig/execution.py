@@ -114,7 +114,8 @@ def require_contacts(problem: PlanningProblem) -> None:
 def _require_plan(problem: PlanningProblem, result: PlanResult) -> None:
     require_contacts(problem)
     if not result.solved or not result.pushes:
-        raise InputError("plan", f"expected a solved plan with pushes, its status is {result.status}")
+        found = f"its status is {result.status}" if not result.solved else "it has none"
+        raise InputError("plan", f"expected a solved plan with pushes, {found}")
     for number, push in enumerate(result.pushes):
         if push.duration <= 0 or not push.twist.any():
             raise InputError(f"plan: segments: push {number + 1}", "expected a duration > 0 s and a twist that is not zero")

@@ -49,7 +49,7 @@ def test_import_one_and_all(lab, tmp_path, capsys):
     assert len(sp.read_pushlog(tmp_path / "one")) == 50
     assert main(["import", str(lab / "raw"), "-o", str(tmp_path / "all")]) == 0
     assert {"wood_patch", "board_30_90_30_30_30_90", "poster_patch_stable"} <= {p.name for p in (tmp_path / "all").iterdir()}
-    assert "50 pairs, 50 with F·V > 0" in capsys.readouterr().out
+    assert "50 pushes, 50 pairs of load and twist\n" in capsys.readouterr().out
 
 
 def test_help_and_version(capsys):

@@ -74,7 +74,7 @@ def test_a_scene_has_all_that_a_map_needs(rig, tmp_path, capsys):
     two = scene("two.json", [contact, contact])
     sloped = scene("sloped.json", [contact], effects=[sp.parse_effect("tilt:slope=0.02/0")])
     for model, words in (
-        (two, "two.json: contacts: expected one contact, got 2: give the one that is meant in a file of its own"),
+        (two, "two.json: contacts: expected one contact, got 2: choose one, and give it as a file of its own (--contact)"),
         (sloped, "sloped.json: effects: expected none: with them stability depends on heading and place"),
         (str(rig / "model.json"), "--contact: expected a contact file; only a scene has a contact of its own"),
     ):

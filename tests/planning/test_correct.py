@@ -75,7 +75,7 @@ def test_effects_are_carried_along_or_refused(tmp_path):
     for wrong, words in (
         ([{"effect": "drift"}], r"effects\[0\]\.parameters: missing key"),
         ([{"effect": "drifting", "parameters": {"rate": 1}}], r"effects\[0\]\.effect: expected"),
-        ([{"effect": "drift", "parameters": {"slope": 1}}], "expected the parameters rate"),
+        ([{"effect": "drift", "parameters": {"slope": 1}}], "unknown parameter, expected rate"),
         ([{"effect": "drift", "parameters": {"rate": "a"}}], "expected a number"),
         ([{"effect": "drift", "parameters": {"rate": 0.1}}] * 2, "expected every effect once"),
         ([{"effect": "drift", "parameters": {"rate": 0.1}, "covariance": [[1, 2]]}], "covariance"),
