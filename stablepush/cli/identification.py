@@ -12,6 +12,7 @@ from stablepush.cli.common import (
     Output,
     Progress,
     about,
+    also_written,
     counted,
     number,
     options_of,
@@ -22,6 +23,9 @@ from stablepush.cli.common import (
     whole_number,
 )
 from stablepush.core import InputError
+
+#: Acceleration of gravity (m/s²).
+_GRAVITY = 9.81
 
 
 def import_logs(
@@ -86,13 +90,40 @@ def import_logs(
         raise InputError("", f"expected at least one whole log, none of {len(sources)} could be read", file=source)
 
 
+def _write_support(slider: Path, mu: float, output: Path, view: Path | None) -> None:
+    """Write the surface of a slider whose support points are known."""
+    from stablepush.core import check_number, note_friction
+    from stablepush.io import load_slider, save_model, write_atomically
+    from stablepush.surfaces import IdealLimitSurface
+
+    note_friction(check_number(mu, "--support-mu", positive=True), "--support-mu")
+    body = load_slider(slider)
+    if body.support is None or body.mass is None:
+        raise InputError("support, mass", "expected both to be stated, for the surface of known support points", file=slider)
+    surface = IdealLimitSurface(body.support, mu * body.mass * _GRAVITY)
+    if view is not None:
+        from stablepush.views import surface_html
+
+        write_atomically(view, surface_html(surface, title="Surface of known support points"))
+    save_model(surface, output)
+    told(output=output, model="support", points=len(body.support.points), friction_load=surface.friction_load)
+    print(f"{output}: {counted(len(body.support.points), 'support point')}, friction load {surface.friction_load:.4g} N")
+    also_written(view)
+
+
 def fit(
     output: Output,
     log: Annotated[Path | None, typer.Argument(metavar="LOG", help="pushlog/1 folder.")] = None,
     slider: Annotated[
         Path | None, typer.Option(help="slider/1 file or scene, instead of a log: a surface from no poke at all.")
     ] = None,
-    model: Annotated[str, typer.Option(help="poly4-cvx, poly4, poly6-cvx, quadratic or gp.")] = "poly4-cvx",
+    model: Annotated[
+        str,
+        typer.Option(
+            help="poly4-cvx, poly4, poly6-cvx, quadratic or gp. support: the exact surface of the support points in the slider's "
+            "file, with --slider, --support-mu and a mass."
+        ),
+    ] = "poly4-cvx",
     seed: Annotated[
         int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of the folds, the pressures and the ensemble.")
     ] = 0,
@@ -106,6 +137,10 @@ def fit(
     com_tolerance: Annotated[
         float, typer.Option(parser=number, metavar="METRES", help="Half width of the box in which the centre of mass may lie.")
     ] = 0.0,
+    support_mu: Annotated[
+        float | None,
+        typer.Option(parser=number, metavar="MU", help="Friction of the table, for --model support: loads are then in N."),
+    ] = None,
     view: Annotated[Path | None, typer.Option(help="The surface with the pokes on it, as an HTML page.")] = None,
 ) -> None:
     """Identify a limit surface from a log of pokes. With --slider and no log: the mean surface of likely pressures."""
@@ -117,7 +152,12 @@ def fit(
     source = slider if log is None else log
     if source is None or None not in (log, slider):
         raise InputError("LOG", "expected a log of pokes, or --slider without a log", "neither" if source is None else "both")
+    if (model == "support") != (support_mu is not None) or (model == "support" and log is not None):
+        raise InputError("--model, --support-mu", "expected --model support, --support-mu and --slider together, without a log")
     require_files(output, view, read=(slider,))
+    if support_mu is not None:
+        _write_support(source, support_mu, output, view)
+        return
     loads, twists = np.empty((0, 3)), np.empty((0, 3))
     names: list[str] = []
     if log is None:
@@ -160,6 +200,7 @@ def fit(
         sos_convex=None if result.certificate is None else result.certificate.sos_convex, notes=list(result.warnings),
     )  # fmt: skip
     print(f"{output}: {model} from {counted(len(names), 'poke')}, {result.status}, {result.total_time:.2f} s")
+    also_written(view)
     for warning in result.warnings:
         print(f"note: {warning}")
     if result.prior_weight:

@@ -334,7 +334,12 @@ def _completed(rig: Rig, system: System, found: Attribution) -> Rig:
         mu = max(0.0, system.mu + float(values["contact-friction"][0]))
     if radius is None and system.observations.finger_radius is not None and "contact-geometry" in values:
         radius = max(0.0, system.observations.finger_radius + float(values["contact-geometry"][0]))
-    return replace(rig, contact_friction=mu, finger_radius=radius)
+    # an estimate has no more digits than these
+    return replace(rig, contact_friction=_rounded(mu), finger_radius=_rounded(radius))
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.6g}")
 
 
 def _next(system: System, found: Attribution, effects: list[str], ranking: list[RankedEffect]) -> NextExperiment:

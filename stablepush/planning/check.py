@@ -98,7 +98,7 @@ def _check_sums(problem: PlanningProblem, result: PlanResult) -> list[str]:
     }
     for name, (stated, summed) in sums.items():
         if abs(stated - summed) > TOLERANCE:
-            found.append(f"{name}: states {stated:.9g}, the segments give {summed:.9g}")
+            found.append(f"{name}: states {stated:.9g}, its segments add up to {summed:.9g}")
     if result.lower_bound is not None and result.lower_bound > result.duration + TOLERANCE:
         found.append(f"lower_bound: {result.lower_bound:.9g} s is above the duration {result.duration:.9g} s")
     if result.planning_time < 0:
@@ -127,7 +127,7 @@ def _check_chain(problem: PlanningProblem, result: PlanResult) -> list[str]:
             contact = segment.contact
         if _pose_difference(segment.start, pose) > TOLERANCE:
             expected = "the start of the problem" if index == 0 else "where the slider stands"
-            found.append(f"{place}: its start differs from {expected} by {_pose_difference(segment.start, pose):.2g}")
+            found.append(f"{place}: its start is not {expected}: {_pose_difference(segment.start, pose):.2g} m or rad off")
         pose = segment.end
     return found
 
@@ -142,13 +142,13 @@ def _check_push(problem: PlanningProblem, push: Push, place: str) -> list[str]:
     found = []
     error = _pose_difference(push.end, compose(push.start, exp(push.twist * push.duration)))
     if error > TOLERANCE:
-        found.append(f"{place}: its end differs from start * exp(twist * duration) by {error:.2g}")
+        found.append(f"{place}: its end is not where its twist and duration lead: {error:.2g} m or rad off")
     speed = float(problem.push_speed(push.twist))
     if speed > problem.speed * (1 + TOLERANCE):
         found.append(f"{place}: a point of the outline moves at {speed:.6g} m/s, the limit is {problem.speed:g}")
     margin = _margin(problem, push)
     if abs(margin - push.margin) > TOLERANCE:
-        found.append(f"{place}: {_OTHER_MARGIN} {push.margin:.6g} rad, the oracle gives {margin:.6g}")
+        found.append(f"{place}: {_OTHER_MARGIN} {push.margin:.6g} rad, recomputed it is {margin:.6g} rad")
     least = max(0.0, problem.min_margin)
     if margin < least - TOLERANCE:
         found.append(f"{place}: margin {margin:.6g} rad is below {least:g}")

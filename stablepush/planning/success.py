@@ -241,20 +241,22 @@ def _failures(losses: Losses, result: PlanResult) -> tuple[tuple[int, float, str
 def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
     """What the scenarios that lose the slider in a push have in common: what differs most from the other scenarios."""
     everything = {
-        "the contact friction is": (scenarios.contact_mu[:, push.contact], ""),
-        "the fingers are displaced along the edge by": (1000 * scenarios.aside[:, push.contact], " mm"),
-        "the centre of mass, along x of the slider, is": (1000 * scenarios.center_of_mass[:, 0], " mm"),
-        "the centre of mass, along y of the slider, is": (1000 * scenarios.center_of_mass[:, 1], " mm"),
+        "the contact friction is {side} {end:.3g}": scenarios.contact_mu[:, push.contact],
+        "the fingers stand more than {size:.3g} mm to the {way} of their place, seen along the push": 1000
+        * scenarios.aside[:, push.contact],
+        "x of the centre of mass is {side} {end:.3g} mm": 1000 * scenarios.center_of_mass[:, 0],
+        "y of the centre of mass is {side} {end:.3g} mm": 1000 * scenarios.center_of_mass[:, 1],
     }
     if 2 * np.count_nonzero(~scenarios.flush[rows]) > len(rows):
         return "because the slider is not square to the fingers after the docking"
     if len(rows) > 0.9 * len(scenarios):
         return "in nearly every scenario"
     best, words = 0.0, "for no single reason"
-    for name, (values, unit_of) in everything.items():
+    for words_of, values in everything.items():
         scatter = float(values.std())
         shift = (float(values[rows].mean()) - float(values.mean())) / scatter if scatter > 0 else 0.0
         if abs(shift) > max(best, 0.7):
-            end = values[rows].max() if shift < 0 else values[rows].min()
-            best, words = abs(shift), f"if {name} {'below' if shift < 0 else 'above'} {end:.3g}{unit_of}"
+            end = float(values[rows].max() if shift < 0 else values[rows].min())
+            side, way = ("below", "right") if shift < 0 else ("above", "left")
+            best, words = abs(shift), "if " + words_of.format(side=side, way=way, end=end, size=abs(end))
     return words

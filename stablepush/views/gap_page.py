@@ -13,7 +13,7 @@ import numpy as np
 
 from stablepush.core import BoolArray, FloatArray
 from stablepush.diagnosis import ChannelGap, Estimates, Evidence, GapReport, RankedEffect, readable, size_in_words
-from stablepush.geometry import rotate_vectors
+from stablepush.geometry import rotate_vectors, wrap_angle
 from stablepush.objects import EdgePush, Slider
 from stablepush.views.pages import Section, render, script
 from stablepush.views.plot.canvas import figure_png
@@ -192,7 +192,13 @@ def _rows_of_loads(report: GapReport) -> _Seen:
     # the places of several logs coincide
     order = report.orders if report.logs else 1 + np.unique(report.orders, return_inverse=True)[1]
     covariates = np.column_stack(
-        (np.degrees(report.headings), order, 1000 * report.speeds, report.poses[:, :2], np.degrees(report.poses[:, 2]))
+        (
+            np.degrees(report.headings),
+            order,
+            1000 * report.speeds,
+            report.poses[:, :2],
+            np.degrees(wrap_angle(report.poses[:, 2])),
+        )
     )
     load = report.loads * (1, 1, 1000)
     signals = {key: load - report.residuals[key] * (1, 1, 1000) for key in ("before", "after")} | {"measured": load}
@@ -220,7 +226,9 @@ def _rows_of_final_poses(report: GapReport) -> _Seen:
     ends: dict[str, FloatArray] = {key: report.ends[key] for key in ("before", "after") if key in report.ends}
     parts = {key: 1000 * error for key, error in ends.items()}
     arrows = {key: report.pose_errors(key) for key in ends}
-    covariates = np.column_stack((report.places[:, :2], np.degrees(report.places[:, 2]), np.arange(len(report.places))))
+    covariates = np.column_stack(
+        (report.places[:, :2], np.degrees(wrap_angle(report.places[:, 2])), np.arange(len(report.places)))
+    )
     rows = _rows(report.end_names, report.places, arrows, parts, covariates)
     scale = magnification(_scale(rows, report.rig.slider))
     longer = f", {scale:.0f} times as long" if scale > 1 else ""

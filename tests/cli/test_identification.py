@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from conftest import one_line
 
 import stablepush as sp
 from stablepush.cli import main
@@ -87,3 +88,21 @@ def test_a_surface_needs_a_log_or_a_slider(rig, tmp_path, capsys, given, said):
     assert main(["fit", *(word for name in given for word in words[name]), "-o", str(tmp_path / "m.json")]) == 2
     assert said in capsys.readouterr().err
     assert not (tmp_path / "m.json").exists()
+
+
+def test_the_surface_of_known_feet(rig, tmp_path, capsys):
+    """The exact surface of the support in the slider's file, with loads in N; nothing else has such an option."""
+    slider = json.loads((rig / "slider.json").read_text())
+    feet = {"points": [[-0.03, -0.03], [0.06, -0.02], [-0.03, 0.05]], "weights": [1, 2, 1]}
+    (tmp_path / "feet.json").write_text(json.dumps(slider | {"support": feet, "mass": 1.2}))
+    given = ["fit", "--slider", tmp_path / "feet.json", "--model", "support", "--support-mu", "0.3", "-o", tmp_path / "m.json"]
+    assert main([str(a) for a in given]) == 0
+    assert "3 support points, friction load 3.532 N" in capsys.readouterr().out
+    surface = sp.load_model(tmp_path / "m.json")
+    expected = sp.IdealLimitSurface(sp.SupportDistribution(feet["points"], feet["weights"]), 0.3 * 1.2 * 9.81)
+    twist = (0.02, 0.05, 0.3)
+    assert surface.wrench(twist) == pytest.approx(expected.wrench(twist), rel=1e-12)
+    one_line(capsys, [*given[:5], "-o", tmp_path / "n.json"], "--model, --support-mu: expected")
+    (tmp_path / "none.json").write_text(json.dumps(slider))
+    one_line(capsys, [*given[:2], tmp_path / "none.json", *given[3:-1], tmp_path / "n.json"], "none.json: support, mass")
+    assert not (tmp_path / "n.json").exists()

@@ -326,11 +326,13 @@ def _of_fingers(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
         style = {"linestyle": "none", "marker": marker, "color": PUSHER, "markersize": 5, "markerfacecolor": inner}
         if chosen.any():
             axes.plot(fingers.order[chosen], fingers.ratio[chosen], label=word, **style)
-    axes.set_ylim(min(0.0, float(fingers.ratio.min())), None)
+    top = max(float(fingers.ratio.max()), float(high.max()), report.rig.contact_friction or 0.0)
+    # room for the legend above all that is drawn
+    axes.set_ylim(min(0.0, float(fingers.ratio.min())), 1.45 * top)
     axes.grid(visible=True, color="0.9", linewidth=0.6)
     _name_pushes(axes, report)
     axes.set_ylabel("tangential over normal force")
-    axes.legend(fontsize=8, framealpha=0.5, edgecolor="none")
+    axes.legend(fontsize=8, framealpha=0.5, edgecolor="none", loc="upper left")
 
 
 _CURVES: Mapping[str, Callable[[Axes, RankedEffect, GapReport], None]] = MappingProxyType(

@@ -42,6 +42,8 @@ _STYLES: dict[str, dict[str, Any]] = {
 }
 _HATCHES: dict[str, Any] = {"facecolor": "none", "edgecolor": "#202020", "linewidth": 0.9, "hatch": "xx"}
 _RANGE_STEPS = 721
+#: Least distance (deg) between ticks of a range of turns.
+_APART = 9.0
 
 
 def plot_regions(
@@ -174,10 +176,16 @@ def plot_margins(
         shade = "#000000" if row % 2 else "#707070"
         axes.fill_between(degrees, y - 0.35 * step, y + 0.35 * step, where=inside, color=shade, linewidth=0)
         axes.annotate(region.name, (91.0, y), fontsize=8, va="center", annotation_clip=False)
-    marks = np.array((-60, -45, -30, -15, 0, 15, 30, 45, 60))
-    names = [
-        "straight" if m == 0 else f"{_length(abs(rho / np.tan(np.radians(m))))} {'left' if m > 0 else 'right'}" for m in marks
-    ]
+    # round distances, as far apart as their words are wide
+    radii = [d * 10.0**k for k in (-3, -2, -1, 0) for d in (1, 2, 5)][::-1]
+    marks, names = [0.0], ["straight"]
+    for radius in radii:
+        angle = float(np.degrees(np.arctan(rho / radius)))
+        if max(_APART, marks[-1] + _APART) <= angle <= 90 - _APART:
+            marks.append(angle)
+            names.append(_length(radius))
+    marks = [-m for m in marks[:0:-1]] + marks
+    names = [f"{name} right" for name in names[:0:-1]] + names[:1] + [f"{name} left" for name in names[1:]]
     axes.set_xticks(marks, names, rotation=30, ha="right", fontsize=8)
     axes.set_xlim(-90, 90)
     # adding zero takes the sign off a zero
