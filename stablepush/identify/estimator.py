@@ -60,6 +60,10 @@ class Estimator(Protocol):
     def default(self) -> int:
         """Index of the candidate to use where there are too few pairs to choose."""
 
+    @property
+    def solves_side_by_side(self) -> bool:
+        """Whether several threads may solve at once."""
+
     def of_folds(self) -> Estimator:
         """Return an estimator for the folds, which only choose the weights."""
 
@@ -118,6 +122,9 @@ class SquaredLoss:
     ellipsoid that is fitted to the same pairs, and the norm is Bombieri's in coordinates in which that ellipsoid is the unit
     sphere, so that the penalty does not depend on the axes of B or on ``rho``. A quadratic shrinks to the unit sphere.
     """
+
+    #: The solver of its program is handed its own copy of the problem, and releases the interpreter.
+    solves_side_by_side = True
 
     def __init__(self, degree: int, convex: bool, sampler: PressureSampler | None, robust: bool, shrink: str) -> None:
         plain = [SquaredWeights(a, b) for a, b in product(ETA_1, ETA_2)]
@@ -197,6 +204,9 @@ class NormLoss:
     ``minimise w_reg |a| + w_force |ξ| + |δ|`` for SOS-convex polynomials of degree 4 and more (:class:`NormProgram`), and
     ``w_reg |a| + w_force Σ |ξ_i| + Σ |δ_i|`` for the quadratic and what need not be convex (:class:`SumOfNormsProgram`).
     """
+
+    #: One program, whose parameters are set for each solve.
+    solves_side_by_side = False
 
     def __init__(self, degree: int, convex: bool, force_scale: float) -> None:
         self.candidates: Sequence[NormWeights] = [NormWeights(a, b) for a, b in product(W_FORCE, W_REG)]

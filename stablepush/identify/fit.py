@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -235,14 +237,16 @@ def fit_limit_surface(
 
     planned = len(estimator.candidates) * len(tests) + 1
     done = taken_over = 0
+    counting = threading.Lock()
 
     def solve(part: Part, weights: Any) -> Estimate:
         nonlocal done, taken_over
-        done += 1
-        if progress is not None:
-            progress(done, planned)
         solution = estimator.solve(part, weights)
-        taken_over += solution.taken_over
+        with counting:
+            done += 1
+            taken_over += solution.taken_over
+            if progress is not None:
+                progress(done, planned)
         return solution
 
     # what takes longest, drawing pressures, side by side
@@ -322,14 +326,25 @@ def _held_out_errors(
     """Angles (rad) of pairs that were left out, (candidates, pairs), by fits to the other ``parts`` with every candidate for the
     weights."""
     errors = np.empty((len(estimator.candidates), len(pairs)))
-    for rows, part in zip(tests, parts, strict=True):
-        gradient = gradient_rows(pairs.loads[rows], degree)
-        for c, candidate in enumerate(estimator.candidates):
-            try:
-                errors[c, rows] = angle_between(gradient @ solve(part, candidate).coefficients, pairs.directions[rows])
-            except SolverError:
-                # weights at which no solver finds a solution are the last to choose
-                errors[c, rows] = np.pi
+    gradients = [gradient_rows(pairs.loads[rows], degree) for rows in tests]
+
+    def judge(job: tuple[int, int]) -> None:
+        fold, c = job
+        rows = tests[fold]
+        try:
+            coefficients = solve(parts[fold], estimator.candidates[c]).coefficients
+        except SolverError:
+            # weights at which no solver finds a solution are the last to choose
+            errors[c, rows] = np.pi
+        else:
+            errors[c, rows] = angle_between(gradients[fold] @ coefficients, pairs.directions[rows])
+
+    jobs = list(itertools.product(range(len(tests)), range(len(estimator.candidates))))
+    if estimator.solves_side_by_side:
+        in_threads(judge, jobs)
+    else:
+        for job in jobs:
+            judge(job)
     return errors[:, np.concatenate(tests)]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stablepush.core import FloatArray
+from stablepush.core import FloatArray, in_threads
 from stablepush.identify.estimator import Part, SquaredLoss, SquaredWeights, pseudo_twists
 from stablepush.identify.moments import Moments
 
@@ -35,12 +35,14 @@ def draw_coefficients(
         alone = SquaredWeights(0.0, 0.0, weights.prior)
         draws = part.pressures.wrenches(pseudo_twists(), rho)[:: max(1, len(part.pressures.loads) // MEMBERS)]
         rng = np.random.default_rng(seed)
-        found = []
-        for draw in draws[:MEMBERS]:
-            rows = rng.choice(len(draw), PAIRS_OF_A_MEMBER, replace=False)
+        chosen = [(draw, rng.choice(len(draw), PAIRS_OF_A_MEMBER, replace=False)) for draw in draws[:MEMBERS]]
+
+        def fitted(job: tuple[FloatArray, np.ndarray]) -> FloatArray:
+            draw, rows = job
             pseudo = Moments.from_pairs(draw[rows], pseudo_twists()[rows], estimator.degree)
-            found.append(estimator.solve(part.with_pseudo(pseudo), alone).coefficients)
-        return found
+            return estimator.solve(part.with_pseudo(pseudo), alone).coefficients
+
+        return in_threads(fitted, chosen)
     quadratic, linear = estimator.normal_equations(part, weights)
     # value of the objective with its constants: three residuals a pair and the penalty, which counts as much as the
     # coefficients take away
@@ -48,4 +50,4 @@ def draw_coefficients(
     scatter = MISFIT * np.sqrt(max(residual, 0.0) / (3 * part.pairs.count))
     root = np.linalg.cholesky(quadratic)
     noise = np.random.default_rng(seed).standard_normal((MEMBERS, len(linear)))
-    return [estimator.minimize(quadratic, linear + scatter * root @ z).coefficients for z in noise]
+    return in_threads(lambda z: estimator.minimize(quadratic, linear + scatter * root @ z).coefficients, list(noise))

@@ -127,6 +127,9 @@ class SquaredProgram(_Program):
         entries = (entries + entries.transpose(1, 0, 2)) / 2
         self._matrix = scipy.sparse.csc_matrix(-scale[:, None] * entries[rows, columns])
         self._bound = np.where(rows == columns, -LEAST_EIGENVALUE, 0.0)
+        # the upper triangle of the coefficients' block of P, column by column
+        self._columns, self._rows = np.tril_indices(count)
+        self._ends = np.concatenate((np.cumsum(np.arange(count + 1)), np.full(free.shape[1], len(self._rows))))
 
     def solve(self, quadratic: FloatArray, linear: FloatArray) -> Estimate:
         """Solve for a positive definite ``P`` (m, m) and ``q`` (m,)."""
@@ -145,14 +148,14 @@ class SquaredProgram(_Program):
         import clarabel
 
         count, total = len(linear), self._map.shape[1]
-        curvature = np.zeros((total, total))
-        curvature[:count, :count] = np.triu(2 * quadratic)
+        values = 2 * quadratic[self._rows, self._columns]
+        curvature = scipy.sparse.csc_matrix((values, self._rows, self._ends), shape=(total, total))
         slope = np.zeros(total)
         slope[:count] = -2 * linear
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         cones = [clarabel.PSDTriangleConeT(self._size)]
-        problem = (scipy.sparse.csc_matrix(curvature), slope, self._matrix, self._bound, cones, settings)
+        problem = (curvature, slope, self._matrix, self._bound, cones, settings)
         solution = clarabel.DefaultSolver(*problem).solve()
         status = {"Solved": "optimal", "AlmostSolved": "optimal_inaccurate"}.get(str(solution.status))
         x = np.array(solution.x)
