@@ -62,9 +62,10 @@ def check_plan(problem: PlanningProblem, result: PlanResult) -> CheckReport:
     else:
         objections += _check_sums(problem, result)
         objections += _check_chain(problem, result)
+        boxes = np.array([(*o.min(axis=0), *o.max(axis=0)) for o in problem.obstacles]).reshape(-1, 4)
         for index, segment in enumerate(result.segments):
             if isinstance(segment, Push):
-                objections += _check_push(problem, segment, f"segment {index}")
+                objections += _check_push(problem, segment, f"segment {index}", boxes)
         objections += _check_goal(problem, result) + _check_rest(problem)
     if not objections:
         objections += _check_probabilities(problem, result)
@@ -132,7 +133,7 @@ def _check_chain(problem: PlanningProblem, result: PlanResult) -> list[str]:
     return found
 
 
-def _check_push(problem: PlanningProblem, push: Push, place: str) -> list[str]:
+def _check_push(problem: PlanningProblem, push: Push, place: str, boxes: FloatArray) -> list[str]:
     if not 0 <= push.contact < len(problem.contacts):
         return [f"{place}: expected a contact from 0 to {len(problem.contacts) - 1}, got {push.contact}"]
     if not push.twist.any():
@@ -153,7 +154,7 @@ def _check_push(problem: PlanningProblem, push: Push, place: str) -> list[str]:
     if margin < least - TOLERANCE:
         found.append(f"{place}: margin {margin:.6g} rad is below {least:g}")
     for name, outline in _bodies(problem, push.contact):
-        found += _check_sweep(problem, outline, push, f"{place}: {name}")
+        found += _check_sweep(problem, outline, push, f"{place}: {name}", boxes)
     return found
 
 
@@ -202,19 +203,18 @@ def _bodies(problem: PlanningProblem, contact: int) -> list[tuple[str, FloatArra
     return bodies + [("pusher", outline) for outline in problem.docked_outlines(problem.contacts[contact])]
 
 
-def _check_sweep(problem: PlanningProblem, outline: FloatArray, push: Push, place: str) -> list[str]:
+def _check_sweep(problem: PlanningProblem, outline: FloatArray, push: Push, place: str, boxes: FloatArray) -> list[str]:
+    """``boxes`` (n, 4): lowest and highest x, y of the obstacles."""
     found = []
     placed = transform_points(push.start, outline)
     sweep = _Sweep.from_push(push)
     extremes = sweep.extremes(placed)
     if not _within(problem.bounds, extremes):
         found.append(f"{place} leaves the bounds")
-    low, high = extremes.min(axis=0), extremes.max(axis=0)
     rings = _shrunk(placed)
-    for i, obstacle in enumerate(problem.obstacles):
-        if (obstacle.max(axis=0) < low).any() or (obstacle.min(axis=0) > high).any():
-            continue
-        if any(sweep.hits(ring, obstacle) for ring in rings):
+    near = (boxes[:, 2:] >= extremes.min(axis=0)).all(axis=1) & (boxes[:, :2] <= extremes.max(axis=0)).all(axis=1)
+    for i in np.flatnonzero(near):
+        if any(sweep.hits(ring, problem.obstacles[i]) for ring in rings):
             found.append(f"{place} hits obstacle {i}")
     return found
 
