@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -112,4 +113,10 @@ class PushContact:
 
     def cone(self, rho: float) -> WrenchCone:
         """Return the composite wrench cone of the contacts, normalised by ``rho`` (m)."""
-        return WrenchCone.from_rays(self.rays(rho))
+        return _cone(self, float(rho))
+
+
+@lru_cache(maxsize=64)
+def _cone(contact: PushContact, rho: float) -> WrenchCone:
+    """The cone of a contact, which never changes: the surfaces of an ensemble ask for it one after the other."""
+    return WrenchCone.from_rays(read_only(contact.rays(rho)))
