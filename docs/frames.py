@@ -62,14 +62,14 @@ def text(at, words, kind="", color="#222222", anchor="start"):
     return f'<text {place} class="{kind}" style="fill: {color}">{escape(words)}</text>'
 
 
-def axes(pose, color, names, length=0.035):
-    """Return the axes of a frame at a pose in W, with names at their tips."""
+def axes(pose, color, names, length=0.035, lifted=0.0):
+    """Return the axes of a frame at a pose in W, with names at their tips, the second of them ``lifted`` (px)."""
     origin, shapes = px(pose[:2]), []
-    for name, along in zip(names, np.eye(2), strict=True):
+    for name, along, up in zip(names, np.eye(2), (0.0, lifted), strict=True):
         tip = seen(pose, length * along)
         shapes.append(line(origin, tip, color, width=2.5))
         out = (tip - origin) / np.linalg.norm(tip - origin)
-        shapes.append(text(tip + 13 * out + (0.0, 5.0), name, "small", color, "middle"))
+        shapes.append(text(tip + 13 * out + (0.0, 5.0 - up), name, "small", color, "middle"))
     return [*shapes, disc(origin, 3.5, color)]
 
 
@@ -102,14 +102,14 @@ def above():
     shapes += axes(POSE, BLUE, "xy")
     start = moved(px(POSE[:2]), 126, -66)
     shapes += [
-        line(start, moved(px(POSE[:2]), 6, -3), BLUE, width=1.2),
+        line(start, moved(px(POSE[:2]), 6, -3), GREY, arrow=False, width=1),
         text(moved(start, 6, -4), "B: origin at the", "name", BLUE),
     ]
     shapes.append(text(moved(start, 6, 15), "centre of mass", "name", BLUE))
 
     # the two frames of the pusher, and the load
     at, behind = compose(POSE, CONTACT.frame), compose(POSE, sp.finger_frame(CONTACT, RADIUS))
-    shapes += [*axes(at, GREEN, "xy", 0.017), disc(px(behind[:2]), 4.5, ORANGE)]
+    shapes += [*axes(at, GREEN, "xy", 0.017, 22.0), disc(px(behind[:2]), 4.5, ORANGE)]
     start = moved(px(at[:2]), 76, 40)
     shapes += [
         line(start, moved(px(at[:2]), 9, 3), GREEN, width=1.2),
@@ -119,12 +119,13 @@ def above():
     shapes.append(text(moved(start, 4, 36), "the contact points", "small", GREEN))
     start = moved(px(behind[:2]), 46, 108)
     shapes += [line(start, moved(px(behind[:2]), 3, 7), ORANGE, width=1.2)]
-    shapes.append(text(moved(start, -128, 17), "pusher in logs and trajectories (px, py, ptheta):", "small", ORANGE))
-    shapes.append(text(moved(start, -128, 33), "midway between the centres of the fingers", "small", ORANGE))
+    shapes.append(text(moved(start, -128, 27), "pusher in logs and trajectories (px, py, ptheta):", "small", ORANGE))
+    shapes.append(text(moved(start, -128, 43), "midway between the centres of the fingers", "small", ORANGE))
     tail = seen(POSE, CONTACT.points[0] - (0.0, 2 * RADIUS + 0.03))
     tip = seen(POSE, CONTACT.points[0] - (0.0, 2 * RADIUS))
-    shapes += [line(tail, tip, RED, width=3), text(moved(tail, -4, 12), "wrench (fx, fy, tau): load of", color=RED, anchor="end")]
-    shapes.append(text(moved(tail, -4, 28), "both fingers on the slider, in B", "small", RED, "end"))
+    shapes += [line(tail, tip, RED, width=3), text(moved(tail, -6, 4), "wrench (fx, fy, tau):", color=RED, anchor="end")]
+    shapes.append(text(moved(tail, -6, 20), "load of all fingers", "small", RED, "end"))
+    shapes.append(text(moved(tail, -6, 35), "on the slider, in B", "small", RED, "end"))
     shapes.append(text((16, 24), "From above", "name"))
     return shapes
 
