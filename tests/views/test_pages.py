@@ -30,7 +30,10 @@ MOVES = {
         r"Push \d+, slider at .* nominal residual along the load .* corrected residual .* N mm",
     ),
     "ends": ("bar.value = 5; bar.dispatchEvent(new Event('input'));", r"Push \d+, slider at .* corrected residual .* mm"),
-    "region": ("bar.value = 30; bar.dispatchEvent(new Event('input'));", r"model: stable · .*margin [\d.]+° · heading 30°"),
+    "region": (
+        "bar.value = 30; bar.dispatchEvent(new Event('input'));",
+        r"model: stable · .*margin [\d.]+° · shown turned by 30°",
+    ),
     "plan": (
         "bar.value = 500; bar.dispatchEvent(new Event('input'));",
         r"[\d.]+ of [\d.]+ s · push \d+ of \d+, .* turn · margin",

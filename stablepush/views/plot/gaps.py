@@ -35,6 +35,8 @@ _HIDDEN = "#767676"
 _GOOD, _LONGEST = 0.12, 0.45
 #: Errors of final positions are drawn so many times as long, at most.
 _MOST_TIMES = 1000
+#: Places from which on arrows and dots are thin.
+_MANY = 60
 #: Opacity of what counts in no error.
 _FAINT = 0.2
 #: Names of pushes up to so many letters stand close on an axis.
@@ -108,9 +110,9 @@ def _draw_over_table(places: FloatArray, tails: FloatArray, arrows: FloatArray, 
     low, high = low - 0.02 * (high - low), high + 0.02 * (high - low)
     axes = canvas((6.2, float(np.clip(5.5 * (high - low)[1] / (high - low)[0] + 1.1, 2.8, 7.4))), ax=ax)
     for tail, arrow, word, color in zip(tails, arrows, ("nominal", "corrected"), (PUSHER, COUNTER_CLOCKWISE), strict=True):
-        style = {"color": color, "width": 0.0025, "label": word}
+        style = {"color": color, "width": 0.0025 if len(places) > _MANY else 0.005, "label": word}
         axes.quiver(*tail.T, *arrow.T, angles="xy", scale_units="xy", scale=1.0, **style)
-    axes.plot(*places.T, linestyle="none", marker=".", markersize=3, color=OBSTACLE)
+    axes.plot(*places.T, linestyle="none", marker=".", markersize=3 if len(places) > _MANY else 6, color=OBSTACLE)
     if ax is None:
         axes.set_xlim(low[0], high[0])
         axes.set_ylim(low[1], high[1])
@@ -328,7 +330,7 @@ def _of_fingers(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
             axes.plot(fingers.order[chosen], fingers.ratio[chosen], label=word, **style)
     top = max(float(fingers.ratio.max()), float(high.max()), report.rig.contact_friction or 0.0)
     # room for the legend above all that is drawn
-    axes.set_ylim(min(0.0, float(fingers.ratio.min())), 1.45 * top)
+    axes.set_ylim(min(0.0, float(fingers.ratio.min())), 1.8 * top)
     axes.grid(visible=True, color="0.9", linewidth=0.6)
     _name_pushes(axes, report)
     axes.set_ylabel("tangential over normal force")
