@@ -99,6 +99,9 @@ class ForwardModel:
         at = observations.pose[:, :2] + rotate_vectors(observations.pose[:, 2], np.nan_to_num(observations.place[:, 0]))
         place[touching] = at[touching]
         place[known] = observations.pusher[known, :2]
+        if observations.computed_moments:
+            # what the sensor does to a force is then in the moment as well, with the arm of the contact point
+            place[touching] = at[touching]
         self.place = place
         self._tool = np.nan_to_num(observations.pusher[:, 2])
 

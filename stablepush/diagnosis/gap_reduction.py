@@ -273,7 +273,7 @@ def _reduction(channel: str, unit: str, trial: np.ndarray, squares: dict[str, Fl
     rng = np.random.default_rng(0)
     drawn = sums[rng.integers(0, len(names), (_RESAMPLES, len(names)))].sum(axis=1)
     mean = sums.sum(axis=0)
-    b, a = mean[0] / mean[2], mean[1] / mean[2]
+    b, a, noise = mean[0] / mean[2], mean[1] / mean[2], floor
     # the remaining residual cannot be below the noise: if it is, the noise was overestimated
     floor = min(floor, float(a), 0.999 * float(b))
 
@@ -293,6 +293,7 @@ def _reduction(channel: str, unit: str, trial: np.ndarray, squares: dict[str, Fl
         floor=float(np.sqrt(floor)),
         closed=float(np.clip(share(np.array(b), np.array(a)), -10.0, 1.0)),
         ci95=[float(low), float(high)],
+        noise_floor=float(np.sqrt(noise)),
     )
 
 

@@ -33,6 +33,8 @@ _AT_END = (math.sqrt(2), math.sqrt(3.5), math.sqrt(3))
 _REST = 0.05
 #: Differences of poses of so many standard deviations are none.
 _STANDS = 5.0
+#: Share of a moment that is rounding.
+_ROUNDING = 1e-6
 #: Twists of a push that differ by less than this share are one and the same.
 _ALIKE = 1e-9
 
@@ -79,6 +81,8 @@ class Observations:
         Columns of ``trials.csv``: numbers where all are, else words.
     still : list of str
         Trials in which the object stands, but for the noise: they have no rows.
+    computed_moments : bool
+        Whether moments are those of the measured forces at the contact point: nothing measured them.
     off : tuple of two floats
         Fingers, left and right of where the pusher faces, whose radius may be another, 1 or 0: both, unless one alone is off.
     """
@@ -105,6 +109,7 @@ class Observations:
     off: tuple[float, float]
     columns: dict[str, np.ndarray]
     still: list[str]
+    computed_moments: bool = False
 
     @property
     def has_wrench(self) -> BoolArray:
@@ -218,9 +223,21 @@ def observe(log: PushLog) -> Observations:
         names, trial, rank[trial], time, pose, twist, acceleration, unsteady, wrench, pusher,
         normal, place, clearance, slip, span, noise_gain, group, _at_rest(log, names, rows_of_trial, poses), radius,
         fingers_off(log, trial, clearance), {name: _column(values) for name, values in log.trials.items()},
-        still,
+        still, _moments_are_computed(log, np.asarray(usable)),
     )  # fmt: skip
     return rows_of(seen, np.flatnonzero(~idle))
+
+
+def _moments_are_computed(log: PushLog, pushed: BoolArray) -> bool:
+    """Whether the moments of all rows of pushes (n,) are the forces times their arm, to rounding.
+
+    So an import has them where no sensor measures moments.
+    """
+    point, load = log.columns("c1x", "c1y"), log.columns("fx", "fy", "tau")
+    rows = pushed & np.isfinite(point).all(axis=1) & np.isfinite(load).all(axis=1)
+    arm, force = point[rows], load[rows, :2]
+    off = np.abs(arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0] - load[rows, 2])
+    return bool(rows.any() and (off <= _ROUNDING * np.linalg.norm(arm, axis=1) * np.linalg.norm(force, axis=1)).all())
 
 
 def rows_of(o: Observations, chosen: np.ndarray) -> Observations:

@@ -110,7 +110,13 @@ class GapReport:
             return f". Here, if there was none: body_pose: [{x:.5f}, {y:.5f}, 0]"
         if id == "latency" and "delay" in found:
             return f". Here: pose_delay: {found['delay']:.4f}"
+        if id == "force-rotation" and "angle" in found and not self._has_terms(id):
+            return f". Here, in the mapping of the import, if it had none: force_angle: {found['angle']:.4f}"
         return ""
+
+    def _has_terms(self, id: str) -> bool:
+        """Whether an effect was found in a more general form than its own."""
+        return any(entry.effect == id and entry.form is not None for entry in self.ranking)
 
     @property
     def settled(self) -> bool:

@@ -98,7 +98,8 @@ class GapReduction(Record):
     """The gap in a channel on held-out trials, root mean squares in ``unit`` before and after the correction.
 
     ``closed = (before² - after²)/(before² - floor²)`` with its 95 % interval. ``floor`` is what the noise explains, and no more
-    than ``after`` or than 0.9995 times ``before``: where less remains, the noise was overestimated.
+    than ``after`` or than 0.9995 times ``before``: where less remains, the noise was overestimated. ``noise_floor``: what
+    the noise explains, as in the :class:`ChannelGap`.
     """
 
     channel: str
@@ -109,25 +110,28 @@ class GapReduction(Record):
     floor: float
     closed: float
     ci95: list[float]
+    noise_floor: float
 
     @property
     def within_noise(self) -> bool:
         """Whether the noise explains what remains."""
-        return 0 < self.after <= self.floor or self._had_no_gap
+        return 0 < self.after <= self.noise_floor or self._stays_without_gap
 
     @property
     def _had_no_gap(self) -> bool:
-        return 0 < max(self.before, self.after) <= _WITHIN * self.floor
+        return 0 < self.before <= _WITHIN * self.noise_floor
+
+    @property
+    def _stays_without_gap(self) -> bool:
+        return self._had_no_gap and 0 < self.after <= _WITHIN * self.noise_floor
 
     @property
     def explained(self) -> str:
         """How much of the gap is explained, in words."""
-        if self._had_no_gap:
+        if self._stays_without_gap:
             return "within the noise"
-        if self.before == self.after == 0:
-            return "no gap before"
-        if 0 < self.before <= _WITHIN * self.floor:
-            return "no gap before"
+        if self._had_no_gap or self.before == self.after == 0:
+            return "there was nothing to explain"
         # where the gap is near the noise the interval of its share is very wide
         share, low, high = ("less than -100" if part < -1 else f"{round(100 * part)}" for part in (self.closed, *self.ci95))
         return f"explained {share} % ({low} to {high})"
@@ -140,11 +144,13 @@ class GapReduction(Record):
             wrong = [round(size**2 * self.held_out_trials) for size in (self.before, self.after)]
             return f"{wrong[0]} of {self.held_out_trials} pushes wrongly predicted to be stable or not before, {wrong[1]} after"
         before = size_in_words(self.before, self.unit)
-        after, floor = (size_in_words(value, self.unit, named=False) for value in (self.after, self.floor))
+        after, floor = (size_in_words(value, self.unit, named=False) for value in (self.after, self.noise_floor))
         words = f"{before} before, {after} after"
         # a channel of labels, right or wrong, has no floor
-        if self._had_no_gap or self.floor == 0:
+        if self._stays_without_gap or self.noise_floor == 0:
             return words
+        if self._had_no_gap:
+            return f"{before} before, which is within the noise (floor {floor}); {after} after"
         return f"{words}, {'which is within the noise' if self.within_noise else f'floor {floor}'}"
 
 

@@ -108,7 +108,7 @@ class Comparison:
     def reduction(self) -> GapReduction:
         """None: nothing was corrected."""
         size = self.gap().nominal
-        return GapReduction("pose", "m", len(self.errors), size, size, min(self.floor, size), 0.0, [0.0, 0.0])
+        return GapReduction("pose", "m", len(self.errors), size, size, min(self.floor, size), 0.0, [0.0, 0.0], self.floor)
 
     def _p(self) -> float:
         """p-value of squares above the floor, by a one-sided t-test; without scatter the size alone decides."""

@@ -111,8 +111,8 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
         return f"; so corrected, {explained} in how fingers touch is explained"
     entry = next(e for e in reductions if e.channel == channel)
     factor, unit = shown_unit(entry.unit)
-    before, after, floor = (f"{factor * size:.3g}" for size in (entry.before, entry.after, entry.floor))
-    left = entry.after / entry.floor if entry.floor > 0 else 0.0
+    before, after, floor = (f"{factor * size:.3g}" for size in (entry.before, entry.after, entry.noise_floor))
+    left = entry.after / entry.noise_floor if entry.noise_floor > 0 else 0.0
     more = f", what is left is {left:.0f} times the floor" if left > _LEFT else ""
     alone = refitted.get(channel)
     much = alone is not None and entry.before**2 - alone**2 > _MUCH * (entry.before**2 - entry.after**2)

@@ -26,6 +26,10 @@ _STEP, _LEFT, _LEAST_STEP = 0.3, 0.1, 0.3
 _STILL = 1e-4
 #: A new trial begins after so many seconds in which the slider rests; so many before it moves are kept.
 _PAUSE, _BEFORE = 0.5, 1.0
+#: Speed of a slow push over that of the fastest.
+_SLOW = 0.05
+#: A record that has no row for so many usual steps, and for longer than is kept before a push, begins again after it.
+_UNSEEN = 5.0
 #: A slider that is so far (m) from where it was in the row before, and was this many times as quick as usual, was set back.
 _JUMP, _QUICKER = 5e-3, 8.0
 #: Least rows at rest from which the offset of the force sensor is taken.
@@ -59,12 +63,16 @@ def pushes_in(
         later = " and later" if len(jumps) > 5 else ""
         words = f"the slider jumps before t = {when}{later} s: a new push is taken to begin there"
         warnings.warn(StablepushWarning(words), stacklevel=3)
-    pieces = np.split(np.arange(len(t)), jumps)
+    # what happens while nothing is recorded is no motion
+    steps = np.diff(t)
+    gaps = 1 + np.flatnonzero(steps > max(_BEFORE, _UNSEEN * float(np.median(steps)))) if len(steps) else np.zeros(0, dtype=int)
+    pieces = np.split(np.arange(len(t)), np.union1d(jumps, gaps))
     speeds = [speeds_of(slider, twists_of(t[piece], body[piece], window)) for piece in pieces]
     most = max(float(speed.max()) for speed in speeds)
     found = []
     for piece, speed in zip(pieces, speeds, strict=True):
-        moving = piece[speed > _MOVES * most]
+        # a push may be far slower than another one
+        moving = piece[speed > _MOVES * max(float(speed.max()), _SLOW * most)]
         if not len(moving):
             continue
         cuts, done = np.flatnonzero(np.diff(t[moving]) > _PAUSE), int(piece[0])

@@ -52,6 +52,7 @@ def log_from_arrays(
     window: float = 0.1,
     finger_distance: float | None = None,
     pose_delay: float = 0.0,
+    force_angle: float = 0.0,
 ) -> PushLog:
     """Make a log of what was recorded in the world frame.
 
@@ -96,6 +97,8 @@ def log_from_arrays(
     pose_delay : float
         s by which the poses lag the tip and the forces, as a diagnosis may have found it; less than 0 if they are ahead. The pose
         of a row is then the one that was recorded so much later, between two of the same trial; the last rows have none.
+    force_angle : float
+        rad by which the force sensor turns forces counter-clockwise, as a diagnosis may have found it. They are turned back.
 
     Returns
     -------
@@ -126,6 +129,8 @@ def log_from_arrays(
     body = compose(tracked, check_array(body_pose, "body_pose", (3,)))
     tips = None if tip_positions is None else _with_gaps(tip_positions, "tip_positions", n, (2, 3))
     world = None if forces is None else _with_gaps(forces, "forces", n, (2,))
+    if check_number(force_angle, "force_angle") != 0 and world is not None:
+        world = rotate_vectors(-force_angle, world)
     turning = None if moments is None else _with_gaps(_column(moments), "moments", n, (1,))[:, 0]
     check_choice(forces_on, "forces_on", FORCES_ON)
     check_number(window, "window", positive=True)
@@ -221,7 +226,8 @@ def pokes_from_world(
     slider : Slider
         Its outline, in B.
     **how
-        ``body_pose``, ``forces_on``, ``moments``, ``zero_forces``, ``window``, ``pose_delay`` of :func:`log_from_arrays`.
+        ``body_pose``, ``forces_on``, ``moments``, ``zero_forces``, ``window``, ``pose_delay``, ``force_angle`` of
+        :func:`log_from_arrays`.
 
     Returns
     -------

@@ -49,13 +49,13 @@ def test_a_plan_s_status_is_a_word_of_the_vocabulary():
     [
         (0.05, 0.046, 0.046, 1.0, "explained 100 % (20 to 100)"),
         (0.0473, 0.0473, 0.0473, 1.0, "within the noise"),
-        (1.0, 3.0, 1.0, -9.0, "no gap before"),
+        (1.0, 3.0, 1.0, -9.0, "there was nothing to explain"),
         (1.2, 3.0, 1.0, -9.0, "explained less than -100 % (20 to 100)"),
         (0.0, 0.1, 0.0, 0.0, "explained 0 % (20 to 100)"),
     ],
 )
 def test_a_channel_within_the_noise_says_so(before, after, floor, closed, words):
-    assert GapReduction("twist", "rad", 20, before, after, floor, closed, [0.2, 1.0]).explained == words
+    assert GapReduction("twist", "rad", 20, before, after, floor, closed, [0.2, 1.0], floor).explained == words
 
 
 def test_the_support_friction_is_told_where_it_was_refitted():

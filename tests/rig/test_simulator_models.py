@@ -217,5 +217,5 @@ def test_the_commands(planned, tmp_path, capsys):
     one_line(capsys, ["export", at, foreign, "--mjcf", tmp_path / "n.xml"], "foreign.json", "segments[0]")
     thin = tmp_path / "thin.json"
     sp.save_scene(problem.with_changes(finger_radius=0.0), thin)
-    one_line(capsys, ["export", thin, "--mjcf", tmp_path / "n.xml"], "--finger-radius: expected round fingers")
+    one_line(capsys, ["export", thin, "--mjcf", tmp_path / "n.xml"], "finger_radius: expected round fingers")
     assert main(["export", str(thin), "--mjcf", str(tmp_path / "n.xml"), "--finger-radius", "0.004"]) == 0

@@ -21,7 +21,7 @@ from stablepush.objects import Slider
 #: Keys that all mappings may have.
 KEYS = (
     "slider", "friction", "gravity", "contact_kind", "finger_radius", "noise",
-    "body_pose", "forces_on", "zero_forces", "window", "finger_distance", "pose_delay", "model",
+    "body_pose", "forces_on", "zero_forces", "window", "finger_distance", "pose_delay", "force_angle", "model",
 )  # fmt: skip
 
 
@@ -46,6 +46,7 @@ class Mapping:
     window: float
     finger_distance: float | None
     pose_delay: float
+    force_angle: float
 
     def log(
         self, times: FloatArray, poses: FloatArray, forces: FloatArray | None = None, tips: FloatArray | None = None,
@@ -55,6 +56,7 @@ class Mapping:
         log = log_from_arrays(
             self.rig, times, poses, forces, tips, trials, body_pose=self.body_pose, forces_on=self.forces_on, moments=moments,
             zero_forces=self.zero_forces, window=self.window, finger_distance=self.finger_distance, pose_delay=self.pose_delay,
+            force_angle=self.force_angle,
         )  # fmt: skip
         return log, [_ONE_PUSH] if trials is None and len(log) == 1 else []
 
@@ -75,7 +77,8 @@ def mapping_of(source: Source, slider: Slider | None, *own: str) -> Mapping:
     if friction is not None:
         friction.expect_keys("support", "contact")
     parts = {name: None if friction is None else friction.get(name) for name in ("support", "contact")}
-    zero, body, model, delay = root.get("zero_forces"), root.get("body_pose"), root.get("model"), root.get("pose_delay")
+    zero, body, model = root.get("zero_forces"), root.get("body_pose"), root.get("model")
+    delay, angle = root.get("pose_delay"), root.get("force_angle")
     if zero is not None and not isinstance(zero.value, bool):
         zero.fail("expected true or false", repr(zero.value))
     rig = Rig(
@@ -92,7 +95,7 @@ def mapping_of(source: Source, slider: Slider | None, *own: str) -> Mapping:
     return Mapping(
         root, rig, np.zeros(3) if body is None else body.array(3), "slider" if on is None else on.text(FORCES_ON),
         True if zero is None else zero.value, number("window", 0.1), number("finger_distance", None),
-        0.0 if delay is None else delay.number(),
+        0.0 if delay is None else delay.number(), 0.0 if angle is None else angle.number(),
     )  # fmt: skip
 
 
