@@ -24,6 +24,8 @@ from stablepush.cli.common import (
 )
 from stablepush.core import InputError
 
+#: Models that a friction of the table, without a log, may be given with: that of known support points, or none.
+_OF_FEET = ("support", "poly4-cvx")
 #: Acceleration of gravity (m/s²).
 _GRAVITY = 9.81
 
@@ -152,7 +154,7 @@ def fit(
     source = slider if log is None else log
     if source is None or None not in (log, slider):
         raise InputError("LOG", "expected a log of pokes, or --slider without a log", "neither" if source is None else "both")
-    if (model == "support") != (support_mu is not None) or (model == "support" and log is not None):
+    if (model == "support" or support_mu is not None) and (support_mu is None or log is not None or model not in _OF_FEET):
         raise InputError("--model, --support-mu", "expected --model support, --support-mu and --slider together, without a log")
     require_files(output, view, read=(slider,))
     if support_mu is not None:

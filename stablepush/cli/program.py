@@ -38,12 +38,17 @@ def main(arguments: list[str] | None = None) -> int:
         # names of files and words of plans may hold what the terminal's encoding cannot show
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-    with heard():
-        with _notes() as notes:
-            code = _run(app, arguments, usage_error)
-        if code != BAD_INPUT and not is_quiet():
-            for note in notes:
-                print(note, file=sys.stderr)
+    try:
+        with heard():
+            with _notes() as notes:
+                code = _run(app, arguments, usage_error)
+            if code != BAD_INPUT and not is_quiet():
+                for note in notes:
+                    print(note, file=sys.stderr)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # of the summary as JSON
+        _drop_output()
     if arguments is None:
         sys.exit(code)
     return code

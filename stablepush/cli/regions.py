@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 #: Solid angle (sr) of all unit twists, and one below which two regions are the same.
 _ALL_MOTIONS, _SLIVER = 4 * math.pi, 1e-3
 
+#: Endings of what a map is not.
+_OTHER_PICTURES = (".html", ".htm", ".pdf", ".svg", ".jpg", ".jpeg", ".gif")
+
 Model = Annotated[Path, typer.Argument(metavar="MODEL", help="model/1 file, or a scene.")]
 
 
@@ -119,6 +122,8 @@ def draw_map(
     )
     from stablepush.views.plot import figure_png, plot_margins, plot_regions, plot_twist_sphere
 
+    if output.suffix.lower() in _OTHER_PICTURES:
+        raise InputError("", "expected a name that ends in .png, for a picture; --view writes a page", file=output)
     if extent is not None:
         check_number(extent, "--extent", positive=True)
     contact, slider = _of_scene(model, contact, slider)

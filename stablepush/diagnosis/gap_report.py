@@ -192,7 +192,7 @@ def _diagnose(
     if verdict == "absorbed" and system.has_wrench and not refit_leaves_noise(system, held):
         notes.append("a refitted surface leaves more of the wrench than noise: it is nearer, but not all of the gap")
     unexplained_wrench = any(entry.channel == "wrench" for entry in judged.clear)
-    if verdict == "unknown" and unexplained_wrench and not any(observations.group) and judged.share < _TOLD_SHARE:
+    if verdict == "unknown" and unexplained_wrench and not any(observations.group) and judged.share < _TOLD_SHARE and not where:
         notes.append(
             "no dependence on place, heading, order or speed was found: repeat three pushes five times each; if they scatter, "
             "state more noise in rig.json, if they agree, an effect is missing"

@@ -82,10 +82,12 @@ class Slider:
         return cls(outline - shapely.get_coordinates(shapely.Polygon(outline).centroid)[0], mass)
 
     @classmethod
-    def rectangle(cls, width: float, height: float, mass: float | None = None) -> Slider:
+    def rectangle(
+        cls, width: float, height: float, mass: float | None = None, support: SupportDistribution | None = None
+    ) -> Slider:
         """Return a rectangle about the origin, ``width`` along x and ``height`` along y (m); edge 0 is the lower one."""
         half = np.array((check_number(width, "width", positive=True), check_number(height, "height", positive=True))) / 2
-        return cls(half * ((-1, -1), (1, -1), (1, 1), (-1, 1)), mass)
+        return cls(half * ((-1, -1), (1, -1), (1, 1), (-1, 1)), mass, support)
 
     @classmethod
     def regular_polygon(cls, n: int, radius: float, mass: float | None = None) -> Slider:

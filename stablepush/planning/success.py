@@ -251,7 +251,7 @@ def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
         return "because the slider is not square to the fingers after the docking"
     if len(rows) > 0.9 * len(scenarios):
         return "in nearly every scenario"
-    best, words = 0.0, "for no single reason"
+    best, words = 0.0, "and nothing that is uncertain decides it alone"
     for words_of, values in everything.items():
         scatter = float(values.std())
         shift = (float(values[rows].mean()) - float(values.mean())) / scatter if scatter > 0 else 0.0

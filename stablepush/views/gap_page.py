@@ -63,7 +63,8 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     if drawn_forms(report):
         kinds = [entry.effect == "contact-friction" for entry in drawn_forms(report)]
         of_table = (
-            "Friction of the table, over the nominal one. Grey: the simplest form; blue: with the terms that this log needs."
+            "Friction of the table, over the nominal one, which is the level grey line. Blue: as found; grey beside it: without "
+            "the further terms that this log needs."
         )
         of_fingers = (
             "Friction of the fingers: the tangential over the normal force of each push, less what named effects of sensors do."
