@@ -192,7 +192,7 @@ def unexplained(
         )
         for entry in off
     ]
-    words = ["No effect of the catalogue explains the gap" + (f": {', '.join(sizes)}" if sizes else "")]
+    words = ["No effect of the catalogue is shown to explain the gap" + (f": {', '.join(sizes)}" if sizes else "")]
     if slipping:
         words.append(f"fingers slipped in {slipping} of {pushes} pushes that should stick")
     if lost:
