@@ -30,6 +30,9 @@ from stablepush.io import PushLog
 #: Share of the gap of some channel that named effects must explain on left-out pushes. On 75 logs of simulated rigs those that
 #: acted explained 0.84 at least, stand-ins for a wrong scale of the tracker 0.39 at most.
 _LITTLE = 0.5
+#: Mean square of a channel over its floor from which a share of the gap is known.
+_WELL = 2.0
+_FITS = ("before", "refit", "after")
 #: The verdict is "unknown" if place, heading, order or speed explain so much of the residuals, with so small a p-value, and the
 #: residuals are so many times the noise.
 _UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
@@ -81,9 +84,7 @@ def judge(
     reduced, touch, gaps = reductions(held), clearance_reduction(held), gap(system, held)
     clear = [entry for entry in gaps if stands_clear(entry)]
     lost, slipping = lost_pushes(system, pushes), slipping_unexpectedly(system, held, log)
-    worse = _explains_too_little(system, found, held, reduced, touch, clear) or _brings_nothing_nearer(
-        system, found, reduced, touch
-    )
+    worse = _explains_too_little(system, found, held, clear) or _brings_nothing_nearer(system, found, reduced, touch)
     patterned = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
     if worse or (patterned and not explains_most(held, found.named)):
         verdict, effects = Verdict.UNKNOWN, []
@@ -133,29 +134,23 @@ def _left(system: System, found: Attribution, held: HeldOut) -> tuple[float, flo
     return share, p_share, float(np.sqrt(robust_variance(white**2))), common > _COMMON and p_common < _P_COMMON
 
 
-def _explains_too_little(
-    system: System,
-    found: Attribution,
-    held: HeldOut,
-    reduced: Sequence[GapReduction],
-    touch: float,
-    clear: Sequence[ChannelGap],
-) -> bool:
-    """Whether there is a gap of which what was found explains little, in every channel: a stand-in for another cause.
+def _explains_too_little(system: System, found: Attribution, held: HeldOut, clear: Sequence[ChannelGap]) -> bool:
+    """Whether gaps are well above their floors, and what was found explains little of each: a stand-in for another cause.
 
     Neither of the gap of the nominal simulation nor of what a refitted surface leaves, as where feet were not known. Several logs
     together are not asked this: a cause must show in each of them, and the surface of each is fitted to few pushes.
     """
-    if system.logs > 1 or not (found.named and reduced and clear):
+    if system.logs > 1 or not found.named:
         return False
-    beside_refit = [0.0]
-    for channel, squares in held.squares.items():
-        before, refit, after = (float(squares[key].mean()) for key in ("before", "refit", "after"))
-        floor = min(held.floors[channel], after)
-        # a refit that predicts worse than the nominal simulation is no measure
-        if floor < refit < before:
-            beside_refit.append((refit - after) / (refit - floor))
-    return max(touch, *beside_refit, *(entry.closed for entry in reduced)) < _LITTLE
+    shares = []
+    for channel in ("touch", *(entry.channel for entry in clear)):
+        if channel not in held.squares:
+            continue
+        before, refit, after = (float(held.squares[channel][key].mean()) for key in _FITS)
+        floor = held.floors[channel]
+        # a gap near its floor has no share that says anything; a refit that predicts worse is no measure
+        shares += [(base - after) / (base - floor) for base in (before, min(refit, before)) if base > _WELL * floor > 0]
+    return bool(shares) and max(shares) < _LITTLE
 
 
 def _brings_nothing_nearer(system: System, found: Attribution, reduced: Sequence[GapReduction], touch: float) -> bool:
