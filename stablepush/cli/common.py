@@ -130,8 +130,8 @@ def counted(number: int, what: str) -> str:
 
 
 def also_written(*paths: Path | None) -> None:
-    """Say which files were written beside the one that the summary names."""
-    made = [str(path) for path in paths if path is not None and path.exists()]
+    """Say which files were written beside the one that the summary names; None for those that were not asked for, or not made."""
+    made = [str(path) for path in paths if path is not None]
     told(also_written=made)
     if made:
         print(f"also written: {', '.join(made)}")

@@ -60,15 +60,16 @@ def diagnose(
         from stablepush.views import gap_html
 
         write_atomically(html, gap_html(report))
-    if pushes is not None:
-        _write_pushes(report, pushes)
-    if mended is not None:
-        _write_corrected(report, mended)
+    if pushes is not None and not _write_pushes(report, pushes):
+        pushes = None
+    if mended is not None and not _write_corrected(report, mended):
+        mended = None
     also_written(answer, html, pushes, mended)
     told(
         log=report.log, verdict=report.verdict, effects=report.named, sentence=report.sentence, estimates=report.effects,
         channels=[
-            {"channel": e.channel, "unit": e.unit, "before": e.before, "after": e.after, "floor": e.floor, "closed": e.closed,
+            {"channel": e.channel, "unit": e.unit, "before": e.before, "after": e.after, "floor": e.floor,
+             "noise_floor": e.noise_floor, "closed": e.closed,
              "ci95": e.ci95}
             for e in report.reductions
         ],
@@ -92,11 +93,12 @@ def diagnose(
 
 def _leave_out(path: Path, why: str) -> None:
     """Say why a file that was asked for is not written."""
-    told(**{f"not written: {path}": why})
+    told(**{f"not_written_{'pushes' if path.suffix == '.csv' else 'mended'}": why})
     print(f"{path}: not written: {why}")
 
 
-def _write_pushes(report: GapReport, path: Path) -> None:
+def _write_pushes(report: GapReport, path: Path) -> bool:
+    """Write the proposed pushes, if there are any."""
     from stablepush.rig import write_pushes
 
     proposed = report.next_experiment.pushes
@@ -104,22 +106,25 @@ def _write_pushes(report: GapReport, path: Path) -> None:
         write_pushes(proposed, path)
     else:
         _leave_out(path, report.next_experiment.why)
+    return bool(proposed)
 
 
-def _write_corrected(report: GapReport, folder: Path) -> None:
+def _write_corrected(report: GapReport, folder: Path) -> bool:
+    """Write rig.json and model.json of the corrected simulation, if there is one."""
     from stablepush.io import model_to_json, rig_to_json, write_json
 
     if not report.corrected:
-        _leave_out(folder, "the differences belong to the other simulator, not to rig.json")
-        return
+        _leave_out(folder, "the log could not be diagnosed, or the differences belong to another simulator")
+        return False
     if report.surface is None:
         _leave_out(folder, "a corrected simulation needs forces in the log, or mass and support friction in rig.json")
-        return
+        return False
     effects = [{"effect": id, "parameters": values, "covariance": None} for id, values in report.effects.items()]
     extra = {**(report.rig.extra or {}), "effects": effects}
     surface = report.corrected[0].surface or report.surface
     write_json(folder / "rig.json", rig_to_json(replace(report.rig, extra=extra, model=surface)))
     write_json(folder / "model.json", {**model_to_json(surface), "effects": effects})
+    return True
 
 
 def correct(

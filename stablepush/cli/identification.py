@@ -24,8 +24,6 @@ from stablepush.cli.common import (
 )
 from stablepush.core import InputError
 
-#: Models that a friction of the table, without a log, may be given with: that of known support points, or none.
-_OF_FEET = ("support", "poly4-cvx")
 #: Acceleration of gravity (m/s²).
 _GRAVITY = 9.81
 
@@ -120,12 +118,12 @@ def fit(
         Path | None, typer.Option(help="slider/1 file or scene, instead of a log: a surface from no poke at all.")
     ] = None,
     model: Annotated[
-        str,
+        str | None,
         typer.Option(
-            help="poly4-cvx, poly4, poly6-cvx, quadratic or gp. support: the exact surface of the support points in the slider's "
-            "file, with --slider, --support-mu and a mass."
+            help="poly4-cvx (the default), poly4, poly6-cvx, quadratic or gp. support: the exact surface of the support points "
+            "in the slider's file, with --slider, --support-mu and a mass."
         ),
-    ] = "poly4-cvx",
+    ] = None,
     seed: Annotated[
         int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of the folds, the pressures and the ensemble.")
     ] = 0,
@@ -154,12 +152,21 @@ def fit(
     source = slider if log is None else log
     if source is None or None not in (log, slider):
         raise InputError("LOG", "expected a log of pokes, or --slider without a log", "neither" if source is None else "both")
-    if (model == "support" or support_mu is not None) and (support_mu is None or log is not None or model not in _OF_FEET):
-        raise InputError("--model, --support-mu", "expected --model support, --support-mu and --slider together, without a log")
+    if model == "support" or support_mu is not None:
+        if support_mu is None or log is not None or model not in ("support", None):
+            raise InputError(
+                "--model, --support-mu", "expected --model support, --support-mu and --slider together, without a log"
+            )
+        others = {"--loss": loss != "squared", "--com-tolerance": com_tolerance != 0, "--no-slider": no_slider}
+        if any(others.values()):
+            raise InputError(
+                ", ".join(name for name, given in others.items() if given), "expected none with known support points"
+            )
     require_files(output, view, read=(slider,))
     if support_mu is not None:
         _write_support(source, support_mu, output, view)
         return
+    model = model or "poly4-cvx"
     loads, twists = np.empty((0, 3)), np.empty((0, 3))
     names: list[str] = []
     if log is None:

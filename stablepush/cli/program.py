@@ -32,6 +32,9 @@ def main(arguments: list[str] | None = None) -> int:
     if arguments is None:
         at_first_build(FirstUse)
 
+    if sys.stdout is None:
+        # closed by whoever started the program
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     # the class that all argument errors derive from is not a public name of every typer
     usage_error: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
     for stream in (sys.stdout, sys.stderr):
@@ -46,9 +49,12 @@ def main(arguments: list[str] | None = None) -> int:
                 for note in notes:
                     print(note, file=sys.stderr)
         sys.stdout.flush()
-    except BrokenPipeError:
+    except OSError as error:
         # of the summary as JSON
+        if error.errno not in (errno.EPIPE, errno.ENOSPC):
+            raise
         _drop_output()
+        code = _complain(f"cannot write: {error.strerror}") if error.errno == errno.ENOSPC else 0
     if arguments is None:
         sys.exit(code)
     return code
@@ -75,7 +81,7 @@ def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
     except usage_error as error:
         words = error.format_message()  # type: ignore[attr-defined]
         if words.partition(": ")[2].split(" ")[0].rstrip(".") in ("--quiet", "-q", "--json"):
-            words = f"{words.rstrip('.')}: it comes before the command, as in stablepush --quiet plan"
+            words = f"{words.rstrip('.')}: it comes before the command"
         code = _complain(words)
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
@@ -98,7 +104,8 @@ def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
 
 def _drop_output() -> None:
     """Send to nowhere what is not yet written, which the interpreter would write once more when it ends."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if sys.__stdout__ is not None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno())
 
 
 def _require_values(arguments: list[str]) -> None:
@@ -130,7 +137,7 @@ def _notes() -> Iterator[list[str]]:
             text = " ".join(str(message).split())
             doubt, file = (message.doubt, message.file) if isinstance(message, PlausibilityWarning) else (text, "")
             # of drawn values each is another: one note says enough
-            doubt = re.sub(r"\d[\d.e+-]*", "#", doubt)
+            doubt = f"{getattr(message, 'place', '')}: {re.sub(r'[0-9][0-9.e+-]*', '#', doubt)}"
             # what was read is made into values more than once: those know no file
             if text in printed or (doubt in printed and not file):
                 return

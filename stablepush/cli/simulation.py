@@ -117,8 +117,11 @@ def simulate(
         raise InputError(
             "--effect", "expected an effect of the catalogue: those of a lab are diagnosed, not simulated", of_lab[0]
         )
-    with about(scene, options={"effect": "--effect", "effects": "--effect"}):
+    try:
         effects = [parse_effect(text) for text in effect or []]
+    except InputError as error:
+        place = error.place.removeprefix("effect").strip()
+        raise InputError(f"--effect{f': {place}' if place else ''}", error.expected, error.got) from None
     require_folder(output)
     require_files(view, read=(scene, plan_file))
     for path in (view, scene, plan_file):

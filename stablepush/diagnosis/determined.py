@@ -14,6 +14,8 @@ from stablepush.diagnosis.system import System
 _SMOOTH = 0.2
 #: Share of a load that noise of the motion may leave open, for rows that count in the root mean squares of the wrench.
 _OPEN = 0.3
+#: Share of the rows that must have such a motion, for the others to be left out.
+_ENOUGH = 0.2
 
 
 def size(system: System, wrenches: FloatArray) -> FloatArray:
@@ -34,11 +36,12 @@ def motion_spread(system: System) -> FloatArray:
 
 
 def determined_rows(system: System) -> BoolArray:
-    """Return which rows (n,) have a motion that determines the load, within the noise.
+    """Return which rows (n,) have a motion that determines the load, within the noise; all, if those are few.
 
     In a turn about a support point the friction of that point may be any: what is left of such a row says little of a simulation.
     """
-    return motion_spread(system) <= _OPEN * np.sqrt(size(system, system.model.predict(system.nominal, {})))
+    found = motion_spread(system) <= _OPEN * np.sqrt(size(system, system.model.predict(system.nominal, {})))
+    return np.asarray(found if found.mean() >= _ENOUGH else np.ones_like(found))
 
 
 def variance(system: System, covariance: FloatArray) -> FloatArray:

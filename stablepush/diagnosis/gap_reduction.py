@@ -122,8 +122,7 @@ def _wrenches(held: HeldOut, system: System, folds: list[_Fold]) -> None:
         floor += float(_twist_floor(system, fold, rows).sum()) / len(o.time)
     held.wrenches.update(wrenches)
     held.squares["twist"] = {k: angle**2 for k, angle in angles.items()}
-    determined = determined_rows(system)
-    counted = determined if determined.any() else ~determined
+    counted = determined_rows(system)
     held.squares["wrench"] = {k: size(system, o.wrench - w)[counted] for k, w in wrenches.items()}
     held.trials["wrench"], held.trials["twist"] = o.trial[counted], o.trial
     own = 3 * _RIGID**2 * size(system, o.wrench)

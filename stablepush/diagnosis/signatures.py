@@ -102,7 +102,6 @@ def _in_loads(system: System, fitted: Fitted, id: str) -> tuple[float, Signature
 
     names = ("along the load", "across the load", "moment over rho")
     told = determined_rows(system)
-    told = told if told.any() else ~told
     pushes = [_medians(parts(load)[told], o.trial[told]) for load in (given, o.wrench - without)]
     return float((system.white(given) ** 2).sum()), Signature(id, "N", names, *pushes)
 

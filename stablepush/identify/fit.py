@@ -223,7 +223,7 @@ def fit_limit_surface(
             sampler = PressureSampler(slider.vertices, box, seed)
             sampler.prior()
         except InputError as reason:
-            if box.any():
+            if box.any() and _has_prior(slider, seed):
                 raise InputError("com_tolerance", "expected a box inside the slider's outline", com_tolerance) from None
             sampler = None
             warnings.append(f"the slider is not used as a prior: {reason}")
@@ -238,6 +238,7 @@ def fit_limit_surface(
     planned = len(estimator.candidates) * len(tests) + 1
     done = taken_over = 0
     counting = threading.Lock()
+    stopped: list[bool] = []
 
     def solve(part: Part, weights: Any) -> Estimate:
         nonlocal done, taken_over
@@ -245,8 +246,13 @@ def fit_limit_surface(
         with counting:
             done += 1
             taken_over += solution.taken_over
-            if progress is not None:
-                progress(done, planned)
+            if progress is not None and not stopped:
+                try:
+                    progress(done, planned)
+                except BaseException:
+                    # what else is under way must not call again
+                    stopped.append(True)
+                    raise
         return solution
 
     # what takes longest, drawing pressures, side by side
@@ -313,6 +319,15 @@ def fit_limit_surface(
         wrenches=read_only(f),
         twists=read_only(np.asarray(twists, dtype=np.float64)),
     )
+
+
+def _has_prior(slider: Slider, seed: int) -> bool:
+    """Whether pressures can be drawn for a slider whose centre of mass is the origin."""
+    try:
+        PressureSampler(slider.vertices, np.zeros(2), seed).prior()
+    except InputError:
+        return False
+    return True
 
 
 def _held_out_errors(

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 import shapely
@@ -28,7 +28,6 @@ _NOT_DRAWN = {"finger_radius": None, "contact_offset": None, "tracker_offset": N
 _ERRORS, _LEAST_WIDTH, _MOST_WIDTH = 2.0, 0.05, 0.9
 
 
-@runtime_checkable
 class Diagnosed(Protocol):
     """What a diagnosis returns, as far as it matters here."""
 
@@ -67,7 +66,8 @@ def correct(problem: PlanningProblem, report: Diagnosed | Sequence[Correction] |
     """
     corrections, diagnosed = _read(report)
     if diagnosed is not None and _apart(diagnosed, problem.slider) > _OTHER * problem.slider.radius:
-        raise InputError("report", "expected a diagnosis of this slider; its log has one of another outline")
+        file = report if isinstance(report, str | Path) else ""
+        raise InputError("slider", "expected a diagnosis of the scene's slider, its log has one of another outline", file=file)
     best = likeliest(corrections)
     contacts = [_moved(contact, best.contact_offset) for contact in problem.contacts]
     uncertainty = problem.uncertainty
@@ -103,9 +103,10 @@ def _read(report: Diagnosed | Sequence[Correction] | str | Path) -> tuple[Sequen
     """What is corrected, and the slider of the log, where the report has it."""
     if isinstance(report, str | Path):
         return load_corrections(report), load_diagnosed_slider(report)
-    if isinstance(report, Diagnosed):
-        return report.corrected, report.rig.slider
-    return report, None
+    corrections, rig = getattr(report, "corrected", report), getattr(report, "rig", None)
+    if not isinstance(corrections, Sequence):
+        raise InputError("report", "expected a diagnosis, corrections or the path of a diagnosis/1", type(report).__name__)
+    return corrections, None if rig is None else rig.slider
 
 
 def _apart(a: Slider, b: Slider) -> float:

@@ -30,7 +30,7 @@ from stablepush.core import (
     read_only,
 )
 from stablepush.effects import Effect, KnownEffect, effects_from_node
-from stablepush.geometry import inverse, transform_points
+from stablepush.geometry import inverse, transform_points, unit
 from stablepush.io import (
     contact_or_path,
     contact_to_json,
@@ -55,8 +55,10 @@ _QUARTER = 8
 _NEGLIGIBLE = 1e-6
 
 
-#: How far from a contact point, over the slider's radius, is looked which side is the inner one.
-_BESIDE = 0.02
+#: How much farther (over the slider's radius) than the nearest edge another one counts as near, and rounding of a cosine.
+_BESIDE = 1e-3
+#: Distance of a contact point from the outline, over the radius, up to which it is meant to be on it.
+_NEARBY = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,14 +179,17 @@ class PlanningProblem:
 
     def _require_inward_normals(self) -> None:
         """Refuse a contact on the outline whose fingers would pull."""
-        reach = _BESIDE * self.slider.radius
+        starts = self.slider.vertices
+        along = np.roll(starts, -1, axis=0) - starts
+        inward = unit(np.stack((-along[:, 1], along[:, 0]), axis=-1))
+        edges = shapely.linestrings(np.stack((starts, starts + along), axis=1))
         for i, contact in enumerate(self.contacts):
-            ahead, behind = (
-                shapely.contains_xy(self.slider.polygon, *(contact.points + way * contact.normals).T) for way in (reach, -reach)
-            )
-            outward = np.flatnonzero(behind & ~ahead)
-            if len(outward):
-                raise InputError(f"contacts[{i}].normals[{outward[0]}]", "expected a normal that points into the slider")
+            for k, (point, normal) in enumerate(zip(contact.points, contact.normals, strict=True)):
+                away = shapely.distance(edges, shapely.points(point))
+                near = inward[away <= away.min() + _BESIDE * self.slider.radius]
+                # of a point far off the outline nobody knows which edge it is meant for
+                if away.min() < _NEARBY * self.slider.radius and (near @ normal).max() < -_BESIDE:
+                    raise InputError(f"contacts[{i}].normals[{k}]", "expected a normal that points into the slider")
 
     def _doubt(self) -> None:
         """Note what looks like another unit."""

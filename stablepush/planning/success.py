@@ -242,7 +242,7 @@ def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
     """What the scenarios that lose the slider in a push have in common: what differs most from the other scenarios."""
     everything = {
         "the contact friction is {side} {end:.3g}": scenarios.contact_mu[:, push.contact],
-        "the fingers stand more than {size:.3g} mm to the {way} of their place, seen along the push": 1000
+        "the fingers stand more than {more:.3g} mm to the {way} of their place, seen along the push": 1000
         * scenarios.aside[:, push.contact],
         "x of the centre of mass is {side} {end:.3g} mm": 1000 * scenarios.center_of_mass[:, 0],
         "y of the centre of mass is {side} {end:.3g} mm": 1000 * scenarios.center_of_mass[:, 1],
@@ -258,5 +258,8 @@ def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
         if abs(shift) > max(best, 0.7):
             end = float(values[rows].max() if shift < 0 else values[rows].min())
             side, way = ("below", "right") if shift < 0 else ("above", "left")
-            best, words = abs(shift), "if " + words_of.format(side=side, way=way, end=end, size=abs(end))
+            best, words = (
+                abs(shift),
+                "if " + words_of.format(side=side, way=way, end=end, more=max(0.0, end if shift > 0 else -end)),
+            )
     return words

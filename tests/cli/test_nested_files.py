@@ -82,9 +82,11 @@ def test_a_diagnosis_of_another_object_corrects_nothing(scene, tmp_path, capsys)
     write_json(tmp_path / "diagnosis.json", report.to_json())
     write_json(tmp_path / "scene.json", scene)
     one_line(
-        capsys, ["correct", tmp_path / "scene.json", tmp_path / "diagnosis.json", "-o", tmp_path / "two.json"], "of this slider"
+        capsys,
+        ["correct", tmp_path / "scene.json", tmp_path / "diagnosis.json", "-o", tmp_path / "two.json"],
+        "expected a diagnosis of the scene's slider",
     )
-    with pytest.raises(sp.InputError, match="expected a diagnosis of this slider"):
+    with pytest.raises(sp.InputError, match="expected a diagnosis of the scene"):
         sp.correct(sp.load_scene(tmp_path / "scene.json"), report)
 
 
