@@ -28,6 +28,8 @@ _STILL = 1e-4
 _PAUSE, _BEFORE = 0.5, 1.0
 #: Speed of a slow push over that of the fastest.
 _SLOW = 0.05
+#: A slow push moves the slider so far (m) at least.
+_SLOW_TRAVEL = 2e-3
 #: A record that has no row for so many usual steps, and for longer than is kept before a push, begins again after it.
 _UNSEEN = 5.0
 #: A slider that is so far (m) from where it was in the row before, and was this many times as quick as usual, was set back.
@@ -77,10 +79,12 @@ def pushes_in(
             continue
         cuts, done = np.flatnonzero(np.diff(t[moving]) > _PAUSE), int(piece[0])
         firsts, lasts = moving[np.concatenate(([0], cuts + 1))], moving[np.concatenate((cuts, [len(moving) - 1]))]
+        # what is far slower than a push elsewhere may be a tracker that drifts
+        least = LEAST_TRAVEL if float(speed.max()) > _MOVES * most else _SLOW_TRAVEL
         for first, last in zip(firsts, lasts, strict=True):
             begin = max(int(np.searchsorted(t, t[first] - _BEFORE)), done)
             # noise of a tracker is as quick as a slow push, and leads nowhere
-            if travel(slider, body[max(begin, first - _ENDS) : min(last + _ENDS, piece[-1]) + 1]) >= LEAST_TRAVEL:
+            if travel(slider, body[max(begin, first - _ENDS) : min(last + _ENDS, piece[-1]) + 1]) >= least:
                 found.append(np.arange(begin, last + 1))
                 done = int(last) + 1
     return found, [str(k + 1) for k in range(len(found))]
