@@ -194,7 +194,7 @@ def _outcome(execution: Execution, problem: PlanningProblem | None) -> str:
         error = float(np.hypot(*(execution.final_pose[:2] - problem.goal[:2])))
         turn = math.degrees(abs(math.remainder(float(theta) - float(problem.goal[2]), 2 * math.pi)))
         words.append(
-            f"the slider ends at x {x:.4f} m, y {y:.4f} m, theta {math.degrees(theta):.2f} deg, "
+            f"the slider ends at x {x:.4f} m, y {y:.4f} m, theta {math.remainder(math.degrees(theta), 360):.2f} deg, "
             f"{1000 * error:.1f} mm and {turn:.2f} deg from the goal"
         )
     if execution.plans > 1:

@@ -85,20 +85,22 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     if report.where:
         found = [
             (
-                f"{f.channel}, {f.component}: {f.covariate}",
-                f"{100 * f.share:.0f} % of the variance, p {f.p_value:.4f}",
+                f"{f.channel}, {f.component}",
+                f"follows the {f.covariate}: {100 * f.share:.0f} % of its variance, p {f.p_value:.4f}",
             )
             for f in report.where[:12]
         ]
-        sections.append(Section("Where: residuals by covariate", "On held-out trials.", found))
+        sections.append(
+            Section("Where: what the errors follow", "Errors of the nominal simulation, on pushes left out of the fit.", found)
+        )
     if report.ends and len(report.places):
         words = "Each push is simulated again from the logged start pose, along the logged path of the pusher."
         sections.append(Section.with_picture("Where: final poses", figure_png(plot_final_poses(report)), words))
     rows = [(entry.effect, _effect(entry, report.evidence[entry.effect])) for entry in report.ranking]
     text = (
-        "Probability of each effect of the catalogue given the others that are named, its parameters with 95 % intervals, and "
-        "the evidence for and against it; or why it is not identifiable from this log. The gain of the fit: how "
-        "much its sum of squares falls, in units of the scatter that is left; from 18 on it counts."
+        "For each effect: its probability, its estimate with 95 % intervals, and what speaks for and against it; or why this log "
+        "cannot show it. The named ones are taken as given for the others. The gain of the fit: how much its sum of squares "
+        "falls, in units of the scatter that is left; from 18 on it counts, for an executed plan from 25 on."
     )
     sections.append(Section.with_picture("Why", figure_png(plot_effects(report)), text, rows))
     after = report.next_experiment
