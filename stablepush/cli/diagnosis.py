@@ -114,7 +114,7 @@ def _write_corrected(report: GapReport, folder: Path) -> bool:
     from stablepush.io import model_to_json, rig_to_json, write_json
 
     if not report.corrected:
-        _leave_out(folder, "the log could not be diagnosed, or the differences belong to another simulator")
+        _leave_out(folder, "the log could not be diagnosed, or the differences belong to the other simulator")
         return False
     if report.surface is None:
         _leave_out(folder, "a corrected simulation needs forces in the log, or mass and support friction in rig.json")

@@ -28,8 +28,8 @@ from stablepush.effects import CATALOGUE
 from stablepush.io import PushLog
 
 #: Share of the gap of some channel that named effects must explain on left-out pushes. On 75 logs of simulated rigs those that
-#: acted explained 0.84 at least, stand-ins for a wrong scale of the tracker 0.39 at most.
-_LITTLE = 0.5
+#: acted explained 0.84 at least, 0.46 where the stated noise is too small; stand-ins for a wrong scale of the tracker 0.39.
+_LITTLE = 0.4
 #: Mean square of a channel over its floor from which a share of the gap is known.
 _WELL = 2.0
 _FITS = ("before", "refit", "after")
