@@ -30,7 +30,8 @@ _DRAWS = 4
 #: What a simulation with rigid bodies errs by itself, since fingers and feet give: of a load over its size, of a final pose over
 #: the radius of the slider.
 _RIGID = 0.01
-_FITS = ("before", "refit", "after")
+#: The nominal simulation, its refit, and the corrected one.
+FITS = ("before", "refit", "after")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,12 +108,12 @@ def _folds(system: System, found: Attribution) -> Iterator[_Fold]:
 def _wrenches(held: HeldOut, system: System, folds: list[_Fold]) -> None:
     """Loads of the measured motions, and directions of motion of the measured loads."""
     o = system.observations
-    wrenches = {k: np.zeros_like(o.wrench) for k in _FITS}
-    angles = {k: np.zeros(len(o.time)) for k in _FITS}
+    wrenches = {k: np.zeros_like(o.wrench) for k in FITS}
+    angles = {k: np.zeros(len(o.time)) for k in FITS}
     floor = 0.0
     for fold in folds:
         rows = fold.test[o.trial]
-        for key in _FITS:
+        for key in FITS:
             acting = system.of_wrench(fold.values[key])
             wrench = system.model.predict(fold.loads[key], acting)
             wrenches[key][rows] = wrench[rows]
@@ -133,7 +134,7 @@ def _wrenches(held: HeldOut, system: System, folds: list[_Fold]) -> None:
 def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Replay]) -> None:
     """Final poses of pushes."""
     trial = np.array([push.trial for push in pushes], dtype=int)
-    for key in _FITS:
+    for key in FITS:
         ends = np.zeros((len(pushes), 3))
         for fold in folds:
             here = np.flatnonzero(fold.test[trial])
@@ -141,10 +142,10 @@ def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Re
             loads, values = fold.simulated if key == "after" else (fold.loads[key], fold.values[key])
             ends[here] = system.simulated_errors(chosen, loads, values)
         held.ends[key] = ends
-    simulated = np.isfinite([held.ends[k] for k in _FITS]).all(axis=(0, 2))
+    simulated = np.isfinite([held.ends[k] for k in FITS]).all(axis=(0, 2))
     if simulated.any():
         held.trials["pose"] = trial[simulated]
-        held.squares["pose"] = {k: (held.ends[k][simulated] ** 2).sum(axis=1) for k in _FITS}
+        held.squares["pose"] = {k: (held.ends[k][simulated] ** 2).sum(axis=1) for k in FITS}
         noise = float((system.final_pose_noise[simulated] ** 2).sum(axis=1).mean())
         held.floors["pose"] = noise + _rigid(system)
 
@@ -177,7 +178,7 @@ def _stability(
 ) -> None:
     """Labels of stability: 1 where the oracle errs. ``model``: the nominal surface, if it is not that of points."""
     order = system.observations.trial_order
-    held.squares["stability"] = {k: np.zeros(len(labels)) for k in _FITS}
+    held.squares["stability"] = {k: np.zeros(len(labels)) for k in FITS}
     held.trials["stability"], held.floors["stability"] = np.array(list(labels)), 0.0
     for at, (trial, (contact, twist, stable)) in enumerate(labels.items()):
         fold = next(fold for fold in folds if fold.test[trial])

@@ -12,6 +12,7 @@ from stablepush.diagnosis.equations import OF_PRESSURE, robust_variance
 from stablepush.diagnosis.folds import folds_of, held_out
 from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.gap_reduction import (
+    FITS,
     HeldOut,
     above_floor,
     clearance_reduction,
@@ -32,7 +33,6 @@ from stablepush.io import PushLog
 _LITTLE = 0.4
 #: Mean square of a channel over its floor from which a share of the gap is known.
 _WELL = 2.0
-_FITS = ("before", "refit", "after")
 #: The verdict is "unknown" if place, heading, order or speed explain so much of the residuals, with so small a p-value, and the
 #: residuals are so many times the noise.
 _UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
@@ -146,7 +146,7 @@ def _explains_too_little(system: System, found: Attribution, held: HeldOut, clea
     for channel in ("touch", *(entry.channel for entry in clear)):
         if channel not in held.squares:
             continue
-        before, refit, after = (float(held.squares[channel][key].mean()) for key in _FITS)
+        before, refit, after = (float(held.squares[channel][key].mean()) for key in FITS)
         floor = held.floors[channel]
         # a gap near its floor has no share that says anything; a refit that predicts worse is no measure
         shares += [(base - after) / (base - floor) for base in (before, min(refit, before)) if base > _WELL * floor > 0]
