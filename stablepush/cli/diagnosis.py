@@ -146,7 +146,7 @@ def correct(
         found = corrected(problem, diagnosis)
     save_scene(found, output)
     before, after = problem.contacts[0].mu, found.contacts[0].mu
-    changes = ["limit surface as refitted to the log"] if found.surface is not problem.surface else []
+    changes = ["limit surface as the diagnosis has it"] if found.surface is not problem.surface else []
     changes += [f"finger friction {after:.3g} for {before:.3g}"] if after != before else []
     width, own = found.uncertainty.relative_friction, problem.uncertainty.relative_friction
     changes += [f"finger friction uncertain by {100 * width:.0f} %"] if width > own else []

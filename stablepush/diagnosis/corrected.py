@@ -34,14 +34,16 @@ def in_own_forms(
 ) -> tuple[Attribution, Sequence[RankedEffect], list[str]]:
     """Return what was found, its ranking and the named effects as simulations and plans can have them: in their own forms.
 
-    They are fitted without the terms of their families. An effect of which nothing is then left is dropped.
+    They are fitted without the terms of their families. An effect of which nothing is then left is dropped, and one of a sensor
+    that the terms describe: its own form would correct readings by what they are not off by.
     """
     if not system.opened:
         return found, ranking, effects
     formed = system.opened
     with system.own_forms():
         found = replace(found, final=system.fit(found.chosen, found.free))
-        effects = [id for id in effects if id not in formed or not _holds_zero(found.final, id)]
+        of_terms = {e.effect for e in ranking if e.by_terms and CATALOGUE[e.effect].acts == "sensing"}
+        effects = [id for id in effects if id not in formed or not (id in of_terms or _holds_zero(found.final, id))]
         return found, rank(system, found, effects), effects
 
 

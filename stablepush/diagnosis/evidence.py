@@ -141,7 +141,7 @@ def _failed(screening: Screening, system: System) -> str:
         return "but the log density does not rise significantly over its scatter between pushes"
     if screening.family_wise_p > system.demands.family_wise_p:
         return f"but its family-wise p-value is {_p(screening.family_wise_p)}"
-    return "but others explain more"
+    return "but other effects explain the gap better"
 
 
 def _p(value: float) -> str:

@@ -14,7 +14,7 @@ from stablepush.diagnosis.finger_forces import FingerForces
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
 from stablepush.diagnosis.signatures import Estimates, Signature
 from stablepush.diagnosis.where import Finding
-from stablepush.effects import CATALOGUE, LAB_REMEDY
+from stablepush.effects import CATALOGUE, FAMILIES, LAB_REMEDY
 from stablepush.geometry import rotate_vectors
 from stablepush.io import PushLog, Rig, slider_to_json
 from stablepush.planning import Correction
@@ -95,28 +95,40 @@ class GapReport:
             return [f"stablepush correct, then plan again for friction {self.suspected_friction:.3g} of the fingers"]
         if self.verdict != "named":
             return [self.verdict.advice]
-        return [f"{id}: {CATALOGUE[id].remedy if id in CATALOGUE else LAB_REMEDY}{self._in_numbers(id)}" for id in self.named]
+        return [f"{id}: {self._remedy(id)}{self._in_numbers(id)}" for id in self.named]
 
     @property
     def to_do(self) -> list[str]:
         """The :attr:`steps`; none where nothing is to be done."""
         return [] if self.verdict == "none" and self.suspected_friction is None else self.steps
 
+    def _entry(self, id: str) -> RankedEffect | None:
+        return next((entry for entry in self.ranking if entry.effect == id), None)
+
+    def _remedy(self, id: str) -> str:
+        if id not in CATALOGUE:
+            return LAB_REMEDY
+        entry = self._entry(id)
+        of_terms = FAMILIES[id].remedy if entry is not None and entry.by_terms and id in FAMILIES else ""
+        return of_terms or CATALOGUE[id].remedy
+
     def _in_numbers(self, id: str) -> str:
         """What to write into the mapping of an import, for effects that it takes off."""
-        found = next((entry.estimates for entry in self.ranking if entry.effect == id), {})
+        entry = self._entry(id)
+        found = {} if entry is None or entry.by_terms else entry.estimates
         if id == "frame-offset" and "offset" in found:
             x, y = (-value + 0.0 for value in found["offset"])
             return f". Here, if there was none: body_pose: [{x:.5f}, {y:.5f}, 0]"
         if id == "latency" and "delay" in found:
             return f". Here: pose_delay: {found['delay']:.4f}"
-        if id == "force-rotation" and "angle" in found and not self._has_terms(id):
+        if id != "force-rotation" or entry is None:
+            return ""
+        if entry.form is not None:
+            stretch, (low, high) = entry.form["coefficients"][0], entry.form["ci95"][0]
+            return f". Here, x reads {(1 + stretch) / (1 - stretch):.3g} times as much as y" if low > 0 or high < 0 else ""
+        if "angle" in found:
             return f". Here, in the mapping of the import, if it had none: force_angle: {found['angle']:.4f}"
         return ""
-
-    def _has_terms(self, id: str) -> bool:
-        """Whether an effect was found in a more general form than its own."""
-        return any(entry.effect == id and entry.form is not None for entry in self.ranking)
 
     @property
     def settled(self) -> bool:

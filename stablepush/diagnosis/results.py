@@ -8,7 +8,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
+import numpy as np
+
 from stablepush.core import Word, brief
+from stablepush.effects import CATALOGUE
 from stablepush.objects import EdgePush
 
 
@@ -78,6 +81,15 @@ class RankedEffect(Record):
     def estimates(self) -> dict[str, Any]:
         """Estimates by parameter, without their intervals."""
         return {name: parameter.estimate for name, parameter in self.parameters.items()}
+
+    @property
+    def by_terms(self) -> bool:
+        """Whether the terms of its family say what acts: its own parameter may be what it is without the effect."""
+        if self.form is None or self.effect not in CATALOGUE or not self.parameters:
+            return False
+        first = CATALOGUE[self.effect].parameters[0]
+        bounds = np.reshape(self.parameters[first.name].ci95, (-1, 2))
+        return first.nominal is not None and bool(((bounds[:, 0] <= first.nominal) & (bounds[:, 1] >= first.nominal)).all())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from stablepush.diagnosis.results import (
     size_in_words,
 )
 from stablepush.diagnosis.system import System
-from stablepush.effects import CATALOGUE, EffectKind, Parameter
+from stablepush.effects import CATALOGUE, FAMILIES, EffectKind, Parameter
 from stablepush.io import PushLog
 
 #: Effects that are another in each log.
@@ -139,10 +140,8 @@ def _cause(system: System, entry: RankedEffect) -> str:
         numbers = "; ".join(f"{name} {value}" for name, value in entry.parameters.items())
         return f"{id} ({system.own[id].what}{f': {numbers}' if numbers else ''})"
     kind = CATALOGUE[id]
-    if not entry.parameters or (entry.form is not None and _may_be_nominal(kind, entry)):
-        # the terms of its family say what its own form does not
-        form = ", in a form that the catalogue does not have" if entry.form is not None else ""
-        return f"{id}: {kind.what}{form}"
+    if not entry.parameters or entry.by_terms:
+        return f"{id}: {kind.what if entry.form is None else _of_terms(kind, entry.form)}"
     words = kind.says.format(**{p.name: _in_words(p, entry.parameters[p.name]) for p in kind.parameters})
     believed = {"contact-friction": system.rig.contact_friction, "contact-geometry": system.rig.finger_radius}.get(id)
     if believed is not None:
@@ -153,11 +152,13 @@ def _cause(system: System, entry: RankedEffect) -> str:
     return f"{id}: {words[0].lower()}{words[1:]}"
 
 
-def _may_be_nominal(kind: EffectKind, entry: RankedEffect) -> bool:
-    """Whether an effect's own parameter may be what it is without the effect."""
-    first = kind.parameters[0]
-    bounds = np.reshape(entry.parameters[first.name].ci95, (-1, 2))
-    return first.nominal is not None and bool(((bounds[:, 0] <= first.nominal) & (bounds[:, 1] >= first.nominal)).all())
+def _of_terms(kind: EffectKind, form: Mapping[str, Any]) -> str:
+    """What acts where the terms of an effect's family say it, not its own form: those whose intervals leave zero out."""
+    terms = zip(form["basis"], form["coefficients"], form["ci95"], strict=True)
+    clear = [f"{name} {value:.3g}" for name, value, (low, high) in terms if low > 0 or high < 0]
+    other = FAMILIES[kind.id].what if kind.id in FAMILIES else ""
+    what = other or f"{kind.what}, in a form that the catalogue does not have"
+    return what + (f" ({', '.join(clear)})" if clear else "")
 
 
 def _in_words(parameter: Parameter, found: ParameterEstimate) -> str:

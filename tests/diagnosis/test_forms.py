@@ -1,5 +1,7 @@
 """Families of forms: fits use the terms of the curves that are drawn, and forms that no catalogue has are found."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -121,3 +123,22 @@ def test_a_clean_log_opens_no_form(log):
     assert report.verdict == "none" and all(entry.form is None for entry in report.ranking)
     with pytest.raises(sp.InputError, match="expected a named effect"):
         plot_forms(report)
+
+
+def test_a_force_axis_of_another_gain_is_told_by_its_gain(log):
+    x, y, theta, fx, fy, tau = (np.asarray(log.samples[name], dtype=float) for name in ("c1x", "c1y", "theta", "fx", "fy", "tau"))
+    # the force along x of the table is read 1.25 times too large, and moments follow from forces at the contact
+    more = 0.25 * (np.cos(theta) * fx - np.sin(theta) * fy)
+    more_x, more_y = np.cos(theta) * more, -np.sin(theta) * more
+    read = {"fx": fx + more_x, "fy": fy + more_y, "tau": tau + x * more_y - y * more_x}
+    report = sp.diagnose(replace(log, samples=dict(log.samples) | read))
+    assert report.named == ["force-rotation"]
+    assert "axes differ in gain" in report.sentence
+    assert "stretch along x" in report.sentence
+    (words,) = report.to_do
+    assert "calibrate each axis" in words
+    ratio = float(words.rpartition("x reads ")[2].split()[0])
+    assert ratio == pytest.approx(1.25, abs=0.03)
+    # no angle: the readings are not turned
+    assert not any(effect.effect.id == "force-rotation" for effect in report.corrected[0].effects)
+    assert "force-rotation" not in report.effects
