@@ -33,7 +33,7 @@ PlannerName = Annotated[
         "--planner",
         metavar="NAME",
         help="cor-lattice; ompl-bitstar, ompl-rrtstar, ompl-informed-rrtstar, ompl-rrtconnect, ompl-rrt, ompl-kpiece to compare "
-        "with (one contact); or one that a package registers.",
+        "with (one contact); or one that a package registers (an unknown NAME lists all).",
     ),
 ]
 Seed = Annotated[int, typer.Option(parser=whole_number, metavar="INTEGER", help="Seed of planners that draw random numbers.")]
