@@ -175,7 +175,7 @@ def fit_limit_surface(
     com_tolerance : float or array-like, shape (2,)
         Half widths (m) of a box about the origin of B in which the centre of mass may lie, for the slider's prior.
     progress : callable, optional
-        Called with the number of solves done and planned.
+        Called with the number of solves done and planned: from several threads, one at a time.
 
     Raises
     ------
