@@ -6,7 +6,6 @@ import os
 import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
@@ -131,13 +130,34 @@ def usable_cores() -> int:
 
 
 def in_threads(function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
-    """Return what a function returns of each item, side by side in threads: for compiled code, which releases the interpreter."""
-    usable = usable_cores()
-    if min(usable, len(items)) < 2:
+    """Return what a function returns of each item, side by side in threads: for compiled code, which releases the interpreter.
+
+    An error of the function ends the work, and is raised here.
+    """
+    count = min(_MOST_THREADS, usable_cores(), len(items))
+    if count < 2:
         return [function(item) for item in items]
-    count = min(_MOST_THREADS, usable, len(items))
-    # many small pieces of work are handed out some at a time
-    size = max(1, len(items) // (8 * count))
-    parts = [items[i : i + size] for i in range(0, len(items), size)]
-    with ThreadPoolExecutor(count) as threads:
-        return [found for part in threads.map(lambda part: [function(item) for item in part], parts) for found in part]
+    results: list[Any] = [None] * len(items)
+    # whoever is free takes the next row: one step of the iterator is never shared
+    rows = iter(range(len(items)))
+    errors: dict[int, BaseException] = {}
+
+    def work() -> None:
+        for row in rows:
+            if errors:
+                return
+            try:
+                results[row] = function(items[row])
+            except BaseException as error:
+                errors[row] = error
+
+    others = [threading.Thread(target=work, daemon=True) for _ in range(count - 1)]
+    for other in others:
+        other.start()
+    # this thread works as well: another one would only wait for the interpreter
+    work()
+    for other in others:
+        other.join()
+    if errors:
+        raise errors[min(errors)]
+    return results
