@@ -232,14 +232,14 @@ class TableFriction:
         )
         plain = bool((slider == np.eye(2)).all() and (table == np.eye(2)).all())
         none = np.zeros((0, 2)), np.zeros(0)
-        degree, hessian, half_axes, factor = 0, np.zeros((6, 1)), (1.0, 1.0, 1.0), 1.0
+        degree, hessian, axes, factor = 0, np.zeros((6, 1)), np.ones(3), 1.0
         points, nominal = none, none
         if not isinstance(surface, LimitSurface):
             raise InputError("surface", "expected a limit surface", type(surface).__name__)
         if surface.point_loads is not None:
             points = surface.point_loads
         else:
-            degree, (hessian, half_axes, factor) = surface.degree, surface.scaled_hessian()
+            degree, (hessian, axes, factor) = surface.degree, surface.scaled_hessian()
             factor *= self.load if surface.force_unit == "mu*N" else 1.0
             if self.points is not None:
                 nominal = self.points.point_loads
@@ -262,7 +262,7 @@ class TableFriction:
             inertia=(float(self.inertia[0]), float(self.inertia[1])),
             degree=int(degree),
             hessian=np.array(hessian),
-            half_axes=half_axes,
+            half_axes=(float(axes[0]), float(axes[1]), float(axes[2])),
             factor=float(factor),
             rho=float(surface.characteristic_length),
         )

@@ -79,7 +79,7 @@ class PolynomialLimitSurface(LimitSurface):
     provenance: Mapping[str, Any] = field(repr=False)
     _gradient: FloatArray = field(repr=False)
     _hessian: FloatArray = field(repr=False)
-    _scaled: tuple[FloatArray, tuple[float, float, float], float] | None = field(repr=False)
+    _scaled: tuple[FloatArray, FloatArray, float] | None = field(repr=False)
 
     def __init__(
         self,
@@ -245,7 +245,7 @@ class PolynomialLimitSurface(LimitSurface):
         loads *= size
         return loads.reshape(v.shape)
 
-    def scaled_hessian(self) -> tuple[FloatArray, tuple[float, float, float], float]:
+    def scaled_hessian(self) -> tuple[FloatArray, FloatArray, float]:
         """Return what the kernels of ``H_inv`` take: second derivatives (6, m) of ``H`` for loads in units of a size, the squared
         half axes (3,) of the surface in that unit, and the size: the largest half axis, in the surface's unit of force.
 
@@ -261,8 +261,7 @@ class PolynomialLimitSurface(LimitSurface):
         size = float(half_axes.max())
         if size > LARGEST_MAGNITUDE:
             raise ConvergenceError(f"H_inv: the surface is all but unbounded along an axis, up to a load of {size:g}")
-        squared: tuple[float, float, float] = tuple(((half_axes / size) ** 2).tolist())
-        scaled = np.ascontiguousarray(self._hessian * size**self.degree), squared, size
+        scaled = np.ascontiguousarray(self._hessian * size**self.degree), (half_axes / size) ** 2, size
         object.__setattr__(self, "_scaled", scaled)
         return scaled
 

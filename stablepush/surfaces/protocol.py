@@ -61,7 +61,7 @@ class LimitSurface(ABC):
         """Support points (k, 2) in m and their friction loads (k,), for a surface that is the sum of their friction."""
         return None
 
-    def scaled_hessian(self) -> tuple[FloatArray, tuple[float, float, float], float]:
+    def scaled_hessian(self) -> tuple[FloatArray, FloatArray, float]:
         """Return second derivatives of a polynomial ``H`` for the kernels; see :meth:`PolynomialLimitSurface.scaled_hessian`."""
         raise InputError("surface", "expected a surface of support points or a polynomial one", type(self).__name__)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import compiled, inlined, inner
+from stablepush.core import compiled, inlined
 
 #: Direction residual at which the Newton iteration stops; the rounding of the gradient itself is of this size.
 CONVERGED = 1e-13
@@ -21,7 +21,7 @@ MOST_STEPS = 300
 LANES, FEWEST_LANES, LANE_STEPS = 64, 10, 8
 
 
-@inner
+@inlined
 def load_on_surface(degree, hessian, axes, vx, vy, vz, powers, form):  # type: ignore[no-untyped-def]
     """Return ``argmax V·F`` over ``H <= 1`` for a twist normalised by ``rho``, as ``(fx, fy, fz)``, and ``|∇H/|∇H| - V|``.
 
