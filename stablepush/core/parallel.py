@@ -7,6 +7,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import copy_context
 from typing import Any
 
 from stablepush.core.errors import InputError
@@ -132,32 +133,40 @@ def usable_cores() -> int:
 def in_threads(function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
     """Return what a function returns of each item, side by side in threads: for compiled code, which releases the interpreter.
 
-    An error of the function ends the work, and is raised here.
+    An error of the function, or Ctrl-C, ends the work and is raised here, when no thread works any more.
     """
     count = min(_MOST_THREADS, usable_cores(), len(items))
     if count < 2:
         return [function(item) for item in items]
     results: list[Any] = [None] * len(items)
-    # whoever is free takes the next row: one step of the iterator is never shared
-    rows = iter(range(len(items)))
+    # whoever is free takes the next row; a step of this iterator is never shared
+    rows, stopped = iter(range(len(items))), threading.Event()
     errors: dict[int, BaseException] = {}
 
     def work() -> None:
-        for row in rows:
-            if errors:
-                return
+        while not stopped.is_set() and (row := next(rows, None)) is not None:
             try:
                 results[row] = function(items[row])
             except BaseException as error:
                 errors[row] = error
+                stopped.set()
 
-    others = [threading.Thread(target=work, daemon=True) for _ in range(count - 1)]
-    for other in others:
-        other.start()
-    # this thread works as well: another one would only wait for the interpreter
-    work()
-    for other in others:
-        other.join()
-    if errors:
-        raise errors[min(errors)]
+    # each with the settings of this one, as those of numpy
+    others = [threading.Thread(target=copy_context().run, args=(work,), daemon=True) for _ in range(count - 1)]
+    try:
+        for other in others:
+            other.start()
+        # this thread works as well: another one would only wait for the interpreter
+        work()
+    except BaseException:
+        # Ctrl-C outside of the function
+        stopped.set()
+        raise
+    finally:
+        for other in others:
+            if other.ident is not None:
+                other.join()
+    # an interrupt comes before errors of the function
+    for row in sorted(errors, key=lambda row: (isinstance(errors[row], Exception), row)):
+        raise errors[row]
     return results

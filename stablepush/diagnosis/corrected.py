@@ -13,6 +13,7 @@ from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.corrected_surface import corrected_surface
 from stablepush.diagnosis.equations import OF_PRESSURE, Fitted
+from stablepush.diagnosis.force_axes import uneven_axes
 from stablepush.diagnosis.ranking import rank
 from stablepush.diagnosis.results import RankedEffect
 from stablepush.diagnosis.system import System
@@ -34,16 +35,16 @@ def in_own_forms(
 ) -> tuple[Attribution, Sequence[RankedEffect], list[str]]:
     """Return what was found, its ranking and the named effects as simulations and plans can have them: in their own forms.
 
-    They are fitted without the terms of their families. An effect of which nothing is then left is dropped, and one of a sensor
-    that the terms describe: its own form would correct readings by what they are not off by.
+    They are fitted without the terms of their families. An effect of which nothing is then left is dropped, and a force sensor
+    whose axes are uneven: an angle alone would take up some of that.
     """
     if not system.opened:
         return found, ranking, effects
     formed = system.opened
     with system.own_forms():
         found = replace(found, final=system.fit(found.chosen, found.free))
-        of_terms = {e.effect for e in ranking if e.by_terms and CATALOGUE[e.effect].acts == "sensing"}
-        effects = [id for id in effects if id not in formed or not (id in of_terms or _holds_zero(found.final, id))]
+        uneven = {entry.effect for entry in ranking if uneven_axes(entry) is not None}
+        effects = [id for id in effects if id not in formed or not (id in uneven or _holds_zero(found.final, id))]
         return found, rank(system, found, effects), effects
 
 

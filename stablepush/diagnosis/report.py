@@ -11,10 +11,11 @@ import numpy as np
 from stablepush.core import BoolArray, FloatArray, renamed_fields, shown_as
 from stablepush.diagnosis.evidence import Evidence, not_identifiable
 from stablepush.diagnosis.finger_forces import FingerForces
+from stablepush.diagnosis.force_axes import uneven_axes
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
 from stablepush.diagnosis.signatures import Estimates, Signature
 from stablepush.diagnosis.where import Finding
-from stablepush.effects import CATALOGUE, FAMILIES, LAB_REMEDY
+from stablepush.effects import CATALOGUE, LAB_REMEDY
 from stablepush.geometry import rotate_vectors
 from stablepush.io import PushLog, Rig, slider_to_json
 from stablepush.planning import Correction
@@ -95,7 +96,7 @@ class GapReport:
             return [f"stablepush correct, then plan again for friction {self.suspected_friction:.3g} of the fingers"]
         if self.verdict != "named":
             return [self.verdict.advice]
-        return [f"{id}: {self._remedy(id)}{self._in_numbers(id)}" for id in self.named]
+        return [f"{id}: {self._remedy(id)}" for id in self.named]
 
     @property
     def to_do(self) -> list[str]:
@@ -109,24 +110,23 @@ class GapReport:
         if id not in CATALOGUE:
             return LAB_REMEDY
         entry = self._entry(id)
-        of_terms = FAMILIES[id].remedy if entry is not None and entry.by_terms and id in FAMILIES else ""
-        return of_terms or CATALOGUE[id].remedy
+        if uneven_axes(entry) is not None:
+            return "calibrate each axis of the force sensor against known forces; plans stay as they are"
+        return CATALOGUE[id].remedy + ("" if entry is None else self._in_numbers(entry))
 
-    def _in_numbers(self, id: str) -> str:
+    @staticmethod
+    def _in_numbers(entry: RankedEffect) -> str:
         """What to write into the mapping of an import, for effects that it takes off."""
-        entry = self._entry(id)
-        found = {} if entry is None or entry.by_terms else entry.estimates
+        id, found = entry.effect, entry.estimates
+        terms = [] if entry.form is None else entry.form["ci95"]
+        if id in ("frame-offset", "latency", "force-rotation") and any(low > 0 or high < 0 for low, high in terms):
+            return ". Here it changes over the log: no one number takes it off"
         if id == "frame-offset" and "offset" in found:
             x, y = (-value + 0.0 for value in found["offset"])
             return f". Here, if there was none: body_pose: [{x:.5f}, {y:.5f}, 0]"
         if id == "latency" and "delay" in found:
             return f". Here: pose_delay: {found['delay']:.4f}"
-        if id != "force-rotation" or entry is None:
-            return ""
-        if entry.form is not None:
-            stretch, (low, high) = entry.form["coefficients"][0], entry.form["ci95"][0]
-            return f". Here, x reads {(1 + stretch) / (1 - stretch):.3g} times as much as y" if low > 0 or high < 0 else ""
-        if "angle" in found:
+        if id == "force-rotation" and "angle" in found:
             return f". Here, in the mapping of the import, if it had none: force_angle: {found['angle']:.4f}"
         return ""
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import robust_variance
+from stablepush.diagnosis.force_axes import uneven_axes
 from stablepush.diagnosis.results import (
     ChannelGap,
     GapReduction,
@@ -19,7 +19,7 @@ from stablepush.diagnosis.results import (
     size_in_words,
 )
 from stablepush.diagnosis.system import System
-from stablepush.effects import CATALOGUE, FAMILIES, EffectKind, Parameter
+from stablepush.effects import CATALOGUE, Parameter
 from stablepush.io import PushLog
 
 #: Effects that are another in each log.
@@ -139,9 +139,13 @@ def _cause(system: System, entry: RankedEffect) -> str:
     if id in system.own:
         numbers = "; ".join(f"{name} {value}" for name, value in entry.parameters.items())
         return f"{id} ({system.own[id].what}{f': {numbers}' if numbers else ''})"
-    kind = CATALOGUE[id]
+    kind, axes = CATALOGUE[id], uneven_axes(entry)
+    if axes is not None:
+        return f"{id}: the force sensor {axes}"
     if not entry.parameters or entry.by_terms:
-        return f"{id}: {kind.what if entry.form is None else _of_terms(kind, entry.form)}"
+        # the terms of its family say what its own form does not
+        form = ", in a form that the catalogue does not have" if entry.form is not None else ""
+        return f"{id}: {kind.what}{form}"
     words = kind.says.format(**{p.name: _in_words(p, entry.parameters[p.name]) for p in kind.parameters})
     believed = {"contact-friction": system.rig.contact_friction, "contact-geometry": system.rig.finger_radius}.get(id)
     if believed is not None:
@@ -150,15 +154,6 @@ def _cause(system: System, entry: RankedEffect) -> str:
     if id == "contact-friction" and entry.form is not None:
         words += f"; it changes by {entry.form['coefficients'][0]:+.2g} over the log"
     return f"{id}: {words[0].lower()}{words[1:]}"
-
-
-def _of_terms(kind: EffectKind, form: Mapping[str, Any]) -> str:
-    """What acts where the terms of an effect's family say it, not its own form: those whose intervals leave zero out."""
-    terms = zip(form["basis"], form["coefficients"], form["ci95"], strict=True)
-    clear = [f"{name} {value:.3g}" for name, value, (low, high) in terms if low > 0 or high < 0]
-    other = FAMILIES[kind.id].what if kind.id in FAMILIES else ""
-    what = other or f"{kind.what}, in a form that the catalogue does not have"
-    return what + (f" ({', '.join(clear)})" if clear else "")
 
 
 def _in_words(parameter: Parameter, found: ParameterEstimate) -> str:

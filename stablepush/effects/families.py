@@ -24,16 +24,13 @@ class Family:
     """Terms that may be added to the form of an effect.
 
     ``covariate``: what the effect depends on; ``terms``: in words, one for each coefficient; ``unit`` of the coefficients;
-    ``plausible``: half of the range in which they are found. ``what`` acts and its ``remedy``, if others than those of the
-    effect's own form.
+    ``plausible``: half of the range in which they are found.
     """
 
     covariate: str
     terms: tuple[str, ...]
     unit: str
     plausible: float
-    what: str = ""
-    remedy: str = ""
 
 
 def _families() -> dict[str, Family]:
@@ -55,9 +52,7 @@ def _families() -> dict[str, Family]:
             (f"({half}) along x", f"({half}) along y", "tool x", "tool y"), "N", 1.0,
         ),
         "force-rotation": Family(
-            "axes of the sensor, and place o of the push in the log", ("stretch along x", "shear", f"turn ({half})"), "1", 0.3,
-            "force sensor whose axes differ in gain, are not square, or turn over the log",
-            "calibrate each axis of the force sensor against known forces; plans stay as they are",
+            "axes of the sensor, and place o of the push in the log", ("stretch along x", "shear", f"turn ({half})"), "1", 0.3
         ),
         "frame-offset": Family("place o of the push in the log", (f"({half}) along x", f"({half}) along y"), "m", 0.01),
         "latency": Family("place o of the push in the log", (half,), "s", 0.3),

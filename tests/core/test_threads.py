@@ -3,6 +3,7 @@
 import threading
 import time
 
+import numpy as np
 import pytest
 
 from stablepush.core import in_threads, parallel
@@ -56,3 +57,19 @@ def test_an_error_is_raised_and_ends_the_work(kind):
 
 def test_threads_within_threads_end():
     assert in_threads(lambda a: sum(in_threads(lambda b: a * b, range(5))), range(5)) == [10 * a for a in range(5)]
+
+
+def test_an_interrupt_comes_before_errors_of_the_function():
+    together = threading.Barrier(4, timeout=20)
+
+    def work(item):
+        together.wait()
+        raise KeyboardInterrupt if item == 3 else ValueError
+
+    with pytest.raises(KeyboardInterrupt):
+        in_threads(work, range(4))
+
+
+def test_threads_have_the_settings_of_the_calling_one():
+    with np.errstate(divide="raise"):
+        assert in_threads(lambda _: np.geterr()["divide"], range(40)) == ["raise"] * 40

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import stablepush as sp
+from stablepush.diagnosis.force_axes import uneven_axes
 from stablepush.diagnosis.forward import PARAMETERS, ForwardModel
 from stablepush.diagnosis.observations import observe
 from stablepush.diagnosis.system import System
@@ -125,20 +126,62 @@ def test_a_clean_log_opens_no_form(log):
         plot_forms(report)
 
 
-def test_a_force_axis_of_another_gain_is_told_by_its_gain(log):
+def read_by(log, matrix):
+    """The log as a sensor reads it whose readings, in W, are a matrix times the forces."""
     x, y, theta, fx, fy, tau = (np.asarray(log.samples[name], dtype=float) for name in ("c1x", "c1y", "theta", "fx", "fy", "tau"))
-    # the force along x of the table is read 1.25 times too large, and moments follow from forces at the contact
-    more = 0.25 * (np.cos(theta) * fx - np.sin(theta) * fy)
-    more_x, more_y = np.cos(theta) * more, -np.sin(theta) * more
-    read = {"fx": fx + more_x, "fy": fy + more_y, "tau": tau + x * more_y - y * more_x}
-    report = sp.diagnose(replace(log, samples=dict(log.samples) | read))
+    c, s = np.cos(theta), np.sin(theta)
+    turned = np.array(matrix) @ (c * fx - s * fy, s * fx + c * fy)
+    read_x, read_y = c * turned[0] + s * turned[1], -s * turned[0] + c * turned[1]
+    # moments follow from forces at the contact
+    moment = tau + x * (read_y - fy) - y * (read_x - fx)
+    return replace(log, samples=dict(log.samples) | {"fx": read_x, "fy": read_y, "tau": moment})
+
+
+def mounted(angle):
+    return np.array(((np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle))))
+
+
+@pytest.mark.parametrize(
+    ("matrix", "ratio", "direction", "angle"),
+    [
+        (np.diag((1.25, 1.0)), 1.25, 0.0, 0.0),
+        (np.diag((1.0, 1.25)), 1.25, 90.0, 0.0),
+        (np.diag((1.25, 1.0)) @ mounted(0.15), 1.25, 0.0, 8.6),
+        # gains of a sensor whose own axes are askew to the table
+        (mounted(0.7) @ np.diag((1.25, 1.0)) @ mounted(-0.7), 1.25, 40.1, 0.0),
+        # one axis reads some of the other: half turn, half shear
+        (np.array(((1.0, 0.2), (0.0, 1.0))), 1.2210, 42.1, -5.7),
+    ],
+)
+def test_uneven_axes_of_a_force_sensor_are_told_by_their_gains(log, matrix, ratio, direction, angle):
+    report = sp.diagnose(read_by(log, matrix))
     assert report.named == ["force-rotation"]
-    assert "axes differ in gain" in report.sentence
-    assert "stretch along x" in report.sentence
-    (words,) = report.to_do
-    assert "calibrate each axis" in words
-    ratio = float(words.rpartition("x reads ")[2].split()[0])
-    assert ratio == pytest.approx(1.25, abs=0.03)
-    # no angle: the readings are not turned
+    (entry,) = (entry for entry in report.ranking if entry.effect == "force-rotation")
+    axes = uneven_axes(entry)
+    assert axes.ratio == pytest.approx(ratio, abs=0.03)
+    # directions are alike modulo half a turn
+    assert abs((np.degrees(axes.direction) - direction + 90) % 180 - 90) < 4
+    assert np.degrees(axes.angle) == pytest.approx(angle, abs=1)
+    assert str(axes) in report.sentence
+    assert report.to_do == [
+        "force-rotation: calibrate each axis of the force sensor against known forces; plans stay as they are"
+    ]
+    # no angle: it would take up some of the gains
     assert not any(effect.effect.id == "force-rotation" for effect in report.corrected[0].effects)
     assert "force-rotation" not in report.effects
+
+
+def test_a_sensor_that_is_only_turned_has_even_axes(log):
+    report = sp.diagnose(read_by(log, mounted(0.12)))
+    assert report.named == ["force-rotation"]
+    assert uneven_axes(report.ranking[0]) is None
+    assert "force_angle: 0.1" in report.to_do[0]
+
+
+def test_one_number_does_not_take_off_a_delay_that_changes(log):
+    entry = sp.diagnose(read_by(log, mounted(0.12))).ranking[0]
+    parameter = entry.parameters["angle"]
+    form = {"covariate": "", "basis": ["o - 1/2"], "coefficients": [0.08], "ci95": [[0.06, 0.1]], "unit": "s"}
+    delayed = replace(entry, effect="latency", parameters={"delay": parameter})
+    assert "pose_delay" in sp.GapReport._in_numbers(delayed)
+    assert "no one number" in sp.GapReport._in_numbers(replace(delayed, form=form))
