@@ -165,6 +165,8 @@ def _diagnose(
     why = (
         "it does not reduce the residuals of held-out pushes"
         if judged.worse
+        else "it changes loads and poses by less than rigid bodies err by themselves, 1 %"
+        if judged.negligible
         else "the remaining residuals still depend on place, heading, order or speed"
     )
     progress("where the gap lies")

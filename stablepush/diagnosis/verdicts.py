@@ -60,7 +60,8 @@ class Judgement:
     ``reductions``: how far the correction reduces them, ``touch``: in how fingers touch; ``lost``: pushes that ended far from
     where the nominal simulation has them, by trial, and how far (m); ``slipping``: trials whose fingers slipped though they
     should not; ``share`` of the residuals that place, heading, order and speed could explain, with its p-value; ``worse``: what
-    was found brings no channel nearer on pushes that it was not fitted to.
+    was found brings no channel nearer on pushes that it was not fitted to; ``negligible``: it changes all of them by less than
+    rigid bodies err by themselves, and nothing stands clear.
     """
 
     verdict: Verdict
@@ -74,6 +75,7 @@ class Judgement:
     share: float
     p_share: float
     worse: bool
+    negligible: bool
 
 
 def judge(
@@ -85,9 +87,13 @@ def judge(
     clear = [entry for entry in gaps if stands_clear(entry)]
     lost, slipping = lost_pushes(system, pushes), slipping_unexpectedly(system, held, log)
     worse = _explains_too_little(system, found, held, clear) or _brings_nothing_nearer(system, found, reduced, touch)
+    negligible = not (clear or lost or len(slipping) >= _SLIPPING) and _changes_nothing(found, held)
+    effects: list[str] = []
     patterned = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
     if worse or (patterned and not explains_most(held, found.named)):
-        verdict, effects = Verdict.UNKNOWN, []
+        verdict = Verdict.UNKNOWN
+    elif negligible:
+        verdict = Verdict.NONE
     elif found.confounded:
         verdict = Verdict.AMBIGUOUS
         effects = [found.confounded_with, *found.confounded, *(id for id in found.named if id != found.confounded_with)]
@@ -96,8 +102,8 @@ def judge(
     else:
         no_fit = _fits_nothing(system, held, size, shared) or bool(lost)
         unpredicted = bool(clear) or len(slipping) >= _SLIPPING or (simulator_is_off and not pushes)
-        verdict, effects = _without_names(system, found, held, no_fit, unpredicted, clear), []
-    return Judgement(verdict, effects, gaps, clear, reduced, touch, lost, slipping, share, p_share, worse)
+        verdict = _without_names(system, found, held, no_fit, unpredicted, clear)
+    return Judgement(verdict, effects, gaps, clear, reduced, touch, lost, slipping, share, p_share, worse, negligible)
 
 
 def _fits_nothing(system: System, held: HeldOut, size: float, shared: bool) -> bool:
@@ -151,6 +157,20 @@ def _explains_too_little(system: System, found: Attribution, held: HeldOut, clea
         # a gap near its floor has no share that says anything; a refit that predicts worse is no measure
         shares += [(base - after) / (base - floor) for base in (before, min(refit, before)) if base > _WELL * floor > 0]
     return bool(shares) and max(shares) < _LITTLE
+
+
+def _changes_nothing(found: Attribution, held: HeldOut) -> bool:
+    """Whether what was found changes each channel, on trials that it was not fitted to, by less than rigid bodies err themselves.
+
+    It may be significant: noise that is not quite as stated looks like an effect as small. Friction of the fingers and clearances
+    are judged by other things.
+    """
+    if not found.named or "contact-friction" in found.named or "wrench" not in held.rigid:
+        return False
+    changes = {k: float(s["before"].mean() - s["after"].mean()) for k, s in held.squares.items()}
+    if changes.pop("touch", 0.0) > 0.0:
+        return False
+    return abs(changes["wrench"]) < held.rigid["wrench"] and all(change < held.rigid[k] for k, change in changes.items())
 
 
 def _brings_nothing_nearer(system: System, found: Attribution, reduced: Sequence[GapReduction], touch: float) -> bool:
