@@ -4,7 +4,7 @@ to."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import chi2, t as student
@@ -49,7 +49,7 @@ class HeldOut:
     squares: dict[str, dict[str, FloatArray]]
     trials: dict[str, np.ndarray]
     floors: dict[str, float]
-    rigid: dict[str, float]
+    rigid: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +69,7 @@ def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[
 
     ``pushes``: those whose final poses are measurements.
     """
-    held = HeldOut({}, {}, {}, {}, {}, {})
+    held = HeldOut({}, {}, {}, {}, {})
     folds = list(_folds(system, found))
     if system.has_wrench:
         _wrenches(held, system, folds)

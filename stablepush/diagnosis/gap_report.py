@@ -200,8 +200,9 @@ def _diagnose(
             "state more noise in rig.json, if they agree, an effect is missing"
         )
     after = _next(system, found, reported, ranking)
+    lost = {observations.names[k]: far for k, far in judged.lost.items()}
     sentence = (
-        unexplained(judged.clear, ranking, len(judged.slipping), len(log), bool(after.pushes), judged.lost)
+        unexplained(judged.clear, ranking, len(judged.slipping), len(log), bool(after.pushes), lost)
         if verdict == "unknown"
         else sentence_of(
             system, verdict, reported, ranking, judged.reductions, judged.touch, log.rig.noise is not None, judged.gaps

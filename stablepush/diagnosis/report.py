@@ -12,7 +12,7 @@ from stablepush.core import BoolArray, FloatArray, renamed_fields, shown_as
 from stablepush.diagnosis.evidence import Evidence, not_identifiable
 from stablepush.diagnosis.finger_forces import FingerForces
 from stablepush.diagnosis.force_axes import uneven_axes
-from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json
+from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json, size_in_words
 from stablepush.diagnosis.signatures import Estimates, Signature
 from stablepush.diagnosis.where import Finding
 from stablepush.effects import CATALOGUE, LAB_REMEDY
@@ -96,7 +96,15 @@ class GapReport:
             return [f"stablepush correct, then plan again for friction {self.suspected_friction:.3g} of the fingers"]
         if self.verdict != "named":
             return [self.verdict.advice]
-        return [f"{id}: {self._remedy(id)}" for id in self.named]
+        remedies = [f"{id}: {self._remedy(id)}" for id in self.named]
+        if self.worse and all(entry.after >= entry.before for entry in self.reductions):
+            told = [(e.channel, size_in_words(e.before, e.unit), size_in_words(e.after, e.unit)) for e in self.reductions]
+            changes = ", ".join(f"{channel} {before} to {after}" for channel, before, after in told)
+            remedies.append(
+                f"but so corrected, pushes left out of the fit are predicted worse ({changes}): the cause acts in another form; "
+                "try single pushes of a corrected plan first"
+            )
+        return remedies
 
     @property
     def to_do(self) -> list[str]:

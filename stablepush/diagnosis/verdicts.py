@@ -87,7 +87,7 @@ def judge(
     clear = [entry for entry in gaps if stands_clear(entry)]
     lost, slipping = lost_pushes(system, pushes), slipping_unexpectedly(system, held, log)
     worse = _explains_too_little(system, found, held, clear) or _brings_nothing_nearer(system, found, reduced, touch)
-    negligible = not (clear or lost or len(slipping) >= _SLIPPING) and _changes_nothing(found, held)
+    negligible = not (clear or lost or len(slipping) >= _SLIPPING) and _changes_nothing(system, found, held)
     effects: list[str] = []
     patterned = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
     if worse or (patterned and not explains_most(held, found.named)):
@@ -159,13 +159,13 @@ def _explains_too_little(system: System, found: Attribution, held: HeldOut, clea
     return bool(shares) and max(shares) < _LITTLE
 
 
-def _changes_nothing(found: Attribution, held: HeldOut) -> bool:
+def _changes_nothing(system: System, found: Attribution, held: HeldOut) -> bool:
     """Whether what was found changes each channel, on trials that it was not fitted to, by less than rigid bodies err themselves.
 
     It may be significant: noise that is not quite as stated looks like an effect as small. Friction of the fingers and clearances
-    are judged by other things.
+    are judged by other things. Several logs together show effects as small: noise would have to be alike in each.
     """
-    if not found.named or "contact-friction" in found.named or "wrench" not in held.rigid:
+    if system.logs > 1 or not found.named or "contact-friction" in found.named or "wrench" not in held.rigid:
         return False
     changes = {k: float(s["before"].mean() - s["after"].mean()) for k, s in held.squares.items()}
     if changes.pop("touch", 0.0) > 0.0:

@@ -30,6 +30,8 @@ _LISTED, _LIKELY = 3, 0.005
 _LARGER = 1.2
 #: Whitened residuals of a row that is an outlier, and the share of rows that may be outliers.
 _OUTLIER, _FEW = 6.0, 0.1
+#: Pushes are named if there are no more.
+_NAMED_PUSHES = 3
 #: Rows that tell what a push has in common.
 _OF_PUSH = 3
 #: A sentence names a channel whose gap is reduced by more than this share.
@@ -175,8 +177,13 @@ def _in_words(parameter: Parameter, found: ParameterEstimate) -> str:
     return f"{numbers[0]} ± {half:.{decimals}f}{unit} (95 %)"
 
 
+def _few(names: Sequence[str]) -> str:
+    """The names of pushes, in brackets, if they are few."""
+    return f" ({', '.join(names)})" if len(names) <= _NAMED_PUSHES else ""
+
+
 def unexplained(
-    off: list[ChannelGap], ranking: list[RankedEffect], slipping: int, pushes: int, tells: bool, lost: Mapping[int, float]
+    off: list[ChannelGap], ranking: list[RankedEffect], slipping: int, pushes: int, tells: bool, lost: Mapping[str, float]
 ) -> str:
     """What stands clear of the noise, and what is most likely, where no effect explains the gap."""
     sizes = [
@@ -193,7 +200,10 @@ def unexplained(
         words.append(f"fingers slipped in {slipping} of {pushes} pushes that should stick")
     if lost:
         most = 1000 * max(lost.values())
-        words.append(f"{len(lost)} of {pushes} pushes ended up to {most:.3g} mm from where the nominal simulation has them")
+        words.append(
+            f"{len(lost)} of {pushes} pushes{_few(list(lost))} ended up to {most:.3g} mm from where "
+            "the nominal simulation has them"
+        )
     likely = [f"{e.effect} ({e.probability:.2f})" for e in ranking if e.identifiable and e.probability >= _LIKELY][:_LISTED]
     if likely:
         words.append(f"most likely {', '.join(likely)}")
@@ -231,9 +241,10 @@ def notes_on(
         )
     far = _outliers(system, found)
     if far.any():
-        pushes = len(np.unique(system.observations.trial[far]))
+        pushes = [system.observations.names[k] for k in np.unique(system.observations.trial[far])]
         notes.append(
-            f"forces of {np.count_nonzero(far)} of {far.size} rows, in {pushes} of {len(log)} pushes, miss the fit by more than "
+            f"forces of {np.count_nonzero(far)} of {far.size} rows, in {len(pushes)} of {len(log)} pushes{_few(pushes)}, "
+            "miss the fit by more than "
             f"{_OUTLIER:g} times the usual residual: look at them first, they may be outliers of the sensor"
         )
     if not any(system.observations.group):
