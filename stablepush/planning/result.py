@@ -156,8 +156,8 @@ class PlanResult:
             f"arrives with {self.arrival_probability:.3f}"
         )
         if self.success is not None and self.success.failures:
-            number, _, cause = self.success.failures[0]
-            words += f"; most likely to slip: push {number + 1}, {cause}"
+            number, share, cause = self.success.failures[0]
+            words += f"; most likely to slip: push {number + 1} (in {100 * share:.2g} % of scenarios), {cause}"
         return words
 
     def from_goal(self, goal: ArrayLike) -> tuple[float, float]:

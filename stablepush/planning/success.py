@@ -241,17 +241,17 @@ def _failures(losses: Losses, result: PlanResult) -> tuple[tuple[int, float, str
 def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
     """What the scenarios that lose the slider in a push have in common: what differs most from the other scenarios."""
     everything = {
-        "the contact friction is {side} {end:.3g}": scenarios.contact_mu[:, push.contact],
-        "the fingers stand more than {more:.3g} mm to the {way} of their place, seen along the push": 1000
+        "a contact friction {side} {end:.3g}": scenarios.contact_mu[:, push.contact],
+        "the fingers more than {more:.3g} mm to the {way} of their place, seen along the push": 1000
         * scenarios.aside[:, push.contact],
-        "x of the centre of mass is {side} {end:.3g} mm": 1000 * scenarios.center_of_mass[:, 0],
-        "y of the centre of mass is {side} {end:.3g} mm": 1000 * scenarios.center_of_mass[:, 1],
+        "x of the centre of mass {side} {end:.3g} mm": 1000 * scenarios.center_of_mass[:, 0],
+        "y of the centre of mass {side} {end:.3g} mm": 1000 * scenarios.center_of_mass[:, 1],
     }
     if 2 * np.count_nonzero(~scenarios.flush[rows]) > len(rows):
         return "because the slider is not square to the fingers after the docking"
     if len(rows) > 0.9 * len(scenarios):
         return "in nearly every scenario"
-    best, words = 0.0, "and nothing that is uncertain decides it alone"
+    best, words = 0.0, "and no single uncertain quantity decides it"
     for words_of, values in everything.items():
         scatter = float(values.std())
         shift = (float(values[rows].mean()) - float(values.mean())) / scatter if scatter > 0 else 0.0
@@ -260,6 +260,6 @@ def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
             side, way = ("below", "right") if shift < 0 else ("above", "left")
             best, words = (
                 abs(shift),
-                "if " + words_of.format(side=side, way=way, end=end, more=max(0.0, end if shift > 0 else -end)),
+                "always with " + words_of.format(side=side, way=way, end=end, more=max(0.0, end if shift > 0 else -end)),
             )
     return words
