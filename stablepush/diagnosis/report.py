@@ -92,10 +92,10 @@ class GapReport:
     @property
     def steps(self) -> list[str]:
         """What to do, in order, against each named effect, and what the verdict asks for."""
-        if self.verdict == "none" and self.suspected_friction is not None:
-            return [f"stablepush correct, then plan again for friction {self.suspected_friction:.3g} of the fingers"]
         if self.verdict != "named":
-            return [self.verdict.advice]
+            friction = self.suspected_friction
+            plan = [] if friction is None else [f"stablepush correct, then plan again for friction {friction:.3g} of the fingers"]
+            return plan if plan and self.verdict == "none" else [self.verdict.advice, *plan]
         remedies = [f"{id}: {self._remedy(id)}" for id in self.named]
         if self.worse and all(entry.after >= entry.before for entry in self.reductions):
             told = [(e.channel, size_in_words(e.before, e.unit), size_in_words(e.after, e.unit)) for e in self.reductions]
