@@ -91,9 +91,9 @@ def diagnose(
         print(f"to plan for the rig as it is: stablepush correct SCENE.json {answer} -o SCENE2.json")
 
 
-def _leave_out(path: Path, why: str) -> None:
+def _leave_out(option: str, path: Path, why: str) -> None:
     """Say why a file that was asked for is not written."""
-    told(**{f"not_written_{'pushes' if path.suffix == '.csv' else 'mended'}": why})
+    told(**{f"not_written_{option}": why})
     print(f"{path}: not written: {why}")
 
 
@@ -105,7 +105,7 @@ def _write_pushes(report: GapReport, path: Path) -> bool:
     if proposed:
         write_pushes(proposed, path)
     else:
-        _leave_out(path, report.next_experiment.why)
+        _leave_out("pushes", path, report.next_experiment.why)
     return bool(proposed)
 
 
@@ -114,10 +114,10 @@ def _write_corrected(report: GapReport, folder: Path) -> bool:
     from stablepush.io import model_to_json, rig_to_json, write_json
 
     if not report.corrected:
-        _leave_out(folder, "the log could not be diagnosed, or the differences belong to the other simulator")
+        _leave_out("mended", folder, "the log could not be diagnosed, or the differences belong to the other simulator")
         return False
     if report.surface is None:
-        _leave_out(folder, "a corrected simulation needs forces in the log, or mass and support friction in rig.json")
+        _leave_out("mended", folder, "a corrected simulation needs forces in the log, or mass and support friction in rig.json")
         return False
     effects = [{"effect": id, "parameters": values, "covariance": None} for id, values in report.effects.items()]
     extra = {**(report.rig.extra or {}), "effects": effects}

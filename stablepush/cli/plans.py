@@ -241,13 +241,16 @@ def compare(
     check_number(time_limit, "--time-limit", at_least=0.0)
     require_files(table, read=scenes)
     problems = [load_scene(scene) for scene in scenes]
-    head = ("duration", "length", "switches", "min_margin_deg", "certified", "planning_time")
-    shown = ("duration_s", "length_m", "switches", "min_margin_deg", "certified", "planning_s")
+    # keys of the table, and what stands over the printed columns
+    head = {
+        "duration": "duration_s", "length": "length_m", "switches": "switches", "min_margin_deg": "min_margin_deg",
+        "certified": "certified", "planning_time": "planning_s",
+    }  # fmt: skip
     names = [scene.stem for scene in scenes]
     # scenes of one name are told apart by their paths
     named = [name if names.count(name) == 1 else str(scene) for name, scene in zip(names, scenes, strict=True)]
     rows: list[list[object]] = []
-    print(f"{'scene':<24s} {'region':<13s} {'status':<9s}" + "".join(f" {word:>14s}" for word in shown))
+    print(f"{'scene':<24s} {'region':<13s} {'status':<9s}" + "".join(f" {word:>14s}" for word in head.values()))
     with Progress("compare", len(problems)) as step:
         for scene, name, problem in zip(scenes, named, problems, strict=True):
             with about(scene, options=_OPTIONS):

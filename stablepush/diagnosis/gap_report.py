@@ -162,13 +162,6 @@ def _diagnose(
     # a change of all friction alike leaves the surface's shape as it is
     fits = found.scores
     reshaped = verdict == "absorbed" or ("free" in fits and system.significantly_better(fits["free"], fits["scaled"]))
-    why = (
-        "it does not reduce the residuals of held-out pushes"
-        if judged.worse
-        else "it changes loads and poses by less than rigid bodies err by themselves, 1 %"
-        if judged.negligible
-        else "the remaining residuals still depend on place, heading, order or speed"
-    )
     progress("where the gap lies")
     ends, trials_of_errors = held.ends.get("before", np.zeros((0, 3))), np.array([push.trial for push in pushes], dtype=int)
     where = localise(system, residuals(system, held.wrenches.get("before"), ends, trials_of_errors, held.floors))
@@ -244,7 +237,7 @@ def _diagnose(
         corrected=[]
         if comparison is not None
         else corrections(system, *simulated_as, reshaped, verdict in ("absorbed", "unknown"), suspected),
-        evidence=evidence(system, found, ranking, reported, why),
+        evidence=evidence(system, found, ranking, reported, judged.unnamed),
         residuals={k: system.observations.wrench - v for k, v in held.wrenches.items()},
         ends=held.ends,
         places=np.reshape([push.end for push in pushes], (-1, 3)),

@@ -59,9 +59,8 @@ class Judgement:
     ``effects`` that are named or confounded; ``gaps`` by channel, ``clear``: those that stand clear of their floor;
     ``reductions``: how far the correction reduces them, ``touch``: in how fingers touch; ``lost``: pushes that ended far from
     where the nominal simulation has them, by trial, and how far (m); ``slipping``: trials whose fingers slipped though they
-    should not; ``share`` of the residuals that place, heading, order and speed could explain, with its p-value; ``worse``: what
-    was found brings no channel nearer on pushes that it was not fitted to; ``negligible``: it changes all of them by less than
-    rigid bodies err by themselves, and nothing stands clear.
+    should not; ``share`` of the residuals that place, heading, order and speed could explain, with its p-value; ``unnamed``: why
+    what was found is not named, blank if it is.
     """
 
     verdict: Verdict
@@ -74,8 +73,7 @@ class Judgement:
     slipping: list[int]
     share: float
     p_share: float
-    worse: bool
-    negligible: bool
+    unnamed: str
 
 
 def judge(
@@ -89,11 +87,14 @@ def judge(
     worse = _explains_too_little(system, found, held, clear) or _brings_nothing_nearer(system, found, reduced, touch)
     negligible = not (clear or lost or len(slipping) >= _SLIPPING) and _changes_nothing(system, found, held)
     effects: list[str] = []
+    unnamed = ""
     patterned = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
-    if worse or (patterned and not explains_most(held, found.named)):
-        verdict = Verdict.UNKNOWN
+    if worse:
+        verdict, unnamed = Verdict.UNKNOWN, "it does not reduce the residuals of held-out pushes"
+    elif patterned and not explains_most(held, found.named):
+        verdict, unnamed = Verdict.UNKNOWN, "the remaining residuals still depend on place, heading, order or speed"
     elif negligible:
-        verdict = Verdict.NONE
+        verdict, unnamed = Verdict.NONE, "it changes loads and poses by less than rigid bodies err by themselves, 1 %"
     elif found.confounded:
         verdict = Verdict.AMBIGUOUS
         effects = [found.confounded_with, *found.confounded, *(id for id in found.named if id != found.confounded_with)]
@@ -103,7 +104,7 @@ def judge(
         no_fit = _fits_nothing(system, held, size, shared) or bool(lost)
         unpredicted = bool(clear) or len(slipping) >= _SLIPPING or (simulator_is_off and not pushes)
         verdict = _without_names(system, found, held, no_fit, unpredicted, clear)
-    return Judgement(verdict, effects, gaps, clear, reduced, touch, lost, slipping, share, p_share, worse, negligible)
+    return Judgement(verdict, effects, gaps, clear, reduced, touch, lost, slipping, share, p_share, unnamed)
 
 
 def _fits_nothing(system: System, held: HeldOut, size: float, shared: bool) -> bool:

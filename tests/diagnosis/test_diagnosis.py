@@ -494,27 +494,3 @@ def test_proposed_pushes_are_made_twice():
     pushes = report.next_experiment.pushes
     assert len(pushes) >= 2 and pushes[0::2] == pushes[1::2]
     assert pushes[0].expected["expected_difference_N"] > 0
-
-
-def test_a_significant_cause_that_changes_nothing_is_not_named():
-    from stablepush.diagnosis.gap_reduction import HeldOut
-    from stablepush.diagnosis.verdicts import _changes_nothing
-
-    class One:
-        logs = 1
-
-    class Found:
-        named = ("speed-dependence",)
-
-    def held(before, after, turn=0.0):
-        squares = {
-            "wrench": {"before": np.full(9, before**2), "after": np.full(9, after**2)},
-            "twist": {"before": np.full(9, 0.01), "after": np.full(9, 0.01 - turn)},
-        }
-        return HeldOut({}, {}, squares, {}, {}, {"wrench": 0.03**2, "twist": 1e-4})
-
-    assert _changes_nothing(One, Found, held(0.236, 0.2349))
-    # a tenth of the gap goes, or comes; motions are nearer
-    assert not _changes_nothing(One, Found, held(0.236, 0.224))
-    assert not _changes_nothing(One, Found, held(0.236, 0.547))
-    assert not _changes_nothing(One, Found, held(0.236, 0.2349, turn=2e-4))

@@ -6,7 +6,8 @@ from conftest import edited, make_log
 
 import stablepush as sp
 from stablepush.diagnosis import gap_reduction
-from stablepush.diagnosis.verdicts import stands_clear
+from stablepush.diagnosis.gap_reduction import HeldOut
+from stablepush.diagnosis.verdicts import _changes_nothing, stands_clear
 
 NOISE = sp.Noise(0.05, 5e-5, 5e-4)
 
@@ -105,3 +106,24 @@ def test_forces_on_the_finger_are_said_to_be():
     report = sp.diagnose(turned)
     assert report.verdict == "unknown" and not report.named
     assert "n 40 of 40 pushes the force opposes the motion" in report.sentence
+
+
+def test_a_significant_cause_that_changes_nothing_is_not_named():
+    class One:
+        logs = 1
+
+    class Found:
+        named = ("speed-dependence",)
+
+    def held(before, after, turn=0.0):
+        squares = {
+            "wrench": {"before": np.full(9, before**2), "after": np.full(9, after**2)},
+            "twist": {"before": np.full(9, 0.01), "after": np.full(9, 0.01 - turn)},
+        }
+        return HeldOut({}, {}, squares, {}, {}, {"wrench": 0.03**2, "twist": 1e-4})
+
+    assert _changes_nothing(One, Found, held(0.236, 0.2349))
+    # a tenth of the gap goes, or comes; motions are nearer
+    assert not _changes_nothing(One, Found, held(0.236, 0.224))
+    assert not _changes_nothing(One, Found, held(0.236, 0.547))
+    assert not _changes_nothing(One, Found, held(0.236, 0.2349, turn=2e-4))
