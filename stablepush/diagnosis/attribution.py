@@ -117,7 +117,7 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
         chosen = [id for id in chosen if id not in (*single, *vague)]
         system.opened -= set(single)
         current = system.fit(chosen, True)
-    confounded_with, confounded = _confounded(system, chosen, current)
+    chosen, current, confounded_with, confounded = _confounded(system, chosen, current)
     scores: dict[str, FloatArray] = {}
     recalibrated, free = False, True
     if system.has_surface:
@@ -349,8 +349,11 @@ def family_wise_p_values(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[
     return {id: max(p, min(1.0, 2.0 ** (1.0 - tests[id].informative_trials()))) for id, p in found.items()}
 
 
-def _confounded(system: System, chosen: list[str], current: Fitted) -> tuple[str, list[str]]:
-    """A chosen effect, and those that would explain the log about as well in its place."""
+def _confounded(system: System, chosen: list[str], current: Fitted) -> tuple[list[str], Fitted, str, list[str]]:
+    """A chosen effect, and those that would explain the log about as well in its place; with the chosen ones and their fit.
+
+    One that explains the log clearly better takes the place: the tests by which effects enter are linear.
+    """
     for id in chosen:
         found: list[str] = []
         others = [e for e in chosen if e != id]
@@ -368,14 +371,18 @@ def _confounded(system: System, chosen: list[str], current: Fitted) -> tuple[str
             if id in opened and other in FAMILIES:
                 system.opened |= {other}
             instead = system.fit([*others, other], True)
-            system.opened = opened
+            exchanged, system.opened = system.opened - {id}, opened
             own = instead.values[other][: system.size(other, whole=False)]
-            plausible = float(np.linalg.norm(own)) <= _MOST_PLAUSIBLE * system.plausible(other)
-            if plausible and not system.significantly_better(current.density, instead.density):
+            if float(np.linalg.norm(own)) > _MOST_PLAUSIBLE * system.plausible(other):
+                continue
+            if system.significantly_better(instead.density, current.density):
+                system.opened = exchanged
+                return _confounded(system, [other if e == id else e for e in chosen], instead)
+            if not system.significantly_better(current.density, instead.density):
                 found.append(other)
         if found:
-            return id, found
-    return "", []
+            return chosen, current, id, found
+    return chosen, current, "", []
 
 
 def _nominal_density(system: System, chosen: list[str]) -> FloatArray:

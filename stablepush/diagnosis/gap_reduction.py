@@ -11,7 +11,7 @@ from scipy.stats import chi2, t as student
 
 from stablepush.core import ConvergenceError, FloatArray, InputError
 from stablepush.diagnosis.attribution import Attribution
-from stablepush.diagnosis.determined import determined_rows, motion_spread, size, variance
+from stablepush.diagnosis.determined import determined_rows, size, variance
 from stablepush.diagnosis.equations import Values
 from stablepush.diagnosis.folds import FOLDS, folds_of
 from stablepush.diagnosis.replay import Replay, first_contacts, friction_change
@@ -129,7 +129,7 @@ def _wrenches(held: HeldOut, system: System, folds: list[_Fold]) -> None:
     held.squares["wrench"] = {k: size(system, o.wrench - w)[counted] for k, w in wrenches.items()}
     held.trials["wrench"], held.trials["twist"] = o.trial[counted], o.trial
     own = 3 * _RIGID**2 * size(system, o.wrench)
-    explained = variance(system, system.reading_covariance) + motion_spread(system) ** 2 + own
+    explained = variance(system, system.noise_covariance) + own
     held.floors["wrench"], held.floors["twist"] = float(explained[counted].mean()), floor
     # a load that is off across itself is that of a motion that is turned about as far
     held.rigid["wrench"], held.rigid["twist"] = float(own[counted].mean()) / 3, _RIGID**2

@@ -58,25 +58,35 @@ class Nominal:
             found[moving] = self.load * self.model.wrench(twists[moving]) - self.points.wrench(twists[moving])
         return found
 
-    def slopes(self, points: FloatArray, loads: FloatArray, twists: FloatArray) -> FloatArray:
-        """Return ``dF/dV`` (n, 3, 3) at twists (n, 3), by differences: how noise of the motion reaches a predicted load.
+    def spread(
+        self, points: FloatArray, loads: FloatArray, twists: FloatArray, noise: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what noise (n, 3), one standard deviation, of twists (n, 3) makes of their loads: two second moments (n, 3, 3).
 
-        Of the model, if there is one, else of points (k, 2) with friction loads (k,).
+        Of the model, if there is one, else of points (k, 2) with friction loads (k,). First by ``dF/dV``, from differences: next
+        to a facet of the limit surface that is far more than noise does. Then from loads at ``±sqrt(3)`` deviations along each
+        axis, each of which counts a sixth (the unscented transform, Julier and Uhlmann 2004): a slow motion may have any
+        direction, and that is more than ``dF/dV`` says.
         """
-        slopes = np.zeros((len(twists), 3, 3))
-
-        def load(motion: FloatArray) -> FloatArray:
-            if self.model is not None:
-                return self.load * self.model.wrench(motion)
-            return _friction_of(points, loads, motion)
-
         size = np.maximum(np.linalg.norm(twists[:, :2], axis=1), 1e-6)
         length = max(1e-3, float(np.sqrt((points**2).sum(axis=1).mean())))
+        linear, full = np.zeros((2, len(twists), 3, 3))
+        central = self._load(points, loads, twists)
         for k, scale in enumerate((1.0, 1.0, 1.0 / length)):
-            step = np.zeros((len(size), 3))
-            step[:, k] = 0.02 * size * scale
-            slopes[:, :, k] = (load(twists + step) - load(twists - step)) / (2 * step[:, k])[:, None]
-        return slopes
+            unit = np.eye(3)[k]
+            small, far = 0.02 * scale * size, np.sqrt(3.0) * noise[:, k]
+            ahead, behind = (self._load(points, loads, twists + s * small[:, None] * unit) for s in (1, -1))
+            slope = (ahead - behind) * (noise[:, k] / (2 * small))[:, None]
+            linear += slope[:, :, None] * slope[:, None, :]
+            for s in (1, -1):
+                off = self._load(points, loads, twists + s * far[:, None] * unit) - central
+                full += off[:, :, None] * off[:, None, :] / 6.0
+        return linear, full
+
+    def _load(self, points: FloatArray, loads: FloatArray, twists: FloatArray) -> FloatArray:
+        if self.model is not None:
+            return self.load * self.model.wrench(twists)
+        return _friction_of(points, loads, twists)
 
     def table(self, changed: IdealLimitSurface, **effects: object) -> TableFriction:
         """Return the friction of the table where the friction of the points has become that of others."""

@@ -19,7 +19,7 @@ from stablepush.geometry import (
     rotate_vectors,
     wrap_angle,
 )
-from stablepush.io import Noise, PushLog, distinct, end_of_motion
+from stablepush.io import Noise, PushLog, distinct, end_of_motion, slope_weights
 
 #: Fingers farther (m) from the outline than this certainly do not touch it.
 _AWAY = 1e-3
@@ -211,6 +211,8 @@ def observe(log: PushLog) -> Observations:
     at_end = [i not in whole and one_sided[part].any() for i, (_, part) in enumerate(blocks)]
     gain = [_AT_END[min(len(part), 3) - 1] if end else 1.0 for end, (_, part) in zip(at_end, blocks, strict=True)]
     noise_gain = np.array(gain) / span
+    if log.rig.twist_window is not None and "vx" in s:
+        _of_slopes(log, [None if i in ends else block for i, block in enumerate(blocks)], noise_gain)
     rested = {str(name) for name in s["trial"][s["phase"] == "rest"]} if "phase" in s else set()
     from_rest = np.array([name in rested for name in names], dtype=bool)
     acceleration, unsteady = _rates(trial, time, twist, span, from_rest)
@@ -297,6 +299,28 @@ def _at_rest(log: PushLog, names: list[str], pushes: dict[str, np.ndarray], pose
     return trial, rotate_vectors(poses[row, 2], force[row])
 
 
+def _of_slopes(log: PushLog, blocks: Sequence[tuple[int, np.ndarray] | None], noise_gain: FloatArray) -> None:
+    """Set the noise (1/s) of mean twists, over that of a pose, where twists are slopes of the poses within the rig's window."""
+    times = np.asarray(log.samples["t"], dtype=np.float64)
+    poses = np.asarray(np.isfinite(log.columns("x", "y", "theta")).all(axis=1))
+    logged = np.asarray(np.isfinite(log.columns("vx", "vy", "omega")).all(axis=1))
+    known: dict[int, tuple[np.ndarray, np.ndarray, FloatArray]] = {}
+    for i, block in enumerate(blocks):
+        if block is None or not logged[block[1]].all():
+            continue
+        k, part = block
+        if k not in known:
+            rows = log.rows(str(log.trials["trial"][k]))
+            rows = rows[poses[rows]]
+            rows = rows[np.argsort(times[rows], kind="stable")]
+            known[k] = rows, *slope_weights(times[rows], float(log.rig.twist_window or 0.0))
+        rows, places, weights = known[k]
+        mine = np.isin(rows, part)
+        total = np.zeros(len(rows))
+        np.add.at(total, places[mine], weights[mine] / len(part))
+        noise_gain[i] = float(np.linalg.norm(total))
+
+
 def _spans(trial: np.ndarray, time: FloatArray, whole: dict[int, float]) -> FloatArray:
     """Times (n,) between rows; those of rows that are a push as a whole are given."""
     result = np.full(len(time), np.nan)
@@ -380,6 +404,22 @@ def beyond_noise(o: Observations, noise: FloatArray) -> FloatArray:
             share = min(1.0, float(of_noise[rows].sum()) / max(float(squares[rows].sum()), 1e-300))
             result[rows, part] *= 1 - share
     return result
+
+
+def smeared(o: Observations, window: float | None) -> FloatArray:
+    """How far (n, 3) rows' twists are from those of their middles, where they are slopes of poses within a window (s), else 0.
+
+    The slope of a line through ``x(t)`` is off by ``window² / 40`` times its third derivative.
+    """
+    off = np.zeros_like(o.twist)
+    if window is None:
+        return off
+    for trial in np.unique(o.trial):
+        rows = np.flatnonzero(o.trial == trial)
+        off[rows] = np.abs(o.unsteady[rows]) / o.span[rows, None]
+        if len(rows) > 2:
+            off[rows[[0, -1]]] = np.maximum(off[rows[[0, -1]]], off[rows[[1, -2]]])
+    return off * window**2 / 40
 
 
 def contact_velocity(observations: Observations, finger: int) -> FloatArray:

@@ -80,7 +80,8 @@ class GapReport:
     signatures: list[Signature] = field(default_factory=list, repr=False)
     #: correlation of the estimated parameters, and those at their bounds
     estimates: Estimates | None = field(default=None, repr=False)
-    #: rows (n,) whose motion determines the load; the others, turns about a support point, count in no error of the wrench
+    #: rows (n,) whose motion determines the load; the others are slow or turn about a support point, and count in no error of the
+    #: wrench
     determined: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
     #: time (s) of each row in its push
     times: FloatArray = field(default_factory=lambda: np.zeros(0), repr=False)

@@ -17,6 +17,8 @@ from stablepush.geometry import rotate_vectors
 
 #: Effects that are fitted as the two components of a pattern with two lobes, of which ratio and direction follow.
 _LOBES = ("anisotropy-world", "anisotropy-object")
+#: Share of a push's rows that must have a motion that determines the load.
+_SEEN = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,6 +104,9 @@ def _in_loads(system: System, fitted: Fitted, id: str) -> tuple[float, Signature
 
     names = ("along the load", "across the load", "moment over rho")
     told = determined_rows(system)
+    # a push shows nothing of which only a few rows have a motion that determines the load
+    share = np.bincount(o.trial, weights=told) / np.maximum(1, np.bincount(o.trial))
+    told &= share[o.trial] >= _SEEN
     pushes = [_medians(parts(load)[told], o.trial[told]) for load in (given, o.wrench - without)]
     return float((system.white(given) ** 2).sum()), Signature(id, "N", names, *pushes)
 

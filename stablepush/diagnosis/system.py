@@ -27,7 +27,7 @@ from stablepush.diagnosis.equations import (
 )
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.nominal import CELLS, nominal_of, unit_loads
-from stablepush.diagnosis.observations import Observations, beyond_noise, contact_velocity, pushes_of, rows_of
+from stablepush.diagnosis.observations import Observations, beyond_noise, contact_velocity, pushes_of, rows_of, smeared
 from stablepush.diagnosis.replay import Replay, carried, friction_of, pose_errors
 from stablepush.effects import FAMILIES, LabEffect, LogRows
 from stablepush.geometry import rotate_vectors
@@ -99,8 +99,9 @@ class System(Equations):
         o = rows_of(observations, chosen)
         self.noise = _noise(rig, o, noisier)
         of_poses = np.array((self.noise.position, self.noise.position, self.noise.angle))
-        self.motion_noise = of_poses * o.noise_gain[:, None]
-        self.observations = o = replace(o, acceleration=beyond_noise(o, of_poses / o.span[:, None]))
+        self.motion_noise = np.hypot(of_poses * o.noise_gain[:, None], smeared(o, rig.twist_window))
+        of_twists = of_poses * (1 / o.span if rig.twist_window is None else o.noise_gain)[:, None]
+        self.observations = o = replace(o, acceleration=beyond_noise(o, of_twists))
         self.push = pushes_of(o.group)
         self.log = np.zeros(len(o.names), dtype=int)
         self.own, self.rows = own, log_rows(o)
@@ -166,28 +167,11 @@ class System(Equations):
     def _whiten(self, loads: FloatArray) -> None:
         """Factors of the inverse covariances of the rows' wrenches."""
         o, noise = self.observations, self.noise
-        spread = self.motion_noise
-        slopes = self.believed.slopes(self.points, loads, o.twist) * spread[:, None, :]
         self.reading_covariance = self._of_readings()
-        covariance = slopes @ slopes.transpose(0, 2, 1) + self.reading_covariance
+        linear, full = self.believed.spread(self.points, loads, o.twist, self.motion_noise)
         # no pressure has the friction of a model: as far as it differs from that of points it is uncertain
         beyond = self.model.beyond_points
-        covariance += beyond[:, :, None] * beyond[:, None, :]
-        # a support point that all but rests may have friction in any direction: the motion does not show it
-        carrying = np.flatnonzero(loads if self.believed.model is None else 0 * loads)
-        for point, load in zip(self.points[carrying], loads[carrying], strict=True):
-            x, y = point
-            velocity = o.twist[:, :2] + o.twist[:, 2:] * (-y, x)
-            jitter = (
-                spread[:, 0] ** 2 + (spread[:, 2] * np.hypot(x, y)) ** 2 + (_PIVOT * noise.position) ** 2 * o.twist[:, 2] ** 2
-            )
-            # the odds, by Bayes' rule, that a row which seems to turn beside the point turns about it: noise has moved the
-            # velocity of the point from none, or it is any that the turn gives to points within rho
-            odds = _TURNS / len(carrying) * (self.rho * o.twist[:, 2]) ** 2 / (2 * jitter)
-            odds = odds * np.exp(-0.5 * (velocity**2).sum(axis=1) / jitter)
-            unknown = load**2 * odds / (1 + odds)
-            for arm in (np.array((1.0, 0.0, -y)), np.array((0.0, 1.0, x))):
-                covariance += unknown[:, None, None] * np.outer(arm, arm)
+        covariance = self.reading_covariance + beyond[:, :, None] * beyond[:, None, :]
         # where the speed changes between rows, they do not show what the mass takes; rows that are all but at one time show
         # nothing of it
         inertia = (self.rig.slider.mass or 0.0) * np.array((1.0, 1.0, self.rig.slider.radius_of_gyration**2))
@@ -196,10 +180,29 @@ class System(Equations):
             jolt = share * inertia * off
             jolt = jolt / np.maximum(1.0, np.linalg.norm(jolt / (1, 1, self.rho), axis=1, keepdims=True) / most)
             covariance += jolt[:, :, None] * jolt[:, None, :]
-        self.covariance = covariance
+        #: what noise leaves of a row's wrench, and what rows are trusted to: beside a facet of points any noise is too much
+        self.noise_covariance = covariance + full
+        self.covariance = covariance + (full if self.believed.model is not None else linear + self._of_turns(loads))
         # nor at which of its speeds a row's friction is: that is no noise, but rows cannot be trusted to more
         of_speed = (_FRICTION_OF_SPEED * np.log1p(self._gained))[:, None] * self.model.predict(loads, {})
-        self._w = np.linalg.inv(np.linalg.cholesky(covariance + of_speed[:, :, None] * of_speed[:, None, :]))
+        self._w = np.linalg.inv(np.linalg.cholesky(self.covariance + of_speed[:, :, None] * of_speed[:, None, :]))
+
+    def _of_turns(self, loads: FloatArray) -> FloatArray:
+        """Covariances (n, 3, 3) of wrenches by turns about a support point, whose friction then may have any direction."""
+        o, spread, covariance = self.observations, self.motion_noise, np.zeros((len(self.observations.time), 3, 3))
+        carrying = np.flatnonzero(loads)
+        for (x, y), load in zip(self.points[carrying], loads[carrying], strict=True):
+            velocity = o.twist[:, :2] + o.twist[:, 2:] * (-y, x)
+            beside = _PIVOT * self.noise.position * o.twist[:, 2]
+            jitter = spread[:, 0] ** 2 + (spread[:, 2] * np.hypot(x, y)) ** 2 + beside**2
+            # the odds, by Bayes' rule, that a row which seems to turn beside the point turns about it: noise has moved the
+            # velocity of the point from none, or it is any that the turn gives to points within rho
+            odds = _TURNS / len(carrying) * (self.rho * o.twist[:, 2]) ** 2 / (2 * jitter)
+            odds = odds * np.exp(-0.5 * (velocity**2).sum(axis=1) / jitter)
+            unknown = load**2 * odds / (1 + odds)
+            for arm in (np.array((1.0, 0.0, -y)), np.array((0.0, 1.0, x))):
+                covariance += unknown[:, None, None] * np.outer(arm, arm)
+        return covariance
 
     def _of_readings(self) -> FloatArray:
         """Covariances (n, 3, 3) of the rows' wrenches by the noise of the readings.

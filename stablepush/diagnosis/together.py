@@ -48,7 +48,12 @@ def join(logs: Sequence[PushLog], names: Sequence[str]) -> tuple[PushLog, np.nda
             raise InputError(name, "expected another log", "the same pushes twice")
     noises = [log.rig.noise for log in logs if log.rig.noise]
     worst = Noise(*(max(getattr(noise, key) for noise in noises) for key in ("force", "position", "angle"))) if noises else None
-    rig = replace(logs[0].rig, noise=worst if len(noises) == len(logs) else None)
+    windows = {log.rig.twist_window for log in logs}
+    rig = replace(
+        logs[0].rig,
+        noise=worst if len(noises) == len(logs) else None,
+        twist_window=windows.pop() if len(windows) == 1 else None,
+    )
     tables: list[dict[str, list[object]]] = []
     for attribute in ("trials", "samples"):
         columns = dict.fromkeys(key for log in logs for key in getattr(log, attribute))

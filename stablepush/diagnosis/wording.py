@@ -323,8 +323,8 @@ def still_note(names: Sequence[str], pushes: int) -> str:
 def turning_note(turning: int, rows: int) -> str:
     """How many rows do not count in the errors of the wrench."""
     return (
-        f"{turning} of {rows} rows turn about a support point, within the noise: their motion does not determine the load, "
-        "so the errors of the wrench leave them out"
+        f"the motion of {turning} of {rows} rows does not determine the load, within the noise: they are slow, or turn about a "
+        "support point. The errors of the wrench leave them out"
     )
 
 

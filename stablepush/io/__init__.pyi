@@ -31,6 +31,7 @@ from .pushlog import (
     rig_to_json as rig_to_json,
     write_pushlog as write_pushlog,
 )
+from .recorded_pushes import slope_weights as slope_weights
 from .tables import (
     IS_POSITIVE as IS_POSITIVE,
     IS_SENSE as IS_SENSE,

@@ -83,6 +83,7 @@ class Rig:
 
     ``support_friction`` and ``contact_friction`` are coefficients, ``gravity`` in m/s², ``finger_radius`` in m; None is unknown.
     ``model``: the limit surface of the nominal simulation, in place of the slider's support.
+    ``twist_window``: time (s) over which the log's twists are slopes of its poses; None if they are not, or nobody knows.
     ``extra`` keeps entries of ``rig.json`` that this version does not use, so that writing loses nothing.
     """
 
@@ -95,6 +96,7 @@ class Rig:
     noise: Noise | None = None
     extra: Mapping[str, Any] | None = None
     model: LimitSurface | None = None
+    twist_window: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,7 +301,7 @@ def write_pushlog(log: PushLog, path: str | Path) -> None:
 
 
 #: Keys of ``rig.json``, and keys that this project writes there for the record.
-_OF_RIG = ("format", "slider", "friction", "gravity", "contact_kind", "finger_radius", "noise", "model")
+_OF_RIG = ("format", "slider", "friction", "gravity", "contact_kind", "finger_radius", "noise", "model", "twist_window")
 _FOR_THE_RECORD = ("source", "effects")
 
 
@@ -335,6 +337,7 @@ def _rig_from_node(node: Node, folder: Path) -> Rig:
         noise=None if noise is None else Noise(*(noise[key].number(at_least=0.0) for key in ("force", "position", "angle"))),
         extra={k: v for k, v in node.object().items() if k not in _OF_RIG},
         model=surface,
+        twist_window=None if node.get("twist_window") is None else node["twist_window"].number(positive=True),
     )
 
 
@@ -350,6 +353,7 @@ def rig_to_json(rig: Rig) -> dict[str, Any]:
         "finger_radius": rig.finger_radius,
         "noise": None if noise is None else {"force": noise.force, "position": noise.position, "angle": noise.angle},
         **({} if rig.model is None else {"model": model_to_json(rig.model)}),
+        **({} if rig.twist_window is None else {"twist_window": rig.twist_window}),
         **(rig.extra or {}),
     }
 

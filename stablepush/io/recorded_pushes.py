@@ -150,21 +150,30 @@ def twists_of(t: FloatArray, poses: FloatArray, window: float) -> FloatArray:
     known = np.flatnonzero(np.isfinite(poses).all(axis=1))
     if len(known) < 2:
         return twists
-    clock, seen, rows = t[known], poses[known].copy(), np.arange(len(known))
+    seen = poses[known].copy()
     seen[:, 2] = np.unwrap(seen[:, 2])
-    half = window / 2 * (1 + 1e-9)
-    low = np.minimum(np.searchsorted(clock, clock - half), np.maximum(rows - 1, 0))
-    high = np.maximum(np.searchsorted(clock, clock + half, side="right"), np.minimum(rows + 2, len(known)))
-    # a row of the window's numbers for each row of the log
-    places = low[:, None] + np.arange(int((high - low).max()))
-    within = places < high[:, None]
-    places = np.minimum(places, len(known) - 1)
-    times = np.where(within, clock[places] - clock[:, None], 0.0)
-    times = np.where(within, times - (times.sum(axis=1) / within.sum(axis=1))[:, None], 0.0)
-    velocity = np.einsum("nw,nwk->nk", times, seen[places] - seen[:, None]) / (times**2).sum(axis=1)[:, None]
+    places, weights = slope_weights(t[known], window)
+    velocity = np.einsum("nw,nwk->nk", weights, seen[places] - seen[:, None])
     velocity[:, :2] = rotate_vectors(-seen[:, 2], velocity[:, :2])
     twists[known] = velocity
     return twists
+
+
+def slope_weights(t: FloatArray, window: float) -> tuple[np.ndarray, FloatArray]:
+    """Return the rows (n, w) within ``window`` of each, and the weights (n, w) in 1/s of their values in the slope there.
+
+    Least squares; the neighbours are always within. Places that are none have weight 0.
+    """
+    rows, half = np.arange(len(t)), window / 2 * (1 + 1e-9)
+    low = np.minimum(np.searchsorted(t, t - half), np.maximum(rows - 1, 0))
+    high = np.maximum(np.searchsorted(t, t + half, side="right"), np.minimum(rows + 2, len(t)))
+    # a row of the window's numbers for each row of the log
+    places = low[:, None] + np.arange(int((high - low).max()))
+    within = places < high[:, None]
+    places = np.minimum(places, len(t) - 1)
+    times = np.where(within, t[places] - t[:, None], 0.0)
+    times = np.where(within, times - (times.sum(axis=1) / within.sum(axis=1))[:, None], 0.0)
+    return places, times / (times**2).sum(axis=1)[:, None]
 
 
 def speeds_of(slider: Slider, twists: FloatArray) -> FloatArray:

@@ -197,7 +197,7 @@ def log_from_arrays(
             columns |= {f"c{k + 1}x": points[:, k, 0].tolist(), f"c{k + 1}y": points[:, k, 1].tolist()}
     origin = min(begins)
     log = {"trial": names, "start_time": [begin - origin for begin in begins], "group": [""] * len(names)}
-    made = PushLog(rig, log, columns)
+    made = PushLog(replace(rig, twist_window=window), log, columns)
     for words in doubts(made, bool(zero_forces)):
         warnings.warn(StablepushWarning(words), stacklevel=2)
     return made

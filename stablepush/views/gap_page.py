@@ -210,7 +210,7 @@ def _rows_of_loads(report: GapReport) -> _Seen:
     scale = _scale(rows, report.rig.slider)
     about = f"Lines from the slider's position: measured minus simulated force. 1 N is drawn as {readable(1000 * scale)} mm."
     if not all(row["determined"] for row in rows):
-        about += " Faint: turns about a support point. Noise leaves their load open; they count in no error of the wrench."
+        about += " Faint: slow rows and turns about a support point. Noise leaves their load open, so the errors leave them out."
     return _Seen(
         about,
         rows,

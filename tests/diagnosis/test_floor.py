@@ -127,3 +127,51 @@ def test_a_significant_cause_that_changes_nothing_is_not_named():
     assert not _changes_nothing(One, Found, held(0.236, 0.224))
     assert not _changes_nothing(One, Found, held(0.236, 0.547))
     assert not _changes_nothing(One, Found, held(0.236, 0.2349, turn=2e-4))
+
+
+def executed(log: sp.PushLog, rig: sp.Rig, seed: int) -> sp.PushLog:
+    """The pushes of a log as a robot makes them, slow at first and at last, recorded at 25 Hz with noise."""
+    rng, noise, parts = np.random.default_rng(seed), rig.noise, []
+    names = np.asarray(log.samples["trial"])
+    for name in log.trials["trial"]:
+        rows = names == name
+        s = {k: np.asarray(v, dtype=float)[rows] for k, v in log.samples.items() if k not in ("trial", "phase")}
+        c, sine = np.cos(s["theta"]), np.sin(s["theta"])
+        force = np.array((c * s["fx"] - sine * s["fy"], sine * s["fx"] + c * s["fy"]))
+        arm = np.array((s["px"] - s["x"], s["py"] - s["y"]))
+        moment = s["tau"] - (arm[0] * force[1] - arm[1] * force[0])
+        last = 1.5 * (s["t"][-1] - s["t"][0])
+        t = np.arange(0.0, last, 0.04)
+        way = 3 * (t / last) ** 2 - 2 * (t / last) ** 3
+        then = s["t"][0] + way * (s["t"][-1] - s["t"][0])
+        signals = [
+            np.interp(then, s["t"], v) for v in (s["x"], s["y"], s["theta"], *force, moment, s["px"], s["py"], s["ptheta"])
+        ]
+        parts.append(np.column_stack((t, *signals, np.full(len(t), int(name)))))
+    t, x, y, theta, fx, fy, moment, px, py, ptheta, trial = np.concatenate(parts).T
+    poses = np.stack((x, y, theta), axis=-1)
+    poses += rng.normal(size=poses.shape) * (noise.position, noise.position, noise.angle)
+    forces = np.stack((fx, fy), axis=-1)
+    forces += noise.force * rng.normal(size=forces.shape)
+    return sp.log_from_arrays(
+        rig, t, poses, forces, np.stack((px, py, ptheta), axis=-1), [str(int(k)) for k in trial],
+        moments=moment, finger_distance=0.05, zero_forces=False,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", (0, 2, 6, 11))
+def test_slow_rows_of_an_executed_push_are_no_gap_of_a_fitted_surface(seed):
+    """Noise decides in which direction a slow motion goes; a load in proportion to that noise would be certain of it."""
+    feet = sp.SupportDistribution([(-0.03, -0.02), (0.06, -0.02), (-0.03, 0.045)], [1, 1, 1])
+    slider = sp.Slider(
+        sp.Slider.centered([(0, 0), (0.12, 0), (0.12, 0.04), (0.04, 0.04), (0.04, 0.09), (0, 0.09)]).vertices, 0.6, feet
+    )
+    surface, noise = sp.IdealLimitSurface(feet, 0.35 * 9.81 * 0.6), sp.Noise(0.02, 1e-4, 1e-3)
+    finger = sp.VirtualRig(slider, surface, 0.5, sp.Pusher.finger(0.005), [], noise)
+    pokes = finger.execute(sp.random_pushes(slider, finger.pusher, 40, seed=20 + seed, groups=0), rows=7, seed=seed).log
+    model = sp.fit_limit_surface(pokes.pairs()).surface
+    two = sp.VirtualRig(slider, surface, 0.5, sp.Pusher.two_fingers(0.05, 0.005), [], sp.Noise(1e-6, 1e-9, 1e-9))
+    log = two.execute(sp.random_pushes(slider, two.pusher, 12, seed=40 + seed, groups=0), rows=60, seed=seed).log
+    believed = edited(log, noise=noise, model=model, slider=sp.Slider(slider.vertices, 0.6)).rig
+    report = sp.diagnose(executed(log, believed, seed))
+    assert report.verdict in ("none", "absorbed"), report.sentence

@@ -1,9 +1,12 @@
 """Diagnoses of what a laboratory records in the world: a tracker, a finger, a sensor of forces and none of moments."""
 
+import json
+
 import numpy as np
 import pytest
 
 import stablepush as sp
+from stablepush.diagnosis.observations import observe
 from stablepush.geometry import rotate_vectors
 
 # what looks wrong in these records is noted, as it should be
@@ -60,3 +63,37 @@ def test_pushes_of_a_record_with_gaps_are_those_that_were_made():
     log = recorded(named=False, gap=5.0)
     assert len(log) == 24
     assert sp.diagnose(log).verdict == "none"
+
+
+def test_the_noise_of_twists_is_that_of_slopes_over_the_window():
+    """A slider that goes straight ahead at 20 mm/s, at 200 Hz, 300 times: scatter of what an observation has of its twist."""
+    rng, times, pushes = np.random.default_rng(8), np.arange(0.0, 1.0, 0.005), 300
+    sent = np.zeros((pushes, len(times), 3))
+    sent[:, :, 0] = 0.02 * times
+    seen = sent + rng.normal(size=sent.shape) * (NOISE.position, NOISE.position, NOISE.angle)
+    clock = (times + 60.0 * np.arange(pushes)[:, None]).ravel()
+    trials = np.repeat([str(k) for k in range(pushes)], len(times)).tolist()
+    log = sp.log_from_arrays(sp.Rig(SLIDER, noise=NOISE), clock, seen.reshape(-1, 3), trials=trials, window=0.1)
+    assert log.rig.twist_window == 0.1
+    o = observe(log)
+    order = np.concatenate([np.arange(n) for n in np.bincount(o.trial)])
+    for k in range(12):
+        rows = order == k
+        scatter = o.twist[rows].std(axis=0) / (NOISE.position, NOISE.position, NOISE.angle)
+        assert np.allclose(scatter, np.sqrt((o.noise_gain[rows] ** 2).mean()), rtol=0.15), k
+
+
+def test_the_floor_of_a_recorded_log_is_what_noise_leaves():
+    report = sp.diagnose(recorded())
+    wrench = next(entry for entry in report.gap if entry.channel == "wrench")
+    assert report.verdict == "none" and 0.6 < wrench.nominal / wrench.noise_floor < 1.1
+
+
+def test_the_window_of_twists_is_kept_in_the_log(tmp_path):
+    log = recorded(pushes=3, window=0.08)
+    sp.write_pushlog(log, tmp_path / "log")
+    assert sp.read_pushlog(tmp_path / "log").rig.twist_window == 0.08
+    rig = json.loads((tmp_path / "log" / "rig.json").read_text())
+    (tmp_path / "log" / "rig.json").write_text(json.dumps(rig | {"twist_window": 0}))
+    with pytest.raises(sp.InputError, match=r"twist_window"):
+        sp.read_pushlog(tmp_path / "log")

@@ -129,7 +129,8 @@ def _draw_over_table(places: FloatArray, tails: FloatArray, arrows: FloatArray, 
 
 def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np.ndarray:
     """Draw the residual force along and across the measured one, against heading and trial order, before and after the
-    correction; into four axes, which are returned (2, 2). Faint: turns about a support point, whose load is left open."""
+    correction; into four axes, which are returned (2, 2). Faint: rows whose load is left open, since they are slow or turn about
+    a support point."""
     shown = panels((6.6, 4.8), 2, 2, ax, sharey="row")
     direction = np.arctan2(report.loads[:, 1], report.loads[:, 0])
     for row, name in enumerate(("along the load [N]", "across it [N]")):
