@@ -149,7 +149,7 @@ def correct(
     changes = ["limit surface as the diagnosis has it"] if found.surface is not problem.surface else []
     changes += [f"finger friction {after:.3g} for {before:.3g}"] if after != before else []
     width, own = found.uncertainty.relative_friction, problem.uncertainty.relative_friction
-    changes += [f"finger friction uncertain by {100 * width:.0f} %"] if width > own else []
+    changes += [f"plans for finger friction of {(1 - width) * after:.2g} to {(1 + width) * after:.2g}"] if width > own else []
     changes += [f"finger radius {1000 * found.finger_radius:.3g} mm"] if found.finger_radius != problem.finger_radius else []
     aside = any((a.points != b.points).any() for a, b in zip(found.contacts, problem.contacts, strict=True))
     changes += ["contacts elsewhere"] if aside else []

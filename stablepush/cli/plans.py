@@ -210,11 +210,13 @@ def check(
     with about(scene):
         report = check_plan(problem, result)
     told(plan=plan_file, valid=report.valid, objections=list(report.objections))
+    alone = ""
+    if report.only_margins_differ:
+        print("made for another scene: its pushes are stable in this one, too, and only the margins that it states differ")
+        alone = ", for its margins alone"
     for objection in report.objections:
         print(objection)
-    print(f"{plan_file}: {'valid' if report.valid else 'NOT valid'}")
-    if report.only_margins_differ:
-        print("only the margins that it states differ: it was made for another scene, and its pushes are stable in this one, too")
+    print(f"{plan_file}: {'valid' if report.valid else 'NOT valid'}{alone}")
     raise typer.Exit(0 if report.valid else 1)
 
 

@@ -28,6 +28,8 @@ _ALIKE = 1e-6
 _CONFOUNDED_GAIN = 0.5
 #: An alternative that needs values beyond this many times half of their plausible range is none.
 _MOST_PLAUSIBLE = 1.5
+#: A cause that explains the log clearly better than a chosen one may have a family-wise p-value as large as this.
+_P_BETTER = 0.05
 #: Mean square of the residual clearances of the fingers, over their noise, from which two effects may hide each other.
 _LACK = 4.0
 #: Two effects at once must do so many times what one must.
@@ -117,7 +119,10 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
         chosen = [id for id in chosen if id not in (*single, *vague)]
         system.opened -= set(single)
         current = system.fit(chosen, True)
-    chosen, current, confounded_with, confounded = _confounded(system, chosen, current)
+    chosen, current, rivals = _exchanged(system, chosen, current, screened)
+    as_well = [rival for rival in rivals if rival.as_well]
+    confounded_with = as_well[0].id if as_well else ""
+    confounded = [rival.other for rival in as_well if rival.id == confounded_with]
     scores: dict[str, FloatArray] = {}
     recalibrated, free = False, True
     if system.has_surface:
@@ -218,6 +223,13 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
         chosen += added
         system.settle(current)
         current = _with_forms(system, chosen, system.fit(chosen, True))
+    chosen, current = _needed(system, chosen, current, screened)
+    return chosen, current, screened
+
+
+def _needed(system: System, chosen: list[str], current: Fitted, screened: dict[str, Screening]) -> tuple[list[str], Fitted]:
+    """The causes without which the others, with their fit, explain the log clearly less."""
+    chosen = list(chosen)
     for id in list(chosen):
         if len(chosen) > 1:
             without = system.fit([e for e in chosen if e != id], True)
@@ -229,7 +241,7 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
                 screened[id] = replace(
                     screened[id], given=tuple(chosen), gain=test.gain, statistic=test.statistic, significantly_better=False
                 )
-    return chosen, current, screened
+    return chosen, current
 
 
 def _further(system: System) -> float:
@@ -349,40 +361,77 @@ def family_wise_p_values(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[
     return {id: max(p, min(1.0, 2.0 ** (1.0 - tests[id].informative_trials()))) for id, p in found.items()}
 
 
-def _confounded(system: System, chosen: list[str], current: Fitted) -> tuple[list[str], Fitted, str, list[str]]:
-    """A chosen effect, and those that would explain the log about as well in its place; with the chosen ones and their fit.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rival:
+    """A cause ``other`` in the place of a chosen one, ``id``: the fit, its test and families (:attr:`System.opened`), and whether
+    it explains the log clearly better, or about as well."""
 
-    One that explains the log clearly better takes the place: the tests by which effects enter are linear.
-    """
+    id: str
+    other: str
+    fit: Fitted
+    screening: Screening
+    opened: frozenset[str]
+    better: bool
+    as_well: bool
+
+
+def _rivals(system: System, chosen: list[str], current: Fitted) -> list[_Rival]:
+    """What would explain the log at least about as well in the place of a chosen cause."""
+    found = []
     for id in chosen:
-        found: list[str] = []
         others = [e for e in chosen if e != id]
         without = system.fit(others, True)
         tests = system.tests(without, True, [e for e in beyond_pressure(system) if e not in others])
+        family_wise_p = family_wise_p_values(tests)
         for other in beyond_pressure(system):
-            if (
-                other in chosen
-                or tests[other].gain < _CONFOUNDED_GAIN * tests[id].gain
-                or not possible(system, other, tests[other].estimate)
-            ):
+            if other in chosen or tests[other].gain < _CONFOUNDED_GAIN * tests[id].gain:
+                continue
+            test = tests[other]
+            if not possible(system, other, test.estimate):
                 continue
             # what has more terms is compared with what may have them too
-            opened = system.opened
-            if id in opened and other in FAMILIES:
+            before = system.opened
+            if id in before and other in FAMILIES:
                 system.opened |= {other}
-            instead = system.fit([*others, other], True)
-            exchanged, system.opened = system.opened - {id}, opened
-            own = instead.values[other][: system.size(other, whole=False)]
-            if float(np.linalg.norm(own)) > _MOST_PLAUSIBLE * system.plausible(other):
-                continue
-            if system.significantly_better(instead.density, current.density):
-                system.opened = exchanged
-                return _confounded(system, [other if e == id else e for e in chosen], instead)
-            if not system.significantly_better(current.density, instead.density):
-                found.append(other)
-        if found:
-            return chosen, current, id, found
-    return chosen, current, "", []
+            fit, opened = system.fit([*others, other], True), system.opened
+            own = fit.values[other][: system.size(other, whole=False)]
+            if float(np.linalg.norm(own)) <= _MOST_PLAUSIBLE * system.plausible(other):
+                screening = Screening(tuple(others), test.gain, test.statistic, family_wise_p[other], True)
+                better = (
+                    min(test.gain, test.statistic) > system.demands.gain
+                    and family_wise_p[other] <= _P_BETTER
+                    and exceeds_model_error(system, other, test.estimate, without)
+                    and identifiable(system, other, test)
+                    and not system.at_bound(other, fit.values[other])
+                    and fit.errors_of(other) >= (_VAGUE if system.rig.model is None else _ERRORS)
+                    and system.significantly_better(fit.density, current.density)
+                    and _replicates(system, [*others, other], other)
+                )
+                as_well = not system.significantly_better(current.density, fit.density)
+                found.append(_Rival(id, other, fit, screening, opened - {id}, better, as_well))
+            system.opened = before
+    return found
+
+
+def _exchanged(
+    system: System, chosen: list[str], current: Fitted, screened: dict[str, Screening]
+) -> tuple[list[str], Fitted, list[_Rival]]:
+    """The chosen causes, their fit and rivals, after causes that explain the log clearly better have taken the place of others.
+
+    The tests by which causes enter are linear: a cause may come first that is not the one.
+    """
+    rivals = _rivals(system, chosen, current)
+    for _ in range(_MOST):
+        better = [rival for rival in rivals if rival.better]
+        if not better:
+            break
+        best = better[first_least([-rival.fit.score for rival in better], _ALIKE)]
+        chosen = [best.other if id == best.id else id for id in chosen]
+        current, system.opened = best.fit, best.opened
+        screened[best.other] = replace(best.screening, significantly_better=True)
+        chosen, current = _needed(system, chosen, current, screened)
+        rivals = _rivals(system, chosen, current)
+    return chosen, current, rivals
 
 
 def _nominal_density(system: System, chosen: list[str]) -> FloatArray:

@@ -63,10 +63,10 @@ class Nominal:
     ) -> tuple[FloatArray, FloatArray]:
         """Return what noise (n, 3), one standard deviation, of twists (n, 3) makes of their loads: two second moments (n, 3, 3).
 
-        Of the model, if there is one, else of points (k, 2) with friction loads (k,). First by ``dF/dV``, from differences: next
-        to a facet of the limit surface that is far more than noise does. Then from loads at ``±sqrt(3)`` deviations along each
-        axis, each of which counts a sixth (the unscented transform, Julier and Uhlmann 2004): a slow motion may have any
-        direction, and that is more than ``dF/dV`` says.
+        Of the model, if there is one, else of points (k, 2) with friction loads (k,). The first are by ``dF/dV``, from
+        differences; next to a facet of the limit surface they are far too large. The second are squares of what loads at
+        ``±sqrt(3)`` deviations along each axis differ by from those of the twists, a sixth of each (the unscented transform,
+        Julier and Uhlmann 2004): they hold for slow motions, too, which noise may turn into any direction.
         """
         size = np.maximum(np.linalg.norm(twists[:, :2], axis=1), 1e-6)
         length = max(1e-3, float(np.sqrt((points**2).sum(axis=1).mean())))

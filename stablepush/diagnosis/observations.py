@@ -35,6 +35,8 @@ _REST = 0.05
 _STANDS = 5.0
 #: Share of a moment that is rounding: no sensor of moments agrees with the forces so well in all rows.
 _ROUNDING = 1e-3
+#: A pose that is so near to the line through its neighbours, over the noise, is taken from them.
+_LINE = 0.02
 #: Twists of a push that differ by less than this share are one and the same.
 _ALIKE = 1e-9
 
@@ -212,7 +214,7 @@ def observe(log: PushLog) -> Observations:
     gain = [_AT_END[min(len(part), 3) - 1] if end else 1.0 for end, (_, part) in zip(at_end, blocks, strict=True)]
     noise_gain = np.array(gain) / span
     if log.rig.twist_window is not None and "vx" in s:
-        _of_slopes(log, [None if i in ends else block for i, block in enumerate(blocks)], noise_gain)
+        _of_slopes(log, [None if i in ends else block for i, block in enumerate(blocks)], log.rig.twist_window, noise_gain)
     rested = {str(name) for name in s["trial"][s["phase"] == "rest"]} if "phase" in s else set()
     from_rest = np.array([name in rested for name in names], dtype=bool)
     acceleration, unsteady = _rates(trial, time, twist, span, from_rest)
@@ -299,26 +301,42 @@ def _at_rest(log: PushLog, names: list[str], pushes: dict[str, np.ndarray], pose
     return trial, rotate_vectors(poses[row, 2], force[row])
 
 
-def _of_slopes(log: PushLog, blocks: Sequence[tuple[int, np.ndarray] | None], noise_gain: FloatArray) -> None:
-    """Set the noise (1/s) of mean twists, over that of a pose, where twists are slopes of the poses within the rig's window."""
-    times = np.asarray(log.samples["t"], dtype=np.float64)
-    poses = np.asarray(np.isfinite(log.columns("x", "y", "theta")).all(axis=1))
+def _of_slopes(log: PushLog, blocks: Sequence[tuple[int, np.ndarray] | None], window: float, noise_gain: FloatArray) -> None:
+    """Set the noise (1/s) of mean twists, over that of a pose, where twists are slopes of the poses within a window (s)."""
+    times, poses = np.asarray(log.samples["t"], dtype=np.float64), log.columns("x", "y", "theta")
+    usable = np.asarray(np.isfinite(poses).all(axis=1) & np.isfinite(times))
     logged = np.asarray(np.isfinite(log.columns("vx", "vy", "omega")).all(axis=1))
-    known: dict[int, tuple[np.ndarray, np.ndarray, FloatArray]] = {}
+    last = -1
     for i, block in enumerate(blocks):
         if block is None or not logged[block[1]].all():
             continue
         k, part = block
-        if k not in known:
-            rows = log.rows(str(log.trials["trial"][k]))
-            rows = rows[poses[rows]]
+        if k != last:
+            last, rows = k, log.rows(str(log.trials["trial"][k]))
+            rows = rows[usable[rows]]
             rows = rows[np.argsort(times[rows], kind="stable")]
-            known[k] = rows, *slope_weights(times[rows], float(log.rig.twist_window or 0.0))
-        rows, places, weights = known[k]
+            rows = rows[distinct(times[rows])]
+            if len(rows) > 1:
+                places, weights = slope_weights(times[rows], window)
+                fresh = _fresh(poses[rows], log.rig.noise)
         mine = np.isin(rows, part)
+        if len(rows) < 2 or not mine.any():
+            continue
         total = np.zeros(len(rows))
-        np.add.at(total, places[mine], weights[mine] / len(part))
-        noise_gain[i] = float(np.linalg.norm(total))
+        np.add.at(total, places[mine], weights[mine] / mine.sum())
+        # noise that poses share does not average out
+        noise_gain[i] = float(np.linalg.norm(total)) / math.sqrt(fresh)
+
+
+def _fresh(poses: FloatArray, noise: Noise | None) -> float:
+    """Share of the poses (n, 3), in the order of time, that are a tracker's own: not on a line between others, nor their repeats.
+
+    Poses of a slow tracker on a faster clock have no noise of their own.
+    """
+    if noise is None or len(poses) < 3 or noise.position == 0:
+        return 1.0
+    bent = np.abs(np.diff(poses[:, :2], n=2, axis=0)).max(axis=1) > _LINE * noise.position
+    return max(float(bent.mean()), 1.0 / len(poses))
 
 
 def _spans(trial: np.ndarray, time: FloatArray, whole: dict[int, float]) -> FloatArray:
@@ -406,17 +424,19 @@ def beyond_noise(o: Observations, noise: FloatArray) -> FloatArray:
     return result
 
 
-def smeared(o: Observations, window: float | None) -> FloatArray:
+def smeared(o: Observations, window: float | None, noise: FloatArray) -> FloatArray:
     """How far (n, 3) rows' twists are from those of their middles, where they are slopes of poses within a window (s), else 0.
 
-    The slope of a line through ``x(t)`` is off by ``window² / 40`` times its third derivative.
+    The slope of a line through ``x(t)`` is off by ``window² / 40`` times its third derivative; that is what second differences
+    of the twists show beyond ``noise`` (n, 3) of each.
     """
     off = np.zeros_like(o.twist)
     if window is None:
         return off
+    span = o.span[:, None]
     for trial in np.unique(o.trial):
         rows = np.flatnonzero(o.trial == trial)
-        off[rows] = np.abs(o.unsteady[rows]) / o.span[rows, None]
+        off[rows] = np.sqrt(np.maximum(0.0, (o.unsteady[rows] * span[rows]) ** 2 - 6.0 * noise[rows] ** 2)) / span[rows] ** 2
         if len(rows) > 2:
             off[rows[[0, -1]]] = np.maximum(off[rows[[0, -1]]], off[rows[[1, -2]]])
     return off * window**2 / 40

@@ -144,12 +144,14 @@ class GapReduction(Record):
     def explained(self) -> str:
         """How much of the gap is explained, in words."""
         if self._stays_without_gap:
-            return "within the noise"
+            return "both within the noise"
         if self._had_no_gap or self.before == self.after == 0:
             return "there was nothing to explain"
         # where the gap is near the noise the interval of its share is very wide
-        share, low, high = ("less than -100" if part < -1 else f"{round(100 * part)}" for part in (self.closed, *self.ci95))
-        return f"explained {share} % ({low} to {high})"
+        if self.closed < 0:
+            return "explained nothing: more is left than before"
+        low, high = ("less than -100" if part < -1 else f"{round(100 * part)}" for part in self.ci95)
+        return f"explained {round(100 * self.closed)} % ({low} to {high})"
 
     @property
     def sizes(self) -> str:

@@ -106,7 +106,8 @@ def _in_loads(system: System, fitted: Fitted, id: str) -> tuple[float, Signature
     told = determined_rows(system)
     # a push shows nothing of which only a few rows have a motion that determines the load
     share = np.bincount(o.trial, weights=told) / np.maximum(1, np.bincount(o.trial))
-    told &= share[o.trial] >= _SEEN
+    enough = told & (share[o.trial] >= _SEEN)
+    told = enough if enough.any() else told
     pushes = [_medians(parts(load)[told], o.trial[told]) for load in (given, o.wrench - without)]
     return float((system.white(given) ** 2).sum()), Signature(id, "N", names, *pushes)
 

@@ -99,7 +99,8 @@ class System(Equations):
         o = rows_of(observations, chosen)
         self.noise = _noise(rig, o, noisier)
         of_poses = np.array((self.noise.position, self.noise.position, self.noise.angle))
-        self.motion_noise = np.hypot(of_poses * o.noise_gain[:, None], smeared(o, rig.twist_window))
+        own_noise = of_poses * o.noise_gain[:, None]
+        self.motion_noise = np.hypot(own_noise, smeared(o, rig.twist_window, own_noise))
         of_twists = of_poses * (1 / o.span if rig.twist_window is None else o.noise_gain)[:, None]
         self.observations = o = replace(o, acceleration=beyond_noise(o, of_twists))
         self.push = pushes_of(o.group)
@@ -180,7 +181,7 @@ class System(Equations):
             jolt = share * inertia * off
             jolt = jolt / np.maximum(1.0, np.linalg.norm(jolt / (1, 1, self.rho), axis=1, keepdims=True) / most)
             covariance += jolt[:, :, None] * jolt[:, None, :]
-        #: what noise leaves of a row's wrench, and what rows are trusted to: beside a facet of points any noise is too much
+        #: what noise leaves of a row's wrench, and what rows are trusted to, which is less beside the facets of points
         self.noise_covariance = covariance + full
         self.covariance = covariance + (full if self.believed.model is not None else linear + self._of_turns(loads))
         # nor at which of its speeds a row's friction is: that is no noise, but rows cannot be trusted to more

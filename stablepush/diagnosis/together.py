@@ -34,7 +34,8 @@ _OF_RIG, _ROUNDING = ("slider", "friction", "gravity", "contact_kind", "finger_r
 def join(logs: Sequence[PushLog], names: Sequence[str]) -> tuple[PushLog, np.ndarray]:
     """Return several logs of one rig as one, and the number (trials,) of the log of each trial.
 
-    Trials and groups have the name of their log before their own. The noise is the largest of all. Raises
+    Trials and groups have the name of their log before their own. The noise is the largest of all; twists count as those of
+    no window where the logs have different ones. Raises
     :class:`InputError` if the rigs differ, or a log is given twice.
     """
     first = rig_to_json(logs[0].rig)

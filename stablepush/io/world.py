@@ -89,7 +89,7 @@ def log_from_arrays(
         of the push, if the slider does not move yet. There must be three or more such rows; a trial without rest keeps its
         loads.
     window : float
-        s. Shorter follows faster motion, longer leaves less noise.
+        Width in s. A shorter one follows faster motion, a longer one leaves less noise.
     finger_distance : float, optional
         m, between the centres of two fingers, along the touched edge; ``tip_positions`` is midway between them. With it and
         ``rig.finger_radius`` the log has the contact point of each finger: of the one that is nearest to the outline in a

@@ -193,3 +193,11 @@ def test_friction_is_suspected_where_few_fingers_move(slips, creeps, ratio, susp
     of = FingerForces(np.arange(3), order, np.array(slips, bool), np.array(creeps, bool), np.array(ratio), np.full(3, 0.01))
     assert of.suspected_friction(0.5) == suspected
     assert of.suspected_friction(None) is None
+
+
+@pytest.mark.parametrize("seed", (3, 6, 7, 10))
+def test_a_cause_that_explains_more_takes_the_place_of_one_that_came_first(seed):
+    """A delay in a few pushes of one speed looks like a radius or an offset, by tests that are linear; it explains far more."""
+    report = sp.diagnose(make_log("latency:delay=0.2", count=8, seed=seed))
+    assert report.named == ["latency"]
+    assert report.ranking[0].parameters["delay"].estimate == pytest.approx(0.2, rel=0.05)

@@ -97,3 +97,30 @@ def test_the_window_of_twists_is_kept_in_the_log(tmp_path):
     (tmp_path / "log" / "rig.json").write_text(json.dumps(rig | {"twist_window": 0}))
     with pytest.raises(sp.InputError, match=r"twist_window"):
         sp.read_pushlog(tmp_path / "log")
+
+
+def test_a_trial_with_one_row_has_no_slope():
+    log = recorded(pushes=12)
+    alone = log.rows("1")[30]
+    kept = (log.samples["trial"] != "1") | (np.arange(len(log.samples["t"])) == alone)
+    few = sp.PushLog(log.rig, log.trials, {name: column[kept] for name, column in log.samples.items()})
+    assert sp.diagnose(few).verdict == "none"
+
+
+def test_poses_of_a_slow_tracker_on_a_faster_clock_have_no_noise_of_their_own():
+    """A straight push seen at 20 Hz with noise, on a clock of 200 Hz: by interpolation, and each pose held."""
+    rng, slow, fast = np.random.default_rng(9), np.arange(0.0, 1.0001, 0.05), np.arange(0.0, 1.0001, 0.005)
+    pushes, interpolated, held = 300, [], []
+    for _ in range(pushes):
+        seen = np.outer(slow, (0.02, 0.0, 0.0)) + rng.normal(size=(len(slow), 3)) * (NOISE.position, NOISE.position, NOISE.angle)
+        interpolated.append(np.stack([np.interp(fast, slow, column) for column in seen.T], axis=-1))
+        held.append(seen[np.minimum((fast / 0.05 + 1e-9).astype(int), len(slow) - 1)])
+    clock = (fast + 60.0 * np.arange(pushes)[:, None]).ravel()
+    trials = np.repeat([str(k) for k in range(pushes)], len(fast)).tolist()
+    for poses, least in ((interpolated, 0.7), (held, 0.6)):
+        log = sp.log_from_arrays(sp.Rig(SLIDER, noise=NOISE), clock, np.concatenate(poses), trials=trials, window=0.2)
+        o = observe(log)
+        middle = np.isin(np.concatenate([np.arange(n) for n in np.bincount(o.trial)]), (4, 5, 6, 7))
+        scatter = o.twist[middle].std(axis=0) / (NOISE.position, NOISE.position, NOISE.angle)
+        times = np.median(o.noise_gain[middle]) / scatter
+        assert (least < times).all() and (times < 1.6).all()

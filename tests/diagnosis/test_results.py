@@ -48,9 +48,9 @@ def test_a_plan_s_status_is_a_word_of_the_vocabulary():
     ("before", "after", "floor", "closed", "words"),
     [
         (0.05, 0.046, 0.046, 1.0, "explained 100 % (20 to 100)"),
-        (0.0473, 0.0473, 0.0473, 1.0, "within the noise"),
+        (0.0473, 0.0473, 0.0473, 1.0, "both within the noise"),
         (1.0, 3.0, 1.0, -9.0, "there was nothing to explain"),
-        (1.2, 3.0, 1.0, -9.0, "explained less than -100 % (20 to 100)"),
+        (1.2, 3.0, 1.0, -9.0, "explained nothing: more is left than before"),
         (0.0, 0.1, 0.0, 0.0, "explained 0 % (20 to 100)"),
     ],
 )
@@ -85,4 +85,4 @@ def test_what_is_left_is_told_beside_the_noise(before, after, noise, words):
     squares = {"before": np.full(6, before**2), "after": np.full(6, after**2)}
     entry = _reduction("pose", "m", np.arange(6), squares, noise**2)
     assert entry.sizes == words
-    assert (entry.explained == "within the noise") == (before == after)
+    assert (entry.explained == "both within the noise") == (before == after)

@@ -74,7 +74,7 @@ class MitPushes:
                 notes.append(f"skipped: {error}")
         if not logs:
             raise InputError("", f"expected at least one usable push, of {len(files)}: {notes[0]}", file=source.file)
-        log = _joined(rig, logs, numbers)
+        log = _joined(logs, numbers)
         return log, [*notes, *doubts(log)]
 
 
@@ -97,7 +97,7 @@ def _push(file: Path, rig: Rig, middle: FloatArray) -> tuple[PushLog, float]:
     return log, float(t[0])
 
 
-def _joined(rig: Rig, logs: list[tuple[PushLog, float]], labels: list[dict[str, str]]) -> PushLog:
+def _joined(logs: list[tuple[PushLog, float]], labels: list[dict[str, str]]) -> PushLog:
     """One log of many pushes, in the order of their time."""
     order = np.argsort([begin for _, begin in logs], kind="stable")
     names = [str(k + 1) for k in range(len(logs))]
@@ -122,7 +122,8 @@ def _joined(rig: Rig, logs: list[tuple[PushLog, float]], labels: list[dict[str, 
     power = sum(np.nansum(np.multiply(samples[f], samples[v])) for f, v in zip(_LOADS, ("vx", "vy", "omega"), strict=True))
     if power < 0:
         samples |= {column: (-np.array(samples[column])).tolist() for column in _LOADS}
-    return PushLog(rig, trials, samples)
+    # with the window of its twists
+    return PushLog(logs[0][0].rig, trials, samples)
 
 
 def _labels(file: Path) -> dict[str, str]:
