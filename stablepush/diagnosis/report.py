@@ -28,6 +28,15 @@ VERDICTS = tuple(Verdict)
 _SAME = 0.01
 
 
+#: What to do about a surface that is a little off.
+_NO_NEARER = (
+    "the surface is off by little more than noise, and a refitted one predicts left-out pushes no better: plans stay as they "
+    "are; more pokes before planning give a better one"
+)
+#: Effects that the import of a log takes off: no plan changes.
+_OF_IMPORTS = frozenset(("frame-offset", "latency", "force-rotation"))
+#: A channel is predicted worse by a correction that leaves so many times what there was, and what noise leaves.
+_WORSE, _BEYOND = 1.5, 1.1
 #: Causes that are less probable than this need no further experiment.
 _UNLIKELY = 0.05
 
@@ -96,16 +105,26 @@ class GapReport:
         if self.verdict != "named":
             friction = self.suspected_friction
             plan = [] if friction is None else [f"stablepush correct, then plan again for friction {friction:.3g} of the fingers"]
+            if self.verdict == "absorbed" and self.reductions and all(e.after >= e.before for e in self.reductions):
+                # where the gap is near the noise a refit has little to go by
+                return [_NO_NEARER, *plan]
             return plan if plan and self.verdict == "none" else [self.verdict.advice, *plan]
         remedies = [f"{id}: {self._remedy(id)}" for id in self.named]
-        if self.worse and all(entry.after >= entry.before for entry in self.reductions):
-            told = [(e.channel, size_in_words(e.before, e.unit), size_in_words(e.after, e.unit)) for e in self.reductions]
+        far = [] if _OF_IMPORTS.issuperset(self.named) else self._predicted_worse()
+        if far:
+            told = [(e.channel, size_in_words(e.before, e.unit), size_in_words(e.after, e.unit)) for e in far]
             changes = ", ".join(f"{channel} {before} to {after}" for channel, before, after in told)
             remedies.append(
-                f"but so corrected, pushes left out of the fit are predicted worse ({changes}): the cause acts in another form; "
-                "try single pushes of a corrected plan first"
+                f"but so corrected, pushes left out of the fit are predicted worse ({changes}): it may be another cause, or one "
+                "that acts in another form; try single pushes of a corrected plan first"
             )
         return remedies
+
+    def _predicted_worse(self) -> list[GapReduction]:
+        """Channels that the correction predicts worse: all, if none is nearer, else those that are then clear of their floor."""
+        if self.worse and all(entry.after >= entry.before for entry in self.reductions):
+            return list(self.reductions)
+        return [e for e in self.reductions if e.after > max(_WORSE * e.before, _BEYOND * e.noise_floor) and e.noise_floor > 0]
 
     @property
     def to_do(self) -> list[str]:

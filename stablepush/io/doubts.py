@@ -61,7 +61,8 @@ def _restless(log: PushLog) -> Iterator[str]:
     pushes = _powers(log)
     restless = sum(name not in resting for name in pushes)
     if restless:
-        yield f"{restless} of {len(pushes)} pushes have no rows at rest: an offset of the force sensor stays in them"
+        stays = "that of the rest nearest before is taken off them" if resting else "it stays in them"
+        yield f"{restless} of {len(pushes)} pushes have no rows at rest, which show the offset of the force sensor: {stays}"
 
 
 def _away(log: PushLog) -> Iterator[str]:

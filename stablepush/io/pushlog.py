@@ -213,12 +213,13 @@ class PushLog:
         return {name: np.array(rows, dtype=np.intp) for name, rows in groups.items()}
 
 
-def end_of_motion(poses: FloatArray, length: float) -> int:
+def end_of_motion(poses: FloatArray, length: float, few: int | None = None) -> int:
     """Return how many of the poses (n, 3) of a push, in the order of time, are there until the slider stands for good.
 
     All n, unless the rows in which it stands are many: a finger that has stopped may press on for a while, and the load of a
     slider that stands says nothing of its friction. ``length`` (m): an angle times it counts as a distance. What scatters about a
-    smooth motion is noise of the tracker.
+    smooth motion is noise of the tracker. ``few``: rows in which it stands that are not many; if not given, as many as a
+    motion may have that slows down.
     """
     if not len(poses):
         return 0
@@ -231,7 +232,7 @@ def end_of_motion(poses: FloatArray, length: float) -> int:
         return len(path)
     end = int(np.flatnonzero(apath > near)[-1]) + 1
     # of a steady motion as many rows as twice that share of the path are near its end
-    usual = max(_FEW, max(_LONG, _LONG / 3 + 2 * near / travel) * len(path))
+    usual = max(_FEW, max(_LONG, _LONG / 3 + 2 * near / travel) * len(path)) if few is None else few
     return end if len(path) - end > usual else len(path)
 
 

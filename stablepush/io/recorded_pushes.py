@@ -11,6 +11,7 @@ import numpy as np
 from stablepush.core import FloatArray, InputError, StablepushWarning
 from stablepush.geometry import point_velocity, rotate_vectors, transform_points
 from stablepush.io.pushlog import end_of_motion
+from stablepush.io.sensor_offset import LEAST_REST, is_clear
 from stablepush.objects import Slider
 
 #: Share of the speed of the fastest point of the outline, of the greatest in the trial, above which the slider moves.
@@ -34,8 +35,8 @@ _SLOW_TRAVEL = 2e-3
 _UNSEEN = 5.0
 #: A slider that is so far (m) from where it was in the row before, and was this many times as quick as usual, was set back.
 _JUMP, _QUICKER = 5e-3, 8.0
-#: Least rows at rest from which the offset of the force sensor is taken.
-LEAST_REST = 3
+#: A tip that stands for more rows has stopped.
+_FEW = 2
 #: Rows whose median begins and ends a trial.
 _ENDS = 5
 
@@ -103,9 +104,18 @@ def _jumps(slider: Slider, t: FloatArray, body: FloatArray) -> np.ndarray[Any, n
 
 
 def phases_of(
-    slider: Slider, poses: FloatArray, speed: FloatArray, forces: FloatArray | None
+    slider: Slider,
+    poses: FloatArray,
+    speed: FloatArray,
+    forces: FloatArray | None,
+    away: FloatArray | None = None,
+    tips: FloatArray | None = None,
 ) -> np.ndarray[Any, np.dtype[np.object_]]:
-    """Phases (n,) of a trial: ``push`` from the step of the force to where it is gone; without forces, while the slider moves."""
+    """Phases (n,) of a trial: ``push`` from the step of the force to where it is gone; without forces, while the slider moves.
+
+    ``away``: clearances (n,) in m of the finger. Before the push the sensor rests where the tip is away; before
+    that a finger may press that has ended another push, in ``approach``. ``tips`` (n, 2): a push ends where the tip stops.
+    """
     phases = np.full(len(speed), "push", dtype=object)
     moving = np.flatnonzero(speed > _MOVES * speed.max())
     if not len(moving):
@@ -118,6 +128,43 @@ def phases_of(
     if not steady.any():
         return phases
     load, zero = np.median(forces[steady], axis=0), np.zeros(2)
+    first_steady = int(np.argmax(steady))
+    clear = np.zeros(0, dtype=int) if away is None else np.flatnonzero((is_clear(away, steady) & known)[:first_steady])
+    if len(clear) >= LEAST_REST:
+        zero = np.median(forces[clear], axis=0)
+        step = _STEP * float(np.linalg.norm(load - zero))
+        pressed = known & (_size(forces - zero) > step)
+        pressed[: clear[-1] + 1] = False
+        begin = int(np.argmax(pressed)) if pressed.any() else first_steady
+        phases[:begin] = "rest"
+        phases[:begin][known[:begin] & (_size(forces[:begin] - zero) > step)] = "approach"
+    else:
+        zero = _of_step(slider, poses, speed, forces, phases, load)
+    left = np.flatnonzero(known & (_size(forces - zero) > _LEFT * np.linalg.norm(load - zero)))
+    if len(left) and left[-1] >= moving[0]:
+        phases[left[-1] + 1 :] = "retract"
+    # a finger that has stopped may press on
+    pushed = np.flatnonzero((phases == "push") & np.isfinite(poses).all(axis=1))
+    if len(pushed):
+        stands = end_of_motion(poses[pushed], slider.characteristic_length)
+        if tips is not None and np.isfinite(tips[pushed]).all():
+            # a robot knows better than a tracker when it stops
+            stands = min(stands, end_of_motion(np.column_stack((tips[pushed], 0 * pushed)), 0.0, _FEW))
+        if stands < len(pushed):
+            phases[pushed[stands] :] = "retract"
+    return phases
+
+
+def _of_step(
+    slider: Slider,
+    poses: FloatArray,
+    speed: FloatArray,
+    forces: FloatArray,
+    phases: np.ndarray[Any, np.dtype[np.object_]],
+    load: FloatArray,
+) -> FloatArray:
+    """Set the rest of a trial whose tip may touch from the first, by the step of the force; return what the sensor reads."""
+    known = np.asarray(np.isfinite(forces).all(axis=1))
     # few rows may come before the step: one, in the worst case
     for count in (LEAST_REST, 1):
         first = np.median(forces[np.flatnonzero(known)[:count]], axis=0)
@@ -130,18 +177,8 @@ def phases_of(
         share = rest / len(speed)
         if rest and travel(slider, poses[:rest]) < SLIPS * share * travel(slider, poses) + _STILL:
             phases[:rest] = "rest"
-            zero = np.median(forces[:rest][known[:rest]], axis=0) if rest >= LEAST_REST else zero
-            break
-    left = np.flatnonzero(known & (_size(forces - zero) > _LEFT * np.linalg.norm(load - zero)))
-    if len(left) and left[-1] >= moving[0]:
-        phases[left[-1] + 1 :] = "retract"
-    # a finger that has stopped may press on
-    pushed = np.flatnonzero((phases == "push") & np.isfinite(poses).all(axis=1))
-    if len(pushed):
-        stands = end_of_motion(poses[pushed], slider.characteristic_length)
-        if stands < len(pushed):
-            phases[pushed[stands] :] = "retract"
-    return phases
+            return np.median(forces[:rest][known[:rest]], axis=0) if rest >= LEAST_REST else np.zeros(2)
+    return np.zeros(2)
 
 
 def twists_of(t: FloatArray, poses: FloatArray, window: float) -> FloatArray:

@@ -17,7 +17,6 @@ from stablepush.identify import SlipPairs
 from stablepush.io.doubts import doubts, largest_step
 from stablepush.io.pushlog import PushLog, Rig
 from stablepush.io.recorded_pushes import (
-    LEAST_REST,
     LEAST_TRAVEL,
     SLIPS,
     named_rows,
@@ -27,10 +26,13 @@ from stablepush.io.recorded_pushes import (
     travel,
     twists_of,
 )
+from stablepush.io.sensor_offset import zeroed
 from stablepush.objects import Slider
 
 #: What a force acts on: the slider, the finger (its reaction), or whichever makes the power of the pushes positive.
 FORCES_ON = ("slider", "finger", "power")
+#: Rows, about so many, whose headings tell how the tool holds two fingers, and the cosine of how far headings alike differ.
+_FACING, _ALIKE = 300, 0.98
 #: A finger that is farther (m) from the outline, or than it usually is in a push, does not touch it.
 _TOUCHES = 1e-3
 #: So far (m) from it a finger that touches it may seem to be.
@@ -85,9 +87,12 @@ def log_from_arrays(
         Moments about the tip, along z (N·m). Two fingers need them. Without moments nobody knows where between the
         fingers the force acts: ``tau`` is then blank, and a :class:`StablepushWarning` says so.
     zero_forces : bool
-        Take off what the sensor reads at rest in each trial: the median of its first rows, up to where the force steps to that
-        of the push, if the slider does not move yet. There must be three or more such rows; a trial without rest keeps its
-        loads.
+        Take off what the sensor reads at rest in each trial: the median of its rows before the push in which the tip is away
+        from the outline, else of its first rows, up to where the force steps to that of the push, if the slider does not move
+        yet. There must be three or more such rows. A trial without rest has the offset of the last rest before it, or else of
+        the first after it; rows without a trial in which the tip is away are rest, too. Where the tip has a heading the offset
+        turns with the tool, unless readings at rest agree better without. A finger that stopped and still presses is not at
+        rest.
     window : float
         Width in s. A shorter one follows faster motion, a longer one leaves less noise.
     finger_distance : float, optional
@@ -151,36 +156,40 @@ def log_from_arrays(
     if not names:
         raise InputError("poses" if trials is None else "trials", "expected at least one push, found none")
     columns: dict[str, list[Any]] = {"trial": [], "t": [], "phase": []}
-    parts: dict[str, list[FloatArray]] = {"pose": [], "twist": [], "force": [], "moment": [], "place": [], "pusher": []}
-    begins = []
-    for name, mine in zip(names, rows, strict=True):
+    parts: dict[str, list[FloatArray]] = {"pose": [], "twist": [], "load": [], "place": [], "pusher": []}
+    begins, recorded = [], []
+    twists = [twists_of(t[mine], body[mine], window) for mine in rows]
+    speeds = [speeds_of(rig.slider, one) for one in twists]
+    away = np.full(n, np.nan)
+    if tips is not None:
+        steady = [mine[speed >= SLIPS * np.percentile(speed, 95)] for mine, speed in zip(rows, speeds, strict=True)]
+        away = _outside(rig.slider, body, tips, finger_distance or 0.0, np.concatenate(steady)) - (rig.finger_radius or 0.0)
+    for name, mine, twist, speed in zip(names, rows, twists, speeds, strict=True):
         clock, here = t[mine], body[mine]
-        twists = twists_of(clock, here, window)
-        read = None if world is None else world[mine]
-        phases = phases_of(rig.slider, here, speeds_of(rig.slider, twists), read)
+        read, tip = (None if values is None else values[mine, :2] for values in (world, tips))
+        phases = phases_of(rig.slider, here, speed, read, away[mine], tip)
         columns["trial"] += [name] * len(mine)
         columns["t"] += (clock - clock[0]).tolist()
-        columns["phase"] += phases.tolist()
         begins.append(float(clock[0]))
         parts["pose"].append(here)
-        parts["twist"].append(twists)
+        parts["twist"].append(twist)
+        recorded.append(phases)
         if tips is not None:
             parts["pusher"].append(_pushers(rig.slider, here, tips[mine], phases))
-        if read is not None and tips is not None:
-            moment = np.zeros(len(mine)) if turning is None else turning[mine]
-            rest = (phases == "rest") & np.isfinite(read).all(axis=1) & (np.isfinite(moment) | (moments is None))
-            if zero_forces and rest.sum() >= LEAST_REST:
-                read, moment = read - np.median(read[rest], axis=0), moment - np.median(moment[rest])
-            local = _into(here, tips[mine, :2])
-            parts["force"].append(rotate_vectors(-here[:, 2], read))
+    if world is not None and tips is not None:
+        readings = np.column_stack((world, np.zeros(n) if turning is None else turning))
+        if zero_forces:
+            readings = zeroed(t, readings, away, tips[:, 2] if tips.shape[1] == 3 else None, rows, recorded)
+        for mine, phases in zip(rows, recorded, strict=True):
+            local, read = _into(body[mine], tips[mine, :2]), readings[mine]
             place = nearest_on_outline(rig.slider.vertices, local)[0]
             parts["place"].append(np.where(_touching(local, place, phases)[:, None], place, np.nan))
-            arms = place if turning is None else local
-            load = parts["force"][-1]
-            parts["moment"].append((moment + arms[:, 0] * load[:, 1] - arms[:, 1] * load[:, 0])[:, None])
+            arms, force = place if turning is None else local, rotate_vectors(-body[mine, 2], read[:, :2])
+            parts["load"].append(np.column_stack((force, read[:, 2] + arms[:, 0] * force[:, 1] - arms[:, 1] * force[:, 0])))
+    columns["phase"] = np.concatenate(recorded).tolist()
     found = {name: np.concatenate(several) for name, several in parts.items() if several}
-    if "force" in found:
-        load = np.column_stack((found["force"], found["moment"]))
+    if "load" in found:
+        load = found["load"]
         power = np.nansum((load * found["twist"])[np.array(columns["phase"]) == "push"])
         if forces_on == "finger" or (forces_on == "power" and power < 0):
             load = -load
@@ -358,6 +367,36 @@ def _touched(
 def _into(poses: FloatArray, points: FloatArray) -> FloatArray:
     """Points (n, 2) of W, one for each pose (n, 3), as the frame of that pose has them."""
     return rotate_vectors(-poses[:, 2], points - poses[:, :2])
+
+
+def _outside(slider: Slider, body: FloatArray, tips: FloatArray, distance: float, pushes: np.ndarray) -> FloatArray:
+    """How far (n,) in m a tip is outside the outline; of two fingers at a ``distance`` (m) the nearer one; inside is negative.
+
+    Two fingers face the edges that they push: how the tool holds them follows from the rows ``pushes``. If its heading is not
+    known, both are taken to be as near as they may be.
+    """
+    centers, reach = [tips[:, :2]], 0.0
+    if distance and tips.shape[1] == 3:
+        pushes = pushes[np.isfinite(np.column_stack((body, tips))[pushes]).all(axis=1)]
+        along = nearest_on_outline(slider.vertices, _into(body[pushes], tips[pushes, :2]))[1]
+        edges = np.roll(slider.vertices, -1, axis=0) - slider.vertices
+        edge = edges[np.minimum(np.searchsorted(np.cumsum(np.linalg.norm(edges, axis=1)), along), len(edges) - 1)]
+        held = np.exp(1j * (body[pushes, 2] + np.arctan2(edge[:, 0], -edge[:, 1]) - tips[pushes, 2]))
+        # where an object was lost they face anything
+        some = held[:: 1 + len(held) // _FACING]
+        alike = np.real(some[:, None] * some[None].conj()) > _ALIKE
+        faces = tips[:, 2] + float(np.angle(some[alike[int(np.argmax(alike.sum(axis=1)))]].sum() if len(some) else 1.0))
+        side = 0.5 * distance * np.column_stack((-np.sin(faces), np.cos(faces)))
+        centers = [tips[:, :2] + side, tips[:, :2] - side]
+    elif distance:
+        reach = 0.5 * distance
+    found = []
+    for center in centers:
+        local = _into(body, center)
+        away = np.linalg.norm(local - nearest_on_outline(slider.vertices, local)[0], axis=1)
+        found.append(np.where(shapely.contains_xy(slider.polygon, *local.T), -away, away))
+    nearer = np.min(found, axis=0)
+    return np.maximum(nearer - reach, np.minimum(nearer, 0.0))
 
 
 def _touching(tips: FloatArray, places: FloatArray, phases: np.ndarray[Any, np.dtype[np.object_]]) -> BoolArray:

@@ -1,0 +1,127 @@
+"""What a force sensor reads that touches nothing: its offset, which is taken off the readings of each push."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from stablepush.core import BoolArray, FloatArray
+from stablepush.geometry import rotate_vectors
+
+#: Least rows at rest from which an offset is taken.
+LEAST_REST = 3
+#: A tip that is so much farther (m) from the outline than in a push touches nothing.
+_CLEAR = 1e-3
+#: A finger presses on from the push before if it reads what it read at the end of that, up to this share of the load.
+_PRESSES = 0.3
+#: Tools whose headings (rad) differ by more show whether the offset turns with them.
+_TURNED = 0.2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spell:
+    """Medians of readings ``(fx, fy, moment)`` in W: at rest, and at the end of the push behind it; NaN where rows are too few.
+
+    ``time``: s. ``heading``: of the tool, rad; NaN if unknown. ``clear``: whether the tip was away from the outline.
+    """
+
+    time: float
+    heading: float
+    rest: FloatArray
+    end: FloatArray
+    clear: bool
+
+    @property
+    def is_known(self) -> bool:
+        return bool(np.isfinite(self.rest[:2]).all())
+
+
+def is_clear(away: FloatArray, pushes: BoolArray) -> BoolArray:
+    """Rows (n,) in which a finger is farther from the outline, ``away`` in m, than it usually is in rows that push."""
+    near = away[pushes & np.isfinite(away)]
+    return np.asarray(away > max(0.0, float(np.median(near))) + _CLEAR) if len(near) else np.zeros(len(away), dtype=bool)
+
+
+def zeroed(
+    t: FloatArray,
+    readings: FloatArray,
+    away: FloatArray,
+    heading: FloatArray | None,
+    trials: Sequence[np.ndarray[Any, np.dtype[np.intp]]],
+    phases: Sequence[np.ndarray[Any, np.dtype[np.object_]]],
+) -> FloatArray:
+    """Return readings ``(fx, fy, moment)`` (n, 3) in W less the offset of the sensor in each trial.
+
+    A trial without rest has the offset of the last rest before it, else of the first after it, or 0. Rows without a trial in
+    which the tip is clear of the outline are rest, too. Rows at rest in which a finger presses on that stopped at the end of the
+    push before become ``approach``. ``away``: clearances (n,) in m of the finger; ``heading`` (n,) of the tool, if
+    it is known: the offset turns with it, unless readings at rest agree better without.
+    """
+    turned = np.full(len(t), np.nan) if heading is None else heading
+    known, pushes = np.asarray(np.isfinite(readings[:, :2]).all(axis=1)), np.zeros(len(t), dtype=bool)
+    spells, lonely = [], np.ones(len(t), dtype=bool)
+    for rows, phase in zip(trials, phases, strict=True):
+        pushes[rows[phase == "push"]], lonely[rows] = True, False
+        rest, push = (rows[known[rows] & (phase == word)] for word in ("rest", "push"))
+        # on the way to another contact the tool may turn
+        rest = rest[~(np.abs(turned[rest] - turned[rest[-1:]]) > _TURNED)]
+        clear = bool(is_clear(away[rows], phase == "push")[np.isin(rows, rest)].any())
+        end = _middle(readings, push[-LEAST_REST:])
+        spells.append(_Spell(t[rows[0]], _middle(turned, rest), _middle(readings, rest), end, clear))
+    free = np.flatnonzero(lonely & known & is_clear(away, pushes))
+    for rows in np.split(free, 1 + np.flatnonzero(np.diff(free) > 1)):
+        if len(rows) >= LEAST_REST:
+            spells.append(_Spell(t[rows[0]], _middle(turned, rows), _middle(readings, rows), np.full(3, np.nan), True))
+    found, result = _at_rest(spells, len(trials), phases), readings.copy()
+    turns = _turns_with_tool(found)
+    for spell, rows in zip(spells, trials, strict=False):
+        before = [other for other in found if other.time <= spell.time]
+        for other in (before or found[:1])[-1:]:
+            at = np.nanmedian(turned[rows]) if turns and np.isfinite(turned[rows]).any() else np.nan
+            result[rows] -= other.rest if other is spell else _turned(other, at)
+    return result
+
+
+def _at_rest(spells: list[_Spell], trials: int, phases: Sequence[np.ndarray[Any, np.dtype[np.object_]]]) -> list[_Spell]:
+    """Spells that show the offset, in the order of time; rests of trials in which a finger presses become ``approach``."""
+    found: list[_Spell] = [spell for spell in spells if spell.clear and spell.is_known][:1]
+    offset, previous, result = (found[0].rest if found else np.zeros(3)), np.full(3, np.nan), []
+    for k in sorted(range(len(spells)), key=lambda k: spells[k].time):
+        spell = spells[k]
+        if spell.is_known:
+            # a finger that has stopped reads what it read at the end of the push before, and not the offset
+            gap = float(np.linalg.norm((previous - offset)[:2]))
+            if not spell.clear and float(np.linalg.norm((spell.rest - previous)[:2])) < _PRESSES * gap:
+                phases[k][phases[k] == "rest"] = "approach"
+            else:
+                result.append(spell)
+                offset = spell.rest
+        previous = spell.end if k < trials else np.full(3, np.nan)
+    return result
+
+
+def _turns_with_tool(found: Sequence[_Spell]) -> bool:
+    """Whether readings at rest agree at least as well as what turns with the tool."""
+    fixed = turning = 0.0
+    for one, other in pairwise(found):
+        if abs(other.heading - one.heading) > _TURNED:
+            fixed += float(np.linalg.norm((other.rest - one.rest)[:2]))
+            turning += float(np.linalg.norm((other.rest - _turned(one, other.heading))[:2]))
+    return turning <= fixed
+
+
+def _turned(spell: _Spell, heading: float) -> FloatArray:
+    """What a sensor reads at rest when its tool has another heading (rad); NaN: the same."""
+    angle = heading - spell.heading
+    return np.append(rotate_vectors(np.asarray(angle if np.isfinite(angle) else 0.0), spell.rest[:2]), spell.rest[2])
+
+
+def _middle(values: FloatArray, rows: np.ndarray[Any, np.dtype[np.intp]]) -> Any:
+    """Median of rows; NaN where they are too few."""
+    if len(rows) < LEAST_REST:
+        return np.full(values.shape[1:], np.nan) if values.ndim > 1 else np.nan
+    return np.median(values[rows], axis=0)
