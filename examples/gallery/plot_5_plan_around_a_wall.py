@@ -3,7 +3,7 @@ Plan round a wall
 =================
 
 A path of stable pushes among obstacles: the slider sticks to two fingers throughout, so that nothing has to be watched.
-Every push keeps 0.03 rad from the boundary of the stable region; with ``region="all-pressure"`` it would hold for every
+Every push has a load that is 0.03 rad or more inside the friction cone; with ``region="all-pressure"`` it would hold for every
 pressure distribution.
 """
 

@@ -134,7 +134,7 @@ def correct(
 ) -> None:
     """Write the scene of the rig as a diagnosis found it.
 
-    Its surface, fingers and effects are the corrected ones, with what is left uncertain of them.
+    Its surface, fingers and effects are the corrected ones, each with its uncertainty.
     """
     from stablepush.effects import CATALOGUE
     from stablepush.io import read_json

@@ -335,9 +335,10 @@ def trajectory(
         save_rosbag(samples, rosbag, tool_poses=tool_poses)
     save_trajectory(samples, output, tool_poses)
     told(output=output, samples=len(samples.t), duration=samples.t[-1], duration_of_plan=result.duration)
+    changes = f", and with {problem.switch_cost:g} s for a change of contact" if result.switches else ""
     print(
         f"{output}: {len(samples.t)} samples over {samples.t[-1]:.2f} s; the plan takes {result.duration:.2f} s, "
-        "without approach, retract and limits of acceleration"
+        f"without approach, retract and limits of acceleration{changes}"
     )
     also_written(rosbag)
     note_if_invalid(problem, result, plan_file)

@@ -76,7 +76,7 @@ class Node:
         missing = [key for key in keys if key not in self.object()]
         if missing:
             first, *others = missing
-            self._child(first, None).fail(f"missing key{', and so are ' if others else ''}{', '.join(others)}")
+            self._child(first, None).fail(f"missing key{'; also missing: ' if others else ''}{', '.join(others)}")
 
     def items(self) -> Iterator[Node]:
         """The entries of a list."""

@@ -84,7 +84,7 @@ class RankedEffect(Record):
 
     @property
     def by_terms(self) -> bool:
-        """Whether only the terms of its family act: the interval of its own parameter holds the value without the effect."""
+        """Whether only the terms of its family act. The interval of its own parameter then holds the value without the effect."""
         if self.form is None or self.effect not in CATALOGUE or not self.parameters:
             return False
         first = CATALOGUE[self.effect].parameters[0]

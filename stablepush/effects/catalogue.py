@@ -68,7 +68,7 @@ class EffectKind:
 
     @property
     def changes_plans(self) -> bool:
-        """Whether stable pushes may be others with it: not with effects of the sensors, nor with friction that changes alike
+        """Whether other pushes may be stable with it. Not so with effects of the sensors, nor with friction that changes alike
         everywhere."""
         return self.acts != "sensing" and self.id not in _PLAN_NEUTRAL
 

@@ -111,7 +111,7 @@ class PushLog:
     Raises
     ------
     InputError
-        If a column lacks that the format asks for, columns differ in length, numbers are none, or a row is of no trial.
+        If a required column is missing, columns differ in length, a value is not a number, or a row belongs to no trial.
     """
 
     rig: Rig
@@ -138,7 +138,7 @@ class PushLog:
 
     @property
     def own_columns(self) -> list[str]:
-        """The columns of ``trials`` that the format does not have: a lab's own."""
+        """A lab's own columns of ``trials``, which the format does not have."""
         return [name for name in self.trials if name not in (*OF_TRIALS, *TRIAL_NUMBERS, "group")]
 
     def columns(self, *names: str) -> FloatArray:

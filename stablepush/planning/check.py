@@ -42,7 +42,7 @@ class CheckReport:
 
     @property
     def only_margins_differ(self) -> bool:
-        """Whether all that is wrong is the margins that a plan states, as where it was made for another scene: its pushes are
+        """Whether all that is wrong is the margins that a plan states, as where it was made for another scene. Its pushes are
         stable all the same."""
         return bool(self.objections) and all(_OTHER_MARGIN in words for words in self.objections)
 

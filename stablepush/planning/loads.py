@@ -68,7 +68,7 @@ class PushLoads:
     places : array, shape (q, 2)
         Places in W (m) that stand for all places within the bounds: where friction is least and greatest.
 
-    Raises :class:`InputError` if mass, friction or bounds lack that an effect needs.
+    Raises :class:`InputError` if an effect needs a mass, friction or bounds that the problem does not have.
     """
 
     def __init__(self, problem: PlanningProblem, surface: LimitSurface, effects: Sequence[KnownEffect]) -> None:

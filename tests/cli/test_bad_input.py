@@ -88,7 +88,11 @@ JSON_FAULTS = [
     ("scene", lambda v: v.update(obstacles=[[[0, 0], [1, 0]]]), "obstacles[0]"),
     ("scene", lambda v: v["pusher"].update(outline=[[0, 0], [1, 1], [1, 0], [0, 1]]), "pusher.outline"),
     ("scene", lambda v: v.pop("pusher"), "pusher: missing key"),
-    ("scene", lambda v: [v.pop(k) for k in ("speed", "min_margin", "goal")], "goal: missing key, and so are speed, min_margin"),
+    (
+        "scene",
+        lambda v: [v.pop(k) for k in ("speed", "min_margin", "goal")],
+        "goal: missing key; also missing: speed, min_margin",
+    ),
     ("scene", lambda v: v.update(start=[2e6, 0, 0]), "start"),
     ("scene", lambda v: v.update(switch_cost=True), "switch_cost"),
     ("plan", lambda v: v.update(format="plan/0"), "format"),
