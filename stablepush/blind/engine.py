@@ -15,6 +15,8 @@ IN_FEET, HEAVY, FOOT, HEIGHT, HALF = 0.999, 500.0, 0.002, 0.03, 0.01
 #: Travel (m) after which a push is recorded, where inertia is to show and where it is not; share of the speed at first, where it
 #: is; force (N) at which friction of the form "load" is nominal.
 _MOVES, _FROM, _NOMINAL_FORCE = (5e-5, 5e-4), 0.25, 1.5
+#: Friction of the fingers, at least.
+_LEAST_MU = 0.02
 
 
 @dataclass(frozen=True)
@@ -50,10 +52,11 @@ def contact_mu_under(world: World, force: np.ndarray) -> np.ndarray:
     """Friction (...) of the fingers under forces (..., 2) of the pusher, in N."""
     contact_mu = world.of("contact-friction")
     if contact_mu is None or contact_mu.form != "load":
-        return np.full(force.shape[:-1], world.contact_mu + (contact_mu.numbers["change"] if contact_mu is not None else 0.0))
+        change = 0.0 if contact_mu is None else contact_mu.numbers["change"]
+        return np.full(force.shape[:-1], max(_LEAST_MU, world.contact_mu + change))
     # a single finger has all of the load, two share it
     size = np.linalg.norm(force, axis=-1) / (2 if world.two else 1)
-    return np.maximum(0.02, world.contact_mu + contact_mu.numbers["change"] * 2 * size / (size + _NOMINAL_FORCE))
+    return np.maximum(_LEAST_MU, world.contact_mu + contact_mu.numbers["change"] * 2 * size / (size + _NOMINAL_FORCE))
 
 
 class Engine(ABC):

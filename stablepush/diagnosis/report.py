@@ -105,7 +105,11 @@ class GapReport:
         if self.verdict != "named":
             friction = self.suspected_friction
             plan = [] if friction is None else [f"stablepush correct, then plan again for friction {friction:.3g} of the fingers"]
-            if self.verdict == "absorbed" and self.reductions and all(e.after >= e.before for e in self.reductions):
+            if (
+                self.verdict == "absorbed"
+                and self.reductions
+                and all(e.before <= min(e.after, _WORSE * e.noise_floor) for e in self.reductions)
+            ):
                 # where the gap is near the noise a refit has little to go by
                 return [_NO_NEARER, *plan]
             return plan if plan and self.verdict == "none" else [self.verdict.advice, *plan]

@@ -61,8 +61,10 @@ def _restless(log: PushLog) -> Iterator[str]:
     pushes = _powers(log)
     restless = sum(name not in resting for name in pushes)
     if restless:
-        stays = "that of the rest nearest before is taken off them" if resting else "it stays in them"
-        yield f"{restless} of {len(pushes)} pushes have no rows at rest, which show the offset of the force sensor: {stays}"
+        yield (
+            f"{restless} of {len(pushes)} pushes have no rows at rest, which show the offset of the force sensor: that of "
+            "another rest is taken off them, if there is one"
+        )
 
 
 def _away(log: PushLog) -> Iterator[str]:

@@ -232,7 +232,11 @@ def end_of_motion(poses: FloatArray, length: float, few: int | None = None) -> i
         return len(path)
     end = int(np.flatnonzero(apath > near)[-1]) + 1
     # of a steady motion as many rows as twice that share of the path are near its end
-    usual = max(_FEW, max(_LONG, _LONG / 3 + 2 * near / travel) * len(path)) if few is None else few
+    usual = (
+        max(_FEW, max(_LONG, _LONG / 3 + 2 * near / travel) * len(path))
+        if few is None
+        else max(few, 2 * near / travel * len(path))
+    )
     return end if len(path) - end > usual else len(path)
 
 

@@ -114,7 +114,8 @@ def phases_of(
     """Phases (n,) of a trial: ``push`` from the step of the force to where it is gone; without forces, while the slider moves.
 
     ``away``: clearances (n,) in m of the finger. Before the push the sensor rests where the tip is away; before
-    that a finger may press that has ended another push, in ``approach``. ``tips`` (n, 2): a push ends where the tip stops.
+    that a finger may press that has ended another push, in ``approach``. ``tips`` (n, 2 or 3): a push ends where
+    the tip stops.
     """
     phases = np.full(len(speed), "push", dtype=object)
     moving = np.flatnonzero(speed > _MOVES * speed.max())
@@ -147,9 +148,12 @@ def phases_of(
     pushed = np.flatnonzero((phases == "push") & np.isfinite(poses).all(axis=1))
     if len(pushed):
         stands = end_of_motion(poses[pushed], slider.characteristic_length)
-        if tips is not None and np.isfinite(tips[pushed]).all():
+        seen = pushed[:0] if tips is None else pushed[np.isfinite(tips[pushed]).all(axis=1)]
+        if tips is not None and len(seen):
             # a robot knows better than a tracker when it stops
-            stands = min(stands, end_of_motion(np.column_stack((tips[pushed], 0 * pushed)), 0.0, _FEW))
+            path = np.column_stack((tips[seen], np.zeros((len(seen), 3 - tips.shape[1]))))
+            stops = end_of_motion(path, slider.characteristic_length, _FEW)
+            stands = min(stands, int(np.searchsorted(pushed, seen[stops - 1])) + 1) if stops < len(seen) else stands
         if stands < len(pushed):
             phases[pushed[stands] :] = "retract"
     return phases

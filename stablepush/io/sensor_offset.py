@@ -26,10 +26,11 @@ _TURNED = 0.2
 class _Spell:
     """Medians of readings ``(fx, fy, moment)`` in W: at rest, and at the end of the push behind it; NaN where rows are too few.
 
-    ``time``: s. ``heading``: of the tool, rad; NaN if unknown. ``clear``: whether the tip was away from the outline.
+    ``row``: the first, of the record. ``heading``: of the tool, rad; NaN if unknown. ``clear``: whether the tip was away from the
+    outline.
     """
 
-    time: float
+    row: int
     heading: float
     rest: FloatArray
     end: FloatArray
@@ -47,7 +48,6 @@ def is_clear(away: FloatArray, pushes: BoolArray) -> BoolArray:
 
 
 def zeroed(
-    t: FloatArray,
     readings: FloatArray,
     away: FloatArray,
     heading: FloatArray | None,
@@ -61,9 +61,9 @@ def zeroed(
     push before become ``approach``. ``away``: clearances (n,) in m of the finger; ``heading`` (n,) of the tool, if
     it is known: the offset turns with it, unless readings at rest agree better without.
     """
-    turned = np.full(len(t), np.nan) if heading is None else heading
-    known, pushes = np.asarray(np.isfinite(readings[:, :2]).all(axis=1)), np.zeros(len(t), dtype=bool)
-    spells, lonely = [], np.ones(len(t), dtype=bool)
+    turned = np.full(len(readings), np.nan) if heading is None else heading
+    known, pushes = np.asarray(np.isfinite(readings[:, :2]).all(axis=1)), np.zeros(len(readings), dtype=bool)
+    spells, lonely = [], np.ones(len(readings), dtype=bool)
     for rows, phase in zip(trials, phases, strict=True):
         pushes[rows[phase == "push"]], lonely[rows] = True, False
         rest, push = (rows[known[rows] & (phase == word)] for word in ("rest", "push"))
@@ -71,36 +71,39 @@ def zeroed(
         rest = rest[~(np.abs(turned[rest] - turned[rest[-1:]]) > _TURNED)]
         clear = bool(is_clear(away[rows], phase == "push")[np.isin(rows, rest)].any())
         end = _middle(readings, push[-LEAST_REST:])
-        spells.append(_Spell(t[rows[0]], _middle(turned, rest), _middle(readings, rest), end, clear))
+        spells.append(_Spell(int(rows[0]), _middle(turned, rest), _middle(readings, rest), end, clear))
     free = np.flatnonzero(lonely & known & is_clear(away, pushes))
     for rows in np.split(free, 1 + np.flatnonzero(np.diff(free) > 1)):
         if len(rows) >= LEAST_REST:
-            spells.append(_Spell(t[rows[0]], _middle(turned, rows), _middle(readings, rows), np.full(3, np.nan), True))
+            spells.append(_Spell(int(rows[0]), _middle(turned, rows), _middle(readings, rows), np.full(3, np.nan), True))
     found, result = _at_rest(spells, len(trials), phases), readings.copy()
     turns = _turns_with_tool(found)
-    for spell, rows in zip(spells, trials, strict=False):
-        before = [other for other in found if other.time <= spell.time]
-        for other in (before or found[:1])[-1:]:
-            at = np.nanmedian(turned[rows]) if turns and np.isfinite(turned[rows]).any() else np.nan
-            result[rows] -= other.rest if other is spell else _turned(other, at)
+    for spell, rows, phase in zip(spells, trials, phases, strict=False):
+        before = [other for other in found if other.row <= spell.row]
+        for other in [spell] if spell in found else (before or found[:1])[-1:]:
+            at = _middle(turned, rows[phase == "push"]) if turns else np.nan
+            # a moment that no rest shows is not taken off
+            result[rows] -= np.nan_to_num(other.rest if other is spell else _turned(other, at))
     return result
 
 
 def _at_rest(spells: list[_Spell], trials: int, phases: Sequence[np.ndarray[Any, np.dtype[np.object_]]]) -> list[_Spell]:
-    """Spells that show the offset, in the order of time; rests of trials in which a finger presses become ``approach``."""
-    found: list[_Spell] = [spell for spell in spells if spell.clear and spell.is_known][:1]
-    offset, previous, result = (found[0].rest if found else np.zeros(3)), np.full(3, np.nan), []
-    for k in sorted(range(len(spells)), key=lambda k: spells[k].time):
+    """Spells that show the offset, in the order of the record; rests of trials in which a finger presses become ``approach``."""
+    order = sorted(range(len(spells)), key=lambda k: spells[k].row)
+    offset = next((spells[k].rest for k in order if k < trials and spells[k].clear and spells[k].is_known), np.full(3, np.nan))
+    previous, result = np.full(3, np.nan), []
+    for k in order:
         spell = spells[k]
         if spell.is_known:
             # a finger that has stopped reads what it read at the end of the push before, and not the offset
             gap = float(np.linalg.norm((previous - offset)[:2]))
-            if not spell.clear and float(np.linalg.norm((spell.rest - previous)[:2])) < _PRESSES * gap:
-                phases[k][phases[k] == "rest"] = "approach"
+            if (k >= trials or not spell.clear) and float(np.linalg.norm((spell.rest - previous)[:2])) < _PRESSES * gap:
+                if k < trials:
+                    phases[k][phases[k] == "rest"] = "approach"
             else:
                 result.append(spell)
                 offset = spell.rest
-        previous = spell.end if k < trials else np.full(3, np.nan)
+        previous = spell.end if k < trials else previous
     return result
 
 
@@ -121,7 +124,7 @@ def _turned(spell: _Spell, heading: float) -> FloatArray:
 
 
 def _middle(values: FloatArray, rows: np.ndarray[Any, np.dtype[np.intp]]) -> Any:
-    """Median of rows; NaN where they are too few."""
-    if len(rows) < LEAST_REST:
-        return np.full(values.shape[1:], np.nan) if values.ndim > 1 else np.nan
-    return np.median(values[rows], axis=0)
+    """Medians over rows of what is known; NaN where they are too few."""
+    columns = values[rows][:, None].T if values.ndim == 1 else values[rows].T
+    found = [np.median(known) if len(known := column[np.isfinite(column)]) >= LEAST_REST else np.nan for column in columns]
+    return np.array(found) if values.ndim > 1 else found[0]

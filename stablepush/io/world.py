@@ -166,7 +166,7 @@ def log_from_arrays(
         away = _outside(rig.slider, body, tips, finger_distance or 0.0, np.concatenate(steady)) - (rig.finger_radius or 0.0)
     for name, mine, twist, speed in zip(names, rows, twists, speeds, strict=True):
         clock, here = t[mine], body[mine]
-        read, tip = (None if values is None else values[mine, :2] for values in (world, tips))
+        read, tip = (None if values is None else values[mine] for values in (world, tips))
         phases = phases_of(rig.slider, here, speed, read, away[mine], tip)
         columns["trial"] += [name] * len(mine)
         columns["t"] += (clock - clock[0]).tolist()
@@ -179,7 +179,7 @@ def log_from_arrays(
     if world is not None and tips is not None:
         readings = np.column_stack((world, np.zeros(n) if turning is None else turning))
         if zero_forces:
-            readings = zeroed(t, readings, away, tips[:, 2] if tips.shape[1] == 3 else None, rows, recorded)
+            readings = zeroed(readings, away, tips[:, 2] if tips.shape[1] == 3 else None, rows, recorded)
         for mine, phases in zip(rows, recorded, strict=True):
             local, read = _into(body[mine], tips[mine, :2]), readings[mine]
             place = nearest_on_outline(rig.slider.vertices, local)[0]

@@ -22,7 +22,7 @@ pytest.importorskip("mujoco")
 fernet = pytest.importorskip("cryptography.fernet")
 
 from stablepush.blind import laws  # noqa: E402
-from stablepush.blind.engine import Engine  # noqa: E402
+from stablepush.blind.engine import Engine, contact_mu_under  # noqa: E402
 from stablepush.blind.generator import engine_of  # noqa: E402
 from stablepush.blind.instruments import record, write  # noqa: E402
 from stablepush.blind.mujoco_engine import MujocoEngine  # noqa: E402
@@ -478,3 +478,11 @@ def test_the_score_of_supports_counts() -> None:
     assert lines["wrong support: another cause named"].startswith("1 of 4")
     assert lines["wrong support: the corrected wrench is closer"].startswith("3 of 4")
     assert lines["right support: no cause named"].startswith("1 of 2")
+
+
+@pytest.mark.parametrize("form", FORMS["contact-friction"])
+def test_friction_of_the_fingers_is_positive_in_every_world(form):
+    """Also where a change is larger than the friction that it takes from."""
+    world = replace(draw(0, 3, 10), contact_mu=0.1, applied=[Applied("contact-friction", form, {"change": -0.3})])
+    for order in (0.0, 0.5, 1.0):
+        assert (contact_mu_under(laws.at(world, order), np.array([[0.0, 0.0], [3.0, 0.0]])) > 0).all()

@@ -86,3 +86,31 @@ def test_what_is_left_is_told_beside_the_noise(before, after, noise, words):
     entry = _reduction("pose", "m", np.arange(6), squares, noise**2)
     assert entry.sizes == words
     assert (entry.explained == "both within the noise") == (before == after)
+
+
+def test_a_correction_that_predicts_worse_is_warned_of():
+    report = sp.diagnose(make_log("drift:rate=-0.3", count=16))
+    assert report.named == ["drift"] and not any("predicted worse" in step for step in report.steps)
+
+    def with_twist(named, before, after, floor):
+        others = [entry for entry in report.reductions if entry.channel != "twist"]
+        twist = GapReduction("twist", "rad", 16, before, after, floor, 0.0, [0.0, 0.0], floor)
+        return replace(report, named=named, reductions=[*others, twist])
+
+    worse = with_twist(["drift"], 0.06, 0.17, 0.09)
+    assert any("predicted worse (twist 0.06 rad to 0.17 rad)" in step for step in worse.steps)
+    # within the noise it says nothing; nor of what an import takes off
+    assert not any("predicted worse" in step for step in with_twist(["drift"], 0.06, 0.095, 0.09).steps)
+    assert not any("predicted worse" in step for step in with_twist(["latency"], 0.06, 0.17, 0.09).steps)
+
+
+def test_a_refit_that_is_no_nearer_is_no_reason_to_plan_again():
+    log = make_log(count=16, seed=3)
+    report = sp.diagnose(replace(log, rig=replace(log.rig, support_friction=1.2 * log.rig.support_friction)))
+    assert report.verdict == "absorbed" and "then plan again" in report.steps[0]
+
+    def with_pose(before, after):
+        return replace(report, reductions=[GapReduction("pose", "m", 16, before, after, 1e-3, 0.0, [0.0, 0.0], 1e-3)])
+
+    assert "plans stay as they are" in with_pose(1.1e-3, 1.2e-3).steps[0]
+    assert "then plan again" in with_pose(5e-3, 6e-3).steps[0]

@@ -118,3 +118,45 @@ def test_a_finger_that_touches_at_rest_shows_the_offset_of_its_own_trial():
     log = made.log(drift=3.0)
     for name in ("a", "d"):
         assert read_in_push(log, name) == pytest.approx((0.2, 2.0), abs=0.03)
+
+
+def test_clocks_that_begin_anew_in_each_trial():
+    made = Record()
+    for name in ("a", "d"):
+        made.free(name, (LOW, LOW))
+        made.push(name, *PUSHES[0][1:])
+    rows, names = np.concatenate(made.rows), np.array(made.names)
+    clock = np.concatenate([0.01 * np.arange((names == name).sum()) for name in ("a", "d")])
+    forces = rows[:, 6:] + OFFSET + 2.0 * (names == "d")[:, None]
+    log = sp.log_from_arrays(RIG, clock, rows[:, :3], forces, rows[:, 3:6], made.names)
+    for name in ("a", "d"):
+        assert read_in_push(log, name) == pytest.approx((0.2, 2.0), abs=0.01)
+
+
+def test_a_moment_that_is_missing_at_rest_leaves_the_others():
+    made = executed()
+    rows = np.concatenate(made.rows)
+    moments = np.full(len(rows), 0.01)
+    moments[3] = np.nan
+    log = sp.log_from_arrays(
+        RIG, 0.01 * np.arange(len(rows)), rows[:, :3], rows[:, 6:], rows[:, 3:6], made.names, moments=moments
+    )
+    assert np.isfinite(log.columns("tau")[log.samples["phase"] == "push"]).all()
+
+
+@pytest.mark.parametrize("noise", (0.0, 1e-4))
+def test_a_push_lasts_until_the_tip_stops(noise):
+    """Also one that ends with a turn about the tip, and a short one of a tip whose place is known to 0.1 mm."""
+    rng = np.random.default_rng(5)
+    for twists in (((0.0, 0.005, 0.0),), ((0.0, 0.02, 0.0), (-0.3 * (0.03 + RADIUS), 0.0, 0.3))):
+        made = Record()
+        made.free("a", ((0.0, -0.08), (0.0, -0.08), (0.0, -0.03 - RADIUS)))
+        for twist in twists:
+            made.push("a", twist, (0.0, -0.03 - RADIUS), (0.2, 2.0))
+        moved = 100 + 100 * len(twists)
+        made.push("a", (0.0, 0.0, 0.0), (0.0, -0.03 - RADIUS), (0.1, 1.0))
+        made.rows = [np.concatenate(made.rows)]
+        made.rows[0][:, 3:5] += noise * rng.normal(size=(len(made.names), 2))
+        phases = made.log().samples["phase"]
+        ended = int(np.flatnonzero(phases == "push")[-1])
+        assert moved - 12 <= ended <= moved + 5
