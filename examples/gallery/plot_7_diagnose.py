@@ -6,6 +6,8 @@ A simulated robot pushes a triangle sixty times over a table that is not level: 
 nominal simulation, and finds the slope. Shown is what the nominal simulation and the corrected one leave of the forces.
 """
 
+import numpy as np
+
 import stablepush as sp
 from stablepush.views.plot import plot_residuals_against, save_figure
 
@@ -19,7 +21,7 @@ log = rig.execute(sp.random_pushes(slider, rig.pusher, 60, seed=2), seed=3).log
 report = sp.diagnose(log)
 print(report.sentence)
 for name, parameter in report.ranking[0].parameters.items():
-    print(name, [round(x, 4) for x in parameter.estimate], parameter.unit, "95 %:", parameter.ci95)
+    print(name, [round(x, 4) for x in parameter.estimate], parameter.unit, "95 %:", np.round(parameter.ci95, 4).tolist())
 
 figure = plot_residuals_against(report)[0, 0].figure
 save_figure(figure, "diagnosis.png")

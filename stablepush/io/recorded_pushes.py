@@ -131,7 +131,8 @@ def phases_of(
     load, zero = np.median(forces[steady], axis=0), np.zeros(2)
     first_steady = int(np.argmax(steady))
     clear = np.zeros(0, dtype=int) if away is None else np.flatnonzero((is_clear(away, steady) & known)[:first_steady])
-    if len(clear) >= LEAST_REST:
+    # nothing moves a slider that nothing touches
+    if len(clear) >= LEAST_REST and travel(slider, poses[: clear[-1] + 1]) < LEAST_TRAVEL:
         zero = np.median(forces[clear], axis=0)
         step = _STEP * float(np.linalg.norm(load - zero))
         pressed = known & (_size(forces - zero) > step)

@@ -97,7 +97,7 @@ def _at_rest(spells: list[_Spell], trials: int, phases: Sequence[np.ndarray[Any,
         if spell.is_known:
             # a finger that has stopped reads what it read at the end of the push before, and not the offset
             gap = float(np.linalg.norm((previous - offset)[:2]))
-            if (k >= trials or not spell.clear) and float(np.linalg.norm((spell.rest - previous)[:2])) < _PRESSES * gap:
+            if float(np.linalg.norm((spell.rest - previous)[:2])) < _PRESSES * gap:
                 if k < trials:
                     phases[k][phases[k] == "rest"] = "approach"
             else:

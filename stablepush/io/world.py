@@ -31,8 +31,8 @@ from stablepush.objects import Slider
 
 #: What a force acts on: the slider, the finger (its reaction), or whichever makes the power of the pushes positive.
 FORCES_ON = ("slider", "finger", "power")
-#: Rows, about so many, whose headings tell how the tool holds two fingers, and the cosine of how far headings alike differ.
-_FACING, _ALIKE = 300, 0.98
+#: Rows of the first push that show how the tool holds two fingers.
+_FACING = 10
 #: A finger that is farther (m) from the outline, or than it usually is in a push, does not touch it.
 _TOUCHES = 1e-3
 #: So far (m) from it a finger that touches it may seem to be.
@@ -162,8 +162,10 @@ def log_from_arrays(
     speeds = [speeds_of(rig.slider, one) for one in twists]
     away = np.full(n, np.nan)
     if tips is not None:
-        steady = [mine[speed >= SLIPS * np.percentile(speed, 95)] for mine, speed in zip(rows, speeds, strict=True)]
-        away = _outside(rig.slider, body, tips, finger_distance or 0.0, np.concatenate(steady)) - (rig.finger_radius or 0.0)
+        # an object is lost later than in the beginning
+        first = int(np.argmin([mine[0] for mine in rows]))
+        steady = rows[first][speeds[first] >= SLIPS * np.percentile(speeds[first], 95)][:_FACING]
+        away = _outside(rig.slider, body, tips, finger_distance or 0.0, steady) - (rig.finger_radius or 0.0)
     for name, mine, twist, speed in zip(names, rows, twists, speeds, strict=True):
         clock, here = t[mine], body[mine]
         read, tip = (None if values is None else values[mine] for values in (world, tips))
@@ -372,8 +374,8 @@ def _into(poses: FloatArray, points: FloatArray) -> FloatArray:
 def _outside(slider: Slider, body: FloatArray, tips: FloatArray, distance: float, pushes: np.ndarray) -> FloatArray:
     """How far (n,) in m a tip is outside the outline; of two fingers at a ``distance`` (m) the nearer one; inside is negative.
 
-    Two fingers face the edges that they push: how the tool holds them follows from the rows ``pushes``. If its heading is not
-    known, both are taken to be as near as they may be.
+    Two fingers face the edge that they push at first: how the tool holds them follows from rows ``pushes`` of then. If its
+    heading is not known, both are taken to be as near as they may be.
     """
     centers, reach = [tips[:, :2]], 0.0
     if distance and tips.shape[1] == 3:
@@ -382,10 +384,7 @@ def _outside(slider: Slider, body: FloatArray, tips: FloatArray, distance: float
         edges = np.roll(slider.vertices, -1, axis=0) - slider.vertices
         edge = edges[np.minimum(np.searchsorted(np.cumsum(np.linalg.norm(edges, axis=1)), along), len(edges) - 1)]
         held = np.exp(1j * (body[pushes, 2] + np.arctan2(edge[:, 0], -edge[:, 1]) - tips[pushes, 2]))
-        # where an object was lost they face anything
-        some = held[:: 1 + len(held) // _FACING]
-        alike = np.real(some[:, None] * some[None].conj()) > _ALIKE
-        faces = tips[:, 2] + float(np.angle(some[alike[int(np.argmax(alike.sum(axis=1)))]].sum() if len(some) else 1.0))
+        faces = tips[:, 2] + float(np.angle(held.sum()))
         side = 0.5 * distance * np.column_stack((-np.sin(faces), np.cos(faces)))
         centers = [tips[:, :2] + side, tips[:, :2] - side]
     elif distance:

@@ -160,3 +160,15 @@ def test_a_push_lasts_until_the_tip_stops(noise):
         phases = made.log().samples["phase"]
         ended = int(np.flatnonzero(phases == "push")[-1])
         assert moved - 12 <= ended <= moved + 5
+
+
+def test_a_slider_that_moves_is_touched():
+    """Where an object was lost, the geometry of fingers that are believed elsewhere says that they are away: no rest is there."""
+    made = Record()
+    made.free("a", ((0.01, -0.08), (0.01, -0.08), LOW))
+    made.push("a", *PUSHES[0][1:])
+    made.push("b", (0.0, 0.002, 0.0), (0.01, -0.05), (0.2, 1.5), 0.5)
+    made.push("b", (0.0, 0.02, 0.0), LOW, (0.9, 1.9))
+    log = made.log()
+    assert not (log.samples["phase"][log.rows("b")] == "rest").any()
+    assert read_in_push(log, "b")[1] > 1.4
