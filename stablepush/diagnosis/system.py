@@ -29,8 +29,8 @@ from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.nominal import CELLS, nominal_of, unit_loads
 from stablepush.diagnosis.observations import Observations, beyond_noise, contact_velocity, pushes_of, rows_of, smeared
 from stablepush.diagnosis.replay import Replay, carried, friction_of, pose_errors
+from stablepush.diagnosis.row_noise import of_readings, of_turns
 from stablepush.effects import FAMILIES, LabEffect, LogRows
-from stablepush.geometry import rotate_vectors
 from stablepush.io import Noise, Rig
 from stablepush.mechanics import TableFriction
 from stablepush.objects import SupportDistribution
@@ -49,10 +49,6 @@ _FRICTION_OF_SPEED = 0.05
 _STEADY = 0.3
 #: Noise of a gain of speed, over that of a difference of poses: three times the standard deviation of differences of differences.
 _OF_NOISE = 1.8
-#: How far (in units of the position noise) a rotation centre may be from a support point that it is taken to be at.
-_PIVOT = 4.0
-#: Odds that a row turns about one of all support points: the facets of a limit surface are flat.
-_TURNS = 0.3
 #: A push does not measure its final pose if noise of its first pose moves that pose so many times as far as noise of its last.
 _AMPLIFIED = 10.0
 #: Motions over which pressures are compared.
@@ -168,7 +164,7 @@ class System(Equations):
     def _whiten(self, loads: FloatArray) -> None:
         """Factors of the inverse covariances of the rows' wrenches."""
         o, noise = self.observations, self.noise
-        self.reading_covariance = self._of_readings()
+        self.reading_covariance = of_readings(o, noise, self.model.place)
         linear, full = self.believed.spread(self.points, loads, o.twist, self.motion_noise)
         # no pressure has the friction of a model: as far as it differs from that of points it is uncertain
         beyond = self.model.beyond_points
@@ -183,44 +179,11 @@ class System(Equations):
             covariance += jolt[:, :, None] * jolt[:, None, :]
         #: what noise leaves of a row's wrench, and what rows are trusted to, which is less beside the facets of points
         self.noise_covariance = covariance + full
-        self.covariance = covariance + (full if self.believed.model is not None else linear + self._of_turns(loads))
+        turns = of_turns(o, self.points, loads, self.motion_noise, noise, self.rho)
+        self.covariance = covariance + (full if self.believed.model is not None else linear + turns)
         # nor at which of its speeds a row's friction is: that is no noise, but rows cannot be trusted to more
         of_speed = (_FRICTION_OF_SPEED * np.log1p(self._gained))[:, None] * self.model.predict(loads, {})
         self._w = np.linalg.inv(np.linalg.cholesky(self.covariance + of_speed[:, :, None] * of_speed[:, None, :]))
-
-    def _of_turns(self, loads: FloatArray) -> FloatArray:
-        """Covariances (n, 3, 3) of wrenches by turns about a support point, whose friction then may have any direction."""
-        o, spread, covariance = self.observations, self.motion_noise, np.zeros((len(self.observations.time), 3, 3))
-        carrying = np.flatnonzero(loads)
-        for (x, y), load in zip(self.points[carrying], loads[carrying], strict=True):
-            velocity = o.twist[:, :2] + o.twist[:, 2:] * (-y, x)
-            beside = _PIVOT * self.noise.position * o.twist[:, 2]
-            jitter = spread[:, 0] ** 2 + (spread[:, 2] * np.hypot(x, y)) ** 2 + beside**2
-            # the odds, by Bayes' rule, that a row which seems to turn beside the point turns about it: noise has moved the
-            # velocity of the point from none, or it is any that the turn gives to points within rho
-            odds = _TURNS / len(carrying) * (self.rho * o.twist[:, 2]) ** 2 / (2 * jitter)
-            odds = odds * np.exp(-0.5 * (velocity**2).sum(axis=1) / jitter)
-            unknown = load**2 * odds / (1 + odds)
-            for arm in (np.array((1.0, 0.0, -y)), np.array((0.0, 1.0, x))):
-                covariance += unknown[:, None, None] * np.outer(arm, arm)
-        return covariance
-
-    def _of_readings(self) -> FloatArray:
-        """Covariances (n, 3, 3) of the rows' wrenches by the noise of the readings.
-
-        The sensor is at the pusher. A laboratory computes the moment about the tracked origin from the force and its arm ``a``,
-        as measured: ``tau = moment + a x f``; and it turns the force into B by the measured heading.
-        """
-        o, noise = self.observations, self.noise
-        arm = rotate_vectors(-o.pose[:, 2], self.model.place - o.pose[:, :2])
-        load = np.zeros((len(arm), 3, 2))
-        load[:, 0, 0] = load[:, 1, 1] = noise.force
-        load[:, 2, 0], load[:, 2, 1] = -arm[:, 1] * noise.force, arm[:, 0] * noise.force
-        turned = noise.angle * np.stack((o.wrench[:, 1], -o.wrench[:, 0], np.zeros(len(arm))), axis=-1)
-        covariance = load @ load.transpose(0, 2, 1) + turned[:, :, None] * turned[:, None, :]
-        force = (o.wrench[:, :2] ** 2).sum(axis=1)
-        covariance[:, 2, 2] += noise.moment**2 + noise.position**2 * force
-        return np.asarray(covariance)
 
     @cached_property
     def _gained(self) -> FloatArray:

@@ -355,9 +355,8 @@ def _touched(
     points, gaps = np.empty((len(body), 2, 2)), np.empty((len(body), 2))
     for k, side in enumerate((-0.5, 0.5)):
         local = _into(body, compose(pusher, (0.0, side * distance, 0.0))[:, :2])
-        points[:, k], _ = nearest_on_outline(rig.slider.vertices, local)
-        inside = shapely.contains_xy(rig.slider.polygon, *local.T)
-        gaps[:, k] = np.where(inside, -1, 1) * np.linalg.norm(local - points[:, k], axis=1) - (rig.finger_radius or 0.0)
+        points[:, k], away = _nearest(rig.slider, local)
+        gaps[:, k] = away - (rig.finger_radius or 0.0)
     for name in dict.fromkeys(trials):
         rows = np.flatnonzero((trials == name) & pushed & np.isfinite(gaps).all(axis=1))
         seems = float(np.clip(np.median(gaps[rows], axis=0).min(), -_SEEMS, _SEEMS)) if len(rows) else 0.0
@@ -380,21 +379,13 @@ def _outside(slider: Slider, body: FloatArray, tips: FloatArray, distance: float
     centers, reach = [tips[:, :2]], 0.0
     if distance and tips.shape[1] == 3:
         pushes = pushes[np.isfinite(np.column_stack((body, tips))[pushes]).all(axis=1)]
-        along = nearest_on_outline(slider.vertices, _into(body[pushes], tips[pushes, :2]))[1]
-        edges = np.roll(slider.vertices, -1, axis=0) - slider.vertices
-        edge = edges[np.minimum(np.searchsorted(np.cumsum(np.linalg.norm(edges, axis=1)), along), len(edges) - 1)]
-        held = np.exp(1j * (body[pushes, 2] + np.arctan2(edge[:, 0], -edge[:, 1]) - tips[pushes, 2]))
+        held = np.exp(1j * (_faced(slider, body[pushes], tips[pushes, :2]) - tips[pushes, 2]))
         faces = tips[:, 2] + float(np.angle(held.sum()))
         side = 0.5 * distance * np.column_stack((-np.sin(faces), np.cos(faces)))
         centers = [tips[:, :2] + side, tips[:, :2] - side]
     elif distance:
         reach = 0.5 * distance
-    found = []
-    for center in centers:
-        local = _into(body, center)
-        away = np.linalg.norm(local - nearest_on_outline(slider.vertices, local)[0], axis=1)
-        found.append(np.where(shapely.contains_xy(slider.polygon, *local.T), -away, away))
-    nearer = np.min(found, axis=0)
+    nearer = np.min([_nearest(slider, _into(body, center))[1] for center in centers], axis=0)
     return np.maximum(nearer - reach, np.minimum(nearer, 0.0))
 
 
@@ -415,15 +406,23 @@ def _pushers(slider: Slider, body: FloatArray, tips: FloatArray, phases: np.ndar
     if not len(seen):
         return found
     first = seen[0]
-    touched, _ = nearest_on_outline(slider.vertices, _into(body[first : first + 1], tips[first : first + 1, :2]))
-    edge = _edge(slider, touched[0])
-    along = np.roll(slider.vertices, -1, axis=0)[edge] - slider.vertices[edge]
-    heading = float(body[first, 2] + np.arctan2(along[0], -along[1]))
+    heading = float(_faced(slider, body[first : first + 1], tips[first : first + 1, :2])[0])
     found[:, 2] = heading + (tips[:, 2] - tips[first, 2] if tips.shape[1] == 3 else 0.0)
     return found
 
 
-def _edge(slider: Slider, point: FloatArray) -> int:
-    """The edge that a point of the outline is on."""
+def _nearest(slider: Slider, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (n, 2) of the outline that are nearest to points (n, 2) in B, and how far (n,) in m those are outside; inside is
+    negative."""
+    near, _ = nearest_on_outline(slider.vertices, points)
+    away = np.linalg.norm(points - near, axis=1)
+    return near, np.where(shapely.contains_xy(slider.polygon, *points.T), -away, away)
+
+
+def _faced(slider: Slider, body: FloatArray, tips: FloatArray) -> FloatArray:
+    """Headings (n,) in W of the inward normals of the edges that are nearest to tips (n, 2)."""
     ends = np.stack((slider.vertices, np.roll(slider.vertices, -1, axis=0)), axis=1)
-    return int(np.argmin(shapely.distance(shapely.linestrings(ends), shapely.points(point))))
+    touched, _ = nearest_on_outline(slider.vertices, _into(body, tips))
+    edge = np.argmin(shapely.distance(shapely.linestrings(ends), shapely.points(touched)[:, None]), axis=1)
+    along = (ends[:, 1] - ends[:, 0])[edge]
+    return np.asarray(body[:, 2] + np.arctan2(along[:, 0], -along[:, 1]))

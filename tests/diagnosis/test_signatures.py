@@ -28,7 +28,7 @@ def test_a_slope_gives_what_is_left_without_it(tilted):
     assert tilted.named == ["tilt"]
     (signature,) = tilted.signatures
     assert (signature.effect, signature.unit) == ("tilt", "N")
-    # a push that all but only turns about a foot has no dot
+    # a push that turns about a foot in most of its rows has no dot
     rows, told = np.asarray(tilted.row_names), np.asarray(tilted.determined)
     pushes = sum(told[rows == name].mean() >= 0.3 for name in np.unique(rows))
     assert 30 < pushes < 40 and signature.contribution.shape == signature.partial_residual.shape == (pushes, 3)
