@@ -41,6 +41,7 @@ from stablepush.stability.probability import probability_map
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "simulation"))
 
 EXTENT = 0.4
+SCENES = Path(__file__).parents[1] / "examples" / "scenes"
 Task = Callable[[], object]
 #: Whether only this package is timed, and not what one would otherwise use.
 ALONE = "--alone" in sys.argv
@@ -236,8 +237,7 @@ def planners() -> Iterator[Row]:
 
 def example_plans() -> Iterator[Row]:
     """The first plan with the default success, the quickest of what is tried."""
-    scenes = Path(__file__).parents[1] / "examples" / "scenes"
-    for path in sorted(scenes.glob("*.json")):
+    for path in sorted(SCENES.glob("*.json")):
         if path.stem in ("triangle", "unsolvable"):
             continue
         problem = sp.load_scene(path)
@@ -245,6 +245,11 @@ def example_plans() -> Iterator[Row]:
             "first plan, success 0.98", path.stem, 1,
             lambda p=problem: sp.plan(p, time_limit=60, seed=0, refinement_budget=0), "OMPL's RRT-Connect, any success",
             lambda p=problem: first_plan(p, "ompl-rrtconnect"),
+        )  # fmt: skip
+        yield beside(
+            "plan, refined as by default", path.stem, 1,
+            lambda p=problem: sp.plan(p, time_limit=60, seed=0), "its first plan",
+            lambda p=problem: sp.plan(p, time_limit=60, seed=0, refinement_budget=0),
         )  # fmt: skip
 
 
@@ -314,10 +319,18 @@ def starts() -> Iterator[Row]:
             return lambda: subprocess.run([sys.executable, *arguments], check=True, capture_output=True, cwd=folder)
 
         program = ("-m", "stablepush")
+        scene = (SCENES / "open.json").resolve()
+        load_ompl = "import shapely; from ompl import base, geometric"
         classify = (*program, "classify", "model.json", "--contact", "contact.json", "--cors", "cors.csv", "-o", "out.csv")
         for name, ours, other, theirs in (
             ("stablepush --help", shell(*program, "--help"), "python -c pass", shell("-c", "pass")),
             ("classify, 20 CORs", shell(*classify), "python -c 'import scipy.optimize'", shell("-c", "import scipy.optimize")),
+            (
+                "plan, open.json",
+                shell(*program, "plan", str(scene), "-o", "p.json"),
+                f"python -c '{load_ompl}'",
+                shell("-c", load_ompl),
+            ),
             ("import stablepush", shell("-c", "import stablepush"), "python -c 'import numpy'", shell("-c", "import numpy")),
         ):
             ours()

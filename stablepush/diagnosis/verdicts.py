@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import OF_PRESSURE, robust_variance
 from stablepush.diagnosis.folds import folds_of, held_out
@@ -103,7 +104,7 @@ def judge(
     else:
         no_fit = _fits_nothing(system, held, size, shared) or bool(lost)
         unpredicted = bool(clear) or len(slipping) >= _SLIPPING or (simulator_is_off and not pushes)
-        verdict = _without_names(system, found, held, no_fit, unpredicted, clear)
+        verdict = _without_names(system, found, held, pushes, no_fit, unpredicted, clear)
     return Judgement(verdict, effects, gaps, clear, reduced, touch, lost, slipping, share, p_share, unnamed)
 
 
@@ -117,7 +118,13 @@ def _fits_nothing(system: System, held: HeldOut, size: float, shared: bool) -> b
 
 
 def _without_names(
-    system: System, found: Attribution, held: HeldOut, no_fit: bool, unpredicted: bool, clear: Sequence[ChannelGap]
+    system: System,
+    found: Attribution,
+    held: HeldOut,
+    pushes: Sequence[Replay],
+    no_fit: bool,
+    unpredicted: bool,
+    clear: Sequence[ChannelGap],
 ) -> Verdict:
     """The verdict where no effect is named."""
     if no_fit:
@@ -126,7 +133,7 @@ def _without_names(
     if not unpredicted:
         return Verdict.NONE
     # a refit that leaves pushes where they were absorbs nothing of that
-    absorbed = (found.recalibrated or _refit_may_absorb(system, held, clear)) and not refit_leaves_poses_off(held)
+    absorbed = (found.recalibrated and not refit_leaves_poses_off(held)) or _refit_may_absorb(system, held, pushes, clear)
     return Verdict.ABSORBED if absorbed else Verdict.UNKNOWN
 
 
@@ -187,10 +194,23 @@ def _brings_nothing_nearer(system: System, found: Attribution, reduced: Sequence
     )
 
 
-def _refit_may_absorb(system: System, held: HeldOut, clear: Sequence[ChannelGap]) -> bool:
-    """Whether a refit fits what stands clear, though few trials do not show that it predicts others better."""
+def _refit_may_absorb(system: System, held: HeldOut, pushes: Sequence[Replay], clear: Sequence[ChannelGap]) -> bool:
+    """Whether a refit fits what stands clear, though few trials do not show that it predicts others better.
+
+    Nor do they need to: a push that is like no other is lost by a fit to the others.
+    """
     of_forces = bool(clear) and all(entry.channel in ("wrench", "twist") for entry in clear)
-    return of_forces and refit_leaves_noise(system, held)
+    return of_forces and refit_leaves_noise(system, held) and not _refit_moves_poses(system, held, pushes)
+
+
+def _refit_moves_poses(system: System, held: HeldOut, pushes: Sequence[Replay]) -> bool:
+    """Whether pushes end clearly elsewhere than a surface has them that is fitted to all."""
+    if not (pushes and refit_leaves_poses_off(held)):
+        return False
+    fit = system.fit([], True)
+    errors = system.simulated_errors(pushes, fit.loads, {id: v for id, v in fit.values.items() if id in system.nuisance})
+    left = (errors**2).sum(axis=1)
+    return not np.isfinite(left).all() or _poses_off(left, np.array([push.trial for push in pushes]), held.floors["pose"])
 
 
 def explains_most(held: HeldOut, effects: Sequence[str]) -> bool:
@@ -250,9 +270,12 @@ def refit_leaves_poses_off(held: HeldOut) -> bool:
     """Return whether pushes that a refitted surface was not fitted to end clearly elsewhere than it has them."""
     if "pose" not in held.squares:
         return False
-    left, floor = held.squares["pose"]["refit"], held.floors["pose"]
+    return _poses_off(held.squares["pose"]["refit"], held.trials["pose"], held.floors["pose"])
+
+
+def _poses_off(left: FloatArray, trials: np.ndarray, floor: float) -> bool:
     size = float(np.sqrt(left.mean() / floor))
-    return size > _FAR or (size > _MISFIT and above_floor(left, held.trials["pose"], floor) < _SIGNIFICANT)
+    return size > _FAR or (size > _MISFIT and above_floor(left, trials, floor) < _SIGNIFICANT)
 
 
 def slipping_unexpectedly(system: System, held: HeldOut, log: PushLog) -> list[int]:

@@ -159,9 +159,12 @@ def executed(log: sp.PushLog, rig: sp.Rig, seed: int) -> sp.PushLog:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("seed", (0, 2, 6, 11))
+@pytest.mark.parametrize("seed", (0, 2, 3, 6, 11))
 def test_slow_rows_of_an_executed_push_are_no_gap_of_a_fitted_surface(seed):
-    """Noise decides in which direction a slow motion goes; a load in proportion to that noise would be certain of it."""
+    """Noise decides in which direction a slow motion goes; a load in proportion to that noise would be certain of it.
+
+    With seed 3 one push is like no other: a surface fitted to the others loses it, one fitted to all does not.
+    """
     feet = sp.SupportDistribution([(-0.03, -0.02), (0.06, -0.02), (-0.03, 0.045)], [1, 1, 1])
     slider = sp.Slider(
         sp.Slider.centered([(0, 0), (0.12, 0), (0.12, 0.04), (0.04, 0.04), (0.04, 0.09), (0, 0.09)]).vertices, 0.6, feet
