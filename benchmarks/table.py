@@ -236,20 +236,22 @@ def planners() -> Iterator[Row]:
 
 
 def example_plans() -> Iterator[Row]:
-    """The first plan with the default success, the quickest of what is tried."""
-    for path in sorted(SCENES.glob("*.json")):
-        if path.stem in ("triangle", "unsolvable"):
-            continue
-        problem = sp.load_scene(path)
+    """The first plan with the default success, the quickest of what is tried, and the whole default plan."""
+    scenes = {path.stem: path for path in sorted(SCENES.glob("*.json")) if path.stem not in ("triangle", "unsolvable")}
+    problems = {name: sp.load_scene(path) for name, path in scenes.items()}
+
+    def first(problem: sp.PlanningProblem) -> sp.PlanResult:
+        return sp.plan(problem, time_limit=60, seed=0, refinement_budget=0)
+
+    for name, problem in problems.items():
         yield beside(
-            "first plan, success 0.98", path.stem, 1,
-            lambda p=problem: sp.plan(p, time_limit=60, seed=0, refinement_budget=0), "OMPL's RRT-Connect, any success",
-            lambda p=problem: first_plan(p, "ompl-rrtconnect"),
+            "first plan, success 0.98", name, 1, lambda p=problem: first(p),
+            "OMPL's RRT-Connect, any success", lambda p=problem: first_plan(p, "ompl-rrtconnect"),
         )  # fmt: skip
+    for name, problem in problems.items():
         yield beside(
-            "plan, refined as by default", path.stem, 1,
-            lambda p=problem: sp.plan(p, time_limit=60, seed=0), "its first plan",
-            lambda p=problem: sp.plan(p, time_limit=60, seed=0, refinement_budget=0),
+            "plan, refined as by default", name, 1, lambda p=problem: sp.plan(p, time_limit=60, seed=0),
+            "its first plan", lambda p=problem: first(p),
         )  # fmt: skip
 
 

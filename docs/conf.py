@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import stablepush
+from stablepush.core import Word
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -75,7 +76,14 @@ def _reference(found):
     return f"{{py:obj}}`{found[1]} <stablepush.{found[1]}>`" if found[1] in stablepush.__all__ else found[0]
 
 
+def _list_words(app, what, name, thing, options, lines):
+    """A vocabulary lists its words and what they mean."""
+    if what == "class" and issubclass(thing, Word):
+        lines += ["", *(f"* ``{word.value}``: {word.advice}" for word in thing), ""]
+
+
 def setup(app):
     """Called by Sphinx."""
+    app.connect("autodoc-process-docstring", _list_words)
     app.connect("source-read", _keep_together)
     app.connect("source-read", _link_names)

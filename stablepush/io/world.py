@@ -94,7 +94,7 @@ def log_from_arrays(
         turns with the tool, unless readings at rest agree better without. A finger that stopped and still presses is not at
         rest.
     window : float
-        Width in s. A shorter one follows faster motion, a longer one leaves less noise.
+        Width (s) of the window of these lines. A shorter one follows faster motion, a longer one leaves less noise.
     finger_distance : float, optional
         m, between the centres of two fingers, along the touched edge; ``tip_positions`` is midway between them. With it and
         ``rig.finger_radius`` the log has the contact point of each finger: of the one that is nearest to the outline in a
