@@ -56,7 +56,10 @@ def whole_number(text: str | int) -> int:
 LARGEST = 1e6
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="File to write.")]
-Contact = Annotated[Path | None, typer.Option("--contact", help="Contact of the pusher (JSON); a scene has its own.")]
+Contact = Annotated[
+    Path | None,
+    typer.Option("--contact", help="Contact of the pusher (JSON). A scene has its own; with several, the number of one, from 0."),
+]
 
 
 @contextmanager

@@ -43,10 +43,10 @@ def classify(
     from stablepush.io import IS_SENSE, load_contact, load_model, read_table, table_text, write_atomically
     from stablepush.stability import BOUNDARY_SLACK, StabilityOracle
 
-    contact, _ = _of_scene(model, contact)
+    contact, number_in_scene, _ = _of_scene(model, contact)
     require_files(output, read=(model, contact, cors))
     columns = ("cor_x", "cor_y", "sense")
-    oracle = StabilityOracle(load_model(model), load_contact(contact))
+    oracle = StabilityOracle(load_model(model), load_contact(contact, number_in_scene))
     table, _ = read_table(cors, required=columns, numbers=columns, filled=columns, rules={"sense": IS_SENSE})
     centers = np.stack((table["cor_x"], table["cor_y"]), axis=-1).reshape(-1, 2)
     note_cors(centers, oracle.surface.characteristic_length, f"{cors}: cor_x, cor_y")
@@ -60,14 +60,18 @@ def classify(
     print(f"{output}: {int(stable.sum())} of {len(stable)} rotation centres stable")
 
 
-def _of_scene(model: Path, contact: Path | None, slider: Path | None = None) -> tuple[Path, Path | None]:
-    """The files of contact and slider: where they are not given, the scene that is given for the model."""
+def _of_scene(model: Path, contact: Path | None, slider: Path | None = None) -> tuple[Path, int | None, Path | None]:
+    """The files of contact and slider: where they are not given, the scene that is given for the model. A number is that of one
+    of its contacts."""
     from stablepush.io import read_json
 
+    number = int(contact.name) if contact is not None and contact.name.isdecimal() and not contact.exists() else None
+    if number is not None:
+        contact = None
     scene = (contact is None or slider is None) and read_json(model, "model/1", "scene/1")["format"].value == "scene/1"
     if contact is None and not scene:
         raise InputError("--contact", "expected a contact file; only a scene has a contact of its own")
-    return contact or model, slider or (model if scene else None)
+    return contact or model, number, slider or (model if scene else None)
 
 
 def draw_map(
@@ -126,14 +130,14 @@ def draw_map(
         raise InputError("", "expected a name that ends in .png, for a picture; --view writes a page", file=output)
     if extent is not None:
         check_number(extent, "--extent", positive=True)
-    contact, slider = _of_scene(model, contact, slider)
+    contact, number_in_scene, slider = _of_scene(model, contact, slider)
     for option, value in (("--com-tolerance", com_tolerance), ("--least-mu", least_mu)):
         if slider is None and value:
             raise InputError(
                 option, "expected --slider with it, as it is for the all-pressure region", f"{option} {value:g} alone"
             )
     require_files(output, regions_file, margins, sphere, view, read=(model, contact, slider))
-    surface, fingers = load_model(model), load_contact(contact)
+    surface, fingers = load_model(model), load_contact(contact, number_in_scene)
     body = None if slider is None else load_slider(slider)
     shading, rho = None, surface.characteristic_length
     given = options_of("probability", "com_tolerance", mu="least-mu")

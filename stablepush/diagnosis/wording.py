@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import robust_variance
 from stablepush.diagnosis.force_axes import uneven_axes
@@ -19,7 +20,7 @@ from stablepush.diagnosis.results import (
     size_in_words,
 )
 from stablepush.diagnosis.system import System
-from stablepush.effects import CATALOGUE, Parameter
+from stablepush.effects import CATALOGUE, Parameter, friction_over_place, slope_over_place
 from stablepush.io import PushLog
 
 #: Effects that are another in each log.
@@ -148,6 +149,9 @@ def _cause(system: System, entry: RankedEffect) -> str:
         # the terms of its family say what its own form does not
         form = ", in a form that the catalogue does not have" if entry.form is not None else ""
         return f"{id}: {kind.what}{form}"
+    if entry.form is not None and id in ("tilt", "spatial-variation"):
+        # the values of its parameters are those at the origin of W, which may be far away
+        return f"{id}: {_over_pushes(entry, system.observations.pose[:, :2])}"
     words = kind.says.format(**{p.name: _in_words(p, entry.parameters[p.name]) for p in kind.parameters})
     believed = {"contact-friction": system.rig.contact_friction, "contact-geometry": system.rig.finger_radius}.get(id)
     if believed is not None:
@@ -156,6 +160,20 @@ def _cause(system: System, entry: RankedEffect) -> str:
     if id == "contact-friction" and entry.form is not None:
         words += f"; it changes by {entry.form['coefficients'][0]:+.2g} over the log"
     return f"{id}: {words[0].lower()}{words[1:]}"
+
+
+def _over_pushes(entry: RankedEffect, places: FloatArray) -> str:
+    """What a slope of the table or friction that depends on the place is where the pushes (n, 2) in m are."""
+    assert entry.form is not None
+    terms, middle = entry.form["coefficients"], places.mean(axis=0)
+    at = f"in the middle of the pushes (x {middle[0]:.2f} m, y {middle[1]:.2f} m)"
+    if entry.effect == "tilt":
+        slopes = np.degrees(slope_over_place(entry.estimates["slope"], terms, np.vstack((middle, places))))
+        here, low, high = (f"({x + 0.0:.2f}, {y + 0.0:.2f})" for x, y in (slopes[0], slopes.min(axis=0), slopes.max(axis=0)))
+        return f"the table falls by {here} deg along x and y {at}, and by {low} to {high} deg over all of them"
+    shares = friction_over_place(entry.estimates["gradient"], terms, np.vstack((middle, places)))
+    low, high = (f"{share:.2f}" for share in (shares.min() / shares[0], shares.max() / shares[0]))
+    return f"over the pushes support friction is {low} to {high} times that {at}"
 
 
 def _in_words(parameter: Parameter, found: ParameterEstimate) -> str:

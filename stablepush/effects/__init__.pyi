@@ -17,6 +17,7 @@ from .families import (
     friction_over_log as friction_over_log,
     friction_over_place as friction_over_place,
     friction_over_speed as friction_over_speed,
+    slope_over_place as slope_over_place,
 )
 from .known import KnownEffect as KnownEffect, effects_from_node as effects_from_node
 from .lab import (

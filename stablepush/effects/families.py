@@ -89,6 +89,13 @@ def friction_over_place(gradient: Sequence[float], terms: Sequence[float], place
     return np.asarray((1 + place @ np.asarray(gradient)) * (1 + more))
 
 
+def slope_over_place(slope: Sequence[float], terms: Sequence[float], places: ArrayLike) -> FloatArray:
+    """Return the slope (..., 2) of the table along x and y in rad at places (..., 2) in m in W; ``slope``: at the origin of W."""
+    place = np.asarray(places, dtype=np.float64) / PLACE
+    xx, xy, yy = (*terms, *[0.0] * 3)[:3]
+    return np.asarray(slope) + place @ np.array([[xx, xy], [xy, yy]])
+
+
 def friction_over_log(rate: float, terms: Sequence[float], orders: ArrayLike) -> FloatArray:
     """Return friction (n,) of pushes at places (n,) of the log, 0 to 1, over that of the first."""
     o = np.asarray(orders, dtype=np.float64)

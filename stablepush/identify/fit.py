@@ -198,8 +198,8 @@ def fit_limit_surface(
     if len(pairs.usable) < len(pairs):
         left_out = np.setdiff1d(np.arange(len(pairs)), pairs.usable)
         warnings.append(
-            f"{len(left_out)} of {len(pairs)} pairs are left out, the first of them row {left_out[0]}: their loads are more than "
-            f"{LARGEST_RATIO:g} times larger or smaller than the median"
+            f"{len(left_out)} of {len(pairs)} pairs are left out, the first of them number {left_out[0]}, counted from 0: "
+            f"their loads are more than {LARGEST_RATIO:g} times larger or smaller than the median"
         )
     takes_prior = loss == "squared" and model in WITH_PRIOR
     if box.any() and (slider is None or not takes_prior):

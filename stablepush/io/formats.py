@@ -95,18 +95,22 @@ def contact_to_json(contact: PushContact) -> dict[str, Any]:
     return {"points": contact.points.tolist(), "normals": contact.normals.tolist(), "mu": contact.mu}
 
 
-def load_contact(path: str | Path) -> PushContact:
-    """Read a ``contact`` file, or the contact of a ``scene/1`` file that has one."""
+def load_contact(path: str | Path, number: int | None = None) -> PushContact:
+    """Read a ``contact`` file, or a contact of a ``scene/1`` file: the only one, or that of the ``number``, counted from 0 as in
+    plans."""
     root = read_json(path)
     kind = root.get("format")
     if kind is None or kind.value != "scene/1":
+        if number is not None:
+            root.fail("expected a scene, whose contacts have numbers", "a contact")
         return contact_from_node(root)
     contacts = list(root["contacts"].items())
-    if len(contacts) != 1:
-        root["contacts"].fail(
-            f"expected one contact, got {len(contacts)}: choose one, and give it as a file of its own (--contact)"
-        )
-    return contact_or_path(contacts[0], Path(path).parent)
+    if number is None and len(contacts) == 1:
+        number = 0
+    if number is None or not 0 <= number < len(contacts):
+        got = f"got {len(contacts)}" if number is None else f"got number {number} of {len(contacts)}"
+        root["contacts"].fail(f"expected one contact, {got}: choose one by its number, 0 to {len(contacts) - 1} (--contact)")
+    return contact_or_path(contacts[number], Path(path).parent)
 
 
 def save_contact(contact: PushContact, path: str | Path) -> None:

@@ -74,13 +74,18 @@ def test_a_scene_has_all_that_a_map_needs(rig, tmp_path, capsys):
     two = scene("two.json", [contact, contact])
     sloped = scene("sloped.json", [contact], effects=[sp.parse_effect("tilt:slope=0.02/0")])
     for model, words in (
-        (two, "two.json: contacts: expected one contact, got 2: choose one, and give it as a file of its own (--contact)"),
+        (two, "two.json: contacts: expected one contact, got 2: choose one by its number, 0 to 1 (--contact)"),
         (sloped, "sloped.json: effects: expected none: with them stability depends on heading and place"),
         (str(rig / "model.json"), "--contact: expected a contact file; only a scene has a contact of its own"),
     ):
         assert main(["map", model, "-o", str(tmp_path / "no.png")]) == 2
         assert words in capsys.readouterr().err
+    assert main(["map", two, "--contact", "2", "-o", str(tmp_path / "no.png")]) == 2
+    assert "contacts: expected one contact, got number 2 of 2" in capsys.readouterr().err
     assert not (tmp_path / "no.png").exists()
+    # the second contact by its number
+    assert main(["classify", two, "--contact", "1", "--cors", cors, "-o", str(out)]) == 0
+    assert out.read_text() == written[0][1]
 
 
 def test_map_draws_margins_the_sphere_and_a_chance_region(rig, tmp_path, capsys):

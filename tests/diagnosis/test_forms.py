@@ -1,5 +1,6 @@
 """Families of forms: fits use the terms of the curves that are drawn, and forms that no catalogue has are found."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -117,6 +118,31 @@ def test_a_drift_that_no_catalogue_has_is_named_and_drawn(log):
     assert drawn.get_title() == "drift" and highest.max() == pytest.approx(1.3, abs=0.04)
     page = gap_html(report)
     assert "What was found" in page and "4o(1-o)" in page
+
+
+def test_a_pull_that_grows_with_the_place_is_told_where_the_pushes_are(log):
+    """As that of a cable: nothing in the middle, 0.25 rad per m away from it; at the origin of W that says nothing."""
+    middle = np.array((0.5, 0.5))
+    changed = {k: np.asarray(v) + 0.5 if k in ("x", "y", "px", "py") else v for k, v in log.samples.items()}
+    here = np.column_stack([np.asarray(changed[name], dtype=float) for name in ("x", "y")]) - middle
+    pull = 0.25 * here * log.rig.slider.mass * log.rig.gravity
+    theta = np.asarray(log.samples["theta"], dtype=float)
+    c, s = np.cos(theta), np.sin(theta)
+    # the pusher holds the slider back where it is pulled
+    changed["fx"] = np.asarray(changed["fx"], dtype=float) - (c * pull[:, 0] + s * pull[:, 1])
+    changed["fy"] = np.asarray(changed["fy"], dtype=float) - (c * pull[:, 1] - s * pull[:, 0])
+    report = sp.diagnose(sp.PushLog(log.rig, log.trials, changed))
+    assert report.named == ["tilt"]
+    told = re.search(
+        r"falls by \((.*?), (.*?)\) deg .* \(x (.*?) m, y (.*?) m\), and by \((.*?), .* to \((.*?),", report.sentence
+    )
+    assert told is not None, report.sentence
+    numbers = np.array([float(word) for word in told.groups()])
+    mean = here[np.asarray(log.samples["phase"]) == "push"].mean(axis=0) if "phase" in log.samples else here.mean(axis=0)
+    np.testing.assert_allclose(np.radians(numbers[:2]), 0.25 * mean, atol=2e-3)
+    np.testing.assert_allclose(numbers[2:4], middle + mean, atol=0.006)
+    np.testing.assert_allclose(np.radians(numbers[4:]), 0.25 * np.array((here[:, 0].min(), here[:, 0].max())), atol=4e-3)
+    assert "a table that is not flat, or a cable" in " ".join(report.steps)
 
 
 def test_a_clean_log_opens_no_form(log):

@@ -60,7 +60,7 @@ def test_a_load_of_another_size_is_left_out(factor, slider):
     f, v = pairs(20, 0.02)
     f[6] *= factor
     fit = sp.fit_limit_surface(f, v, slider=slider, characteristic_length=RHO)
-    assert "1 of 20 pairs are left out, the first of them row 6" in fit.warnings[0]
+    assert "1 of 20 pairs are left out, the first of them number 6" in fit.warnings[0]
     assert fit.pair_weights[6] == 0 and (np.delete(fit.pair_weights, 6) > 0).all()
     rest = sp.fit_limit_surface(np.delete(f, 6, axis=0), np.delete(v, 6, axis=0), slider=slider, characteristic_length=RHO)
     assert np.mean(np.delete(fit.angle_errors, 6)) < 1.5 * np.mean(rest.angle_errors)

@@ -18,6 +18,7 @@ from stablepush.effects import (
     friction_over_log,
     friction_over_place,
     friction_over_speed,
+    slope_over_place,
 )
 from stablepush.geometry import rotate_vectors
 from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, OBSTACLE, PUSHER, SLIDER, canvas, legend, panels
@@ -51,11 +52,9 @@ def plot_residuals(report: GapReport, ax: Axes | None = None) -> Axes:
     scale = arrow_scale(places, forces)
     title = f"Measured less predicted force, 1 N {1000 * scale:.3g} mm long"
     axes = _draw_over_table(places, np.stack((places, places)), scale * np.stack(forces), title, ax)
-    slope = next(
-        (entry.estimates["slope"] for entry in report.ranking if entry.effect == "tilt" and "tilt" in report.named), None
-    )
-    if slope is not None:
-        _draw_downhill(axes, np.asarray(slope))
+    tilt = next((entry for entry in report.ranking if entry.effect == "tilt" and "tilt" in report.named), None)
+    if tilt is not None:
+        _draw_downhill(axes, slope_over_place(tilt.estimates["slope"], _terms(tilt), places.mean(axis=0)))
     return axes
 
 
