@@ -52,7 +52,7 @@ def plan_cor_lattice(
         context = PlanningContext(problem, options, deadline)
     except OutOfTimeError:
         return PlanResult("timeout", NAME, seed=seed, message="the time limit left no time to search")
-    planner = _Planner(context, progress or (lambda _: None))
+    planner = _Planner(context, options.search_budget, progress or (lambda _: None))
     status, message = "no-path", context.infeasible_reason
     if not message:
         try:
@@ -76,8 +76,8 @@ class _Found:
 class _Planner:
     """The ladder of searches, and the best plan so far."""
 
-    def __init__(self, context: PlanningContext, progress: Callable[[str], None]) -> None:
-        self._context, self._progress = context, progress
+    def __init__(self, context: PlanningContext, search_budget: float, progress: Callable[[str], None]) -> None:
+        self._context, self._search_budget, self._progress = context, search_budget, progress
         self.best: list[ContactSegment] | None = None
         self.cost, self.found_by = math.inf, ""
         self._lattices: dict[int, Lattice] = {}
@@ -93,10 +93,12 @@ class _Planner:
             self._take(nudge, "the start is within tolerance")
             return ""
         useful = self._climb(refinement_budget, context.transfers)
-        if self.best is None and context.routes is not None:
+        if self.best is None and context.routes is not None and self._search_budget > 0:
             # the pusher may still reach another contact on a path that does not hug the slider
             self._progress("any path of the pusher round the slider")
             self._climb(refinement_budget, context.transfers._replace(kind=ANY_PATH))
+        if self._search_budget <= 0:
+            return "no path was found in so many steps"
         return f"the lattice is exhausted at all {len(LADDER)} resolutions" if useful else "no contact has a stable push"
 
     def _climb(self, refinement_budget: float, transfers: Transfers) -> bool:
@@ -113,14 +115,16 @@ class _Planner:
             for weight in WEIGHTS:
                 words = f"{headings} headings, cells of {1000 * cell:.3g} mm, weight {weight:g}"
                 improving = self.best is not None
-                found = self._search(
-                    graph, weight, min(limit, WORTH * self.cost), refinement_budget if improving else math.inf, words
-                )
+                most = refinement_budget if improving else self._search_budget
+                found = self._search(graph, weight, min(limit, WORTH * self.cost), most, words)
                 if found.contact_segments is not None:
                     limit = found.cost
                     self._take(context.shortened(found.contact_segments), words)
-                refinement_budget -= found.expanded if improving else 0
-                if refinement_budget <= 0 and self.best is not None:
+                if improving:
+                    refinement_budget -= found.expanded
+                else:
+                    self._search_budget -= found.expanded
+                if (refinement_budget if self.best is not None else self._search_budget) <= 0:
                     return useful
                 if self.best is None:
                     break

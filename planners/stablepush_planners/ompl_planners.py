@@ -80,7 +80,7 @@ def plan_ompl(
     util.RNG.setSeed(seed + 1)
     solve = _geometric if name in GEOMETRIC else _control
     try:
-        pushes, approximate = solve(context, name, options.refinement_budget, progress)
+        pushes, approximate = solve(context, name, options, progress)
     finally:
         # states outlive their space otherwise
         gc.collect()
@@ -92,11 +92,11 @@ def plan_ompl(
 class _Clock:
     """Tells a planner when to stop: near the deadline, or when it has looked at so many motions."""
 
-    def __init__(self, deadline: Deadline, progress: Callable[[str], None]) -> None:
+    def __init__(self, deadline: Deadline, most: float, progress: Callable[[str], None]) -> None:
         # some time is left to shorten the path in
         self._deadline, self._last = deadline, min(_LAST, _SHARE * deadline.left())
         self._progress = progress
-        self.motions, self.last = 0, math.inf
+        self.motions, self.last = 0, most
 
     def __call__(self) -> bool:
         self._progress(f"{self.motions} motions looked at")
@@ -117,7 +117,7 @@ def _bounds(problem: PlanningProblem, context: PlanningContext) -> Any:
 
 
 def _geometric(
-    context: PlanningContext, name: str, refinement_budget: float, progress: Callable[[str], None]
+    context: PlanningContext, name: str, options: PlanOptions, progress: Callable[[str], None]
 ) -> tuple[list[TimedTwist] | None, bool]:
     """Pushes along a Dubins path that OMPL finds, and whether it found at least an approximate one."""
     from ompl import base, geometric
@@ -156,7 +156,7 @@ def _geometric(
     setup.setStartAndGoalStates(*ends)
     planner = getattr(geometric, GEOMETRIC[name])(information)
     setup.setPlanner(planner)
-    clock = _Clock(context.deadline, progress)
+    clock = _Clock(context.deadline, options.search_budget, progress)
     # optimising planners report a path when they stop: first at any path at all, then after so many motions more
     length = base.PathLengthOptimizationObjective(information)
     length.setCostThreshold(base.Cost(math.inf))
@@ -164,9 +164,9 @@ def _geometric(
     setup.solve(base.PlannerTerminationCondition(clock))
     if setup.haveExactSolutionPath():
         context.deadline.path_found()
-    if setup.haveExactSolutionPath() and refinement_budget > 0:
+    if setup.haveExactSolutionPath() and options.refinement_budget > 0:
         length.setCostThreshold(base.Cost(0.0))
-        clock.last = clock.motions + refinement_budget
+        clock.last = clock.motions + options.refinement_budget
         setup.solve(base.PlannerTerminationCondition(clock))
     found: list[TimedTwist] | None = None
     if setup.haveExactSolutionPath():
@@ -183,12 +183,11 @@ def _geometric(
 
 
 def _control(
-    context: PlanningContext, name: str, refinement_budget: float, progress: Callable[[str], None]
+    context: PlanningContext, name: str, options: PlanOptions, progress: Callable[[str], None]
 ) -> tuple[list[TimedTwist] | None, bool]:
-    """Stable pushes that OMPL strings together until a connection leads to the goal."""
+    """Stable pushes that OMPL strings together until a connection leads to the goal; the first path is the last."""
     from ompl import base, control
 
-    del refinement_budget  # these planners end with their first path
     problem, body, world = context.problem, context.bodies[0].body, context.world
     twists = _controls(context)
     parts = stable_parts(context.stable[0], twists)
@@ -244,7 +243,7 @@ def _control(
     goal.setThreshold(0.5)
     setup.setGoal(goal)
     setup.setPlanner(getattr(control, CONTROL[name])(information))
-    clock = _Clock(context.deadline, progress)
+    clock = _Clock(context.deadline, options.search_budget, progress)
     setup.solve(base.PlannerTerminationCondition(clock))
     found: list[TimedTwist] | None = None
     if setup.haveExactSolutionPath():

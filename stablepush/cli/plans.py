@@ -52,6 +52,7 @@ RefinementBudget = Annotated[
 #: Distance (m) of an obstacle below which the remedy is named, and the remedy.
 _NEAR = 2e-3
 _CLOSE = ": --clearance 0.005 would keep 5 mm away"
+_NO_ROOM = "; no plan was found that keeps 5 mm away and takes little longer"
 
 _OPTIONS = options_of(
     "planner",
@@ -120,11 +121,14 @@ def plan(
     ] = math.inf,
     refinement_budget: RefinementBudget = 20_000,
     clearance: Annotated[
-        float,
+        float | None,
         typer.Option(
-            parser=number, metavar="METRES", help="Least distance of slider and pusher from obstacles; 0: they may touch."
+            parser=number,
+            metavar="METRES",
+            help="Least distance of slider and pusher from obstacles; 0: they may touch. If not given, 0.005 where that takes "
+            "little longer.",
         ),
-    ] = 0.0,
+    ] = None,
     view: Annotated[Path | None, typer.Option(help="Animation of the plan as an HTML page.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture of the plan as PNG, if one is found.")] = None,
 ) -> None:
@@ -186,9 +190,12 @@ def plan(
             f"{math.degrees(square):.2g} deg); it {result.outlook}"
         )
         if nearest is not None:
+            hint = ""
+            if nearest.distance < _NEAR:
+                hint = _CLOSE if clearance is not None or not (success and refinement_budget) else _NO_ROOM
             print(
                 f"closest to an obstacle: {1000 * nearest.distance:.1f} mm, in {nearest.where}; the probabilities do not count "
-                f"collisions{_CLOSE if nearest.distance < _NEAR else ''}"
+                f"collisions{hint}"
             )
     if interrupted():
         raise InterruptedError(f"{output} holds the best plan found so far")

@@ -58,6 +58,8 @@ class PlanOptions:
     refinement_budget : float
         Search steps (poses expanded, motions tested) that anytime planners spend on refining the first plan. It is a count, not
         a time, so that plans are reproducible. Infinite: until the time limit.
+    search_budget : float
+        Search steps after which planners give up if they have no plan; those that do not count them end with the deadline.
     regions : tuple of StableRegion or PushSet
         Further regions, one for each contact, in which all pushes must lie; empty: no further condition. :func:`stablepush.plan`
         sets the common stable regions of the scenarios that it has chosen; under effects they depend on the heading.
@@ -68,6 +70,7 @@ class PlanOptions:
     margin_weight: float = 0.0
     max_twist_rate: float = math.inf
     refinement_budget: float = 20_000
+    search_budget: float = math.inf
     regions: tuple[StableRegion | PushSet, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
@@ -78,5 +81,6 @@ class PlanOptions:
         check_number(self.margin_weight, "margin_weight", at_least=0.0)
         if self.max_twist_rate != math.inf:
             check_number(self.max_twist_rate, "max_twist_rate", positive=True)
-        if self.refinement_budget != math.inf:
-            check_number(self.refinement_budget, "refinement_budget", at_least=0.0)
+        for name in ("refinement_budget", "search_budget"):
+            if getattr(self, name) != math.inf:
+                check_number(getattr(self, name), name, at_least=0.0)

@@ -83,7 +83,7 @@ def test_search_against_dijkstra(seed):
     graph.connections.radii[:] = 0.0
     # what the edges take to the middle of the goal region is no lower bound
     graph.goal.table[:] = 0.0
-    found = _Planner(context, lambda _: None)._search(graph, 1.0, math.inf, math.inf, "")
+    found = _Planner(context, math.inf, lambda _: None)._search(graph, 1.0, math.inf, math.inf, "")
     assert found.contact_segments is not None
     assert sum(d for _, pushes in found.contact_segments for _, d in pushes) == pytest.approx(found.cost)
 

@@ -103,3 +103,42 @@ def test_the_command_tells_how_near_its_plan_comes(tmp_path, capsys):
     assert told >= 5.95 and "do not count collisions" in out
     assert main([*arguments, "--clearance", "-1"]) == 2
     assert "--clearance" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["narrow", "tight-turn", "walls", "two-contacts"])
+def test_plans_keep_away_from_obstacles_if_nothing_is_asked_for(name):
+    problem = sp.load_scene(SCENES / f"{name}.json")
+    touching, plain = sp.plan(problem, clearance=0.0), sp.plan(problem)
+    assert sp.check_plan(problem, plain).valid and clearance_of(problem, plain).distance >= 0.005
+    assert touching.duration * 0.999 <= plain.duration <= 1.05 * touching.duration
+    # the bound is that of the obstacles as they are
+    assert plain.lower_bound == touching.lower_bound and plain.success_probability >= 0.98
+    # the quickest plan, and one that is not refined, may touch
+    for options in ({"success": 0.0}, {"refinement_budget": 0}):
+        assert sp.plan(problem, **options).duration == sp.plan(problem, clearance=0.0, **options).duration
+
+
+def test_where_there_is_no_room_plans_may_touch(tmp_path, capsys):
+    """Walls that leave less than 5 mm on either side of the only way."""
+    tight = sp.load_scene(SCENES / "narrow.json").with_clearance(0.04)
+    plain = sp.plan(tight)
+    assert plain.solved and clearance_of(tight, plain).distance < 0.005
+    assert plain.duration == sp.plan(tight, clearance=0.0).duration
+    assert sp.plan(tight, clearance=0.005).duration > 1.05 * plain.duration
+    sp.save_scene(tight, tmp_path / "tight.json")
+    arguments = ["plan", str(tmp_path / "tight.json"), "-o", str(tmp_path / "p.json")]
+    for more, words in (
+        ([], "; no plan was found that keeps 5 mm away and takes little longer"),
+        (["--clearance", "0"], ": --clearance 0.005 would keep 5 mm away"),
+    ):
+        assert main([*arguments, *more]) == 0
+        assert capsys.readouterr().out.rstrip().endswith(words)
+
+
+def test_a_search_gives_up_after_the_steps_that_it_is_given():
+    from stablepush_planners.cor_lattice import plan_cor_lattice
+
+    problem = sp.load_scene(SCENES / "maze.json")
+    options = [sp.PlanOptions(refinement_budget=0, search_budget=steps) for steps in (50, np.inf)]
+    few, all_of_them = (plan_cor_lattice(problem, deadline=sp.core.Deadline(60.0), options=o) for o in options)
+    assert few.status == "no-path" and few.message == "no path was found in so many steps" and all_of_them.solved
