@@ -16,7 +16,7 @@ from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperimen
 from stablepush.diagnosis.signatures import Estimates, Signature
 from stablepush.diagnosis.where import Finding
 from stablepush.effects import CATALOGUE, LAB_REMEDY
-from stablepush.geometry import rotate_vectors
+from stablepush.geometry import compose, rotate_vectors
 from stablepush.io import PushLog, Rig, slider_to_json
 from stablepush.planning import Correction
 from stablepush.surfaces import IdealLimitSurface
@@ -148,21 +148,23 @@ class GapReport:
             return "look for a table that is not flat, or a cable that pulls at the object; plans take one slope for all places"
         return CATALOGUE[id].remedy + ("" if entry is None else self._in_numbers(entry))
 
-    @staticmethod
-    def _in_numbers(entry: RankedEffect) -> str:
+    def _in_numbers(self, entry: RankedEffect) -> str:
         """What to write into the mapping of an import, for effects that it takes off."""
         id, found = entry.effect, entry.estimates
+        key = {"frame-offset": "body_pose", "latency": "pose_delay", "force-rotation": "force_angle"}.get(id)
         terms = [] if entry.form is None else entry.form["ci95"]
-        if id in ("frame-offset", "latency", "force-rotation") and any(low > 0 or high < 0 for low, high in terms):
+        if key is None or not found:
+            return ""
+        if any(low > 0 or high < 0 for low, high in terms):
             return ". Here it changes over the log: no one number takes it off"
-        if id == "frame-offset" and "offset" in found:
-            x, y = (-value + 0.0 for value in found["offset"])
-            return f". Here, if there was none: body_pose: [{x:.5f}, {y:.5f}, 0]"
-        if id == "latency" and "delay" in found:
-            return f". Here: pose_delay: {found['delay']:.4f}"
-        if id == "force-rotation" and "angle" in found:
-            return f". Here, in the mapping of the import, if it had none: force_angle: {found['angle']:.4f}"
-        return ""
+        was = _at_import(self.rig, key)
+        unless = "" if was is not None else ", if the import had none"
+        if id == "frame-offset":
+            x, y = found["offset"]
+            pose = compose(np.zeros(3) if was is None else np.asarray(was), (-x, -y, 0.0)) + 0.0
+            return f". Here{unless}: body_pose: [{pose[0]:.5f}, {pose[1]:.5f}, {pose[2]:.5g}]"
+        value = found["delay" if id == "latency" else "angle"]
+        return f". Here{unless}: {key}: {value + (was or 0.0):.4f}"
 
     @property
     def settled(self) -> bool:
@@ -248,3 +250,15 @@ def without_causes(
         log.rig, None, {}, [], {id: not_identifiable(reasons[id]) for id in CATALOGUE}, {}, {}, nothing, nothing, nothing,
         np.zeros(0), np.zeros(0), np.zeros(0), [], [],
     )  # fmt: skip
+
+
+def _at_import(rig: Rig, key: str) -> Any:
+    """What the import of a log took off already, as its ``rig.json`` says: a number, or a pose (3,); None if it does not say."""
+    source = (rig.extra or {}).get("source")
+    value = source.get(key) if isinstance(source, Mapping) else None
+    try:
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        return None
+    fits = numbers.shape == ((3,) if key == "body_pose" else ()) and bool(np.isfinite(numbers).all())
+    return numbers if fits and key == "body_pose" else float(numbers) if fits else None

@@ -199,7 +199,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "origin of the tracked frame away from the centre of mass",
             "sensing",
             "forces with moments, or poses of a slider that turns",
-            "subtract the offset, in m, from body_pose of the import (0 if there was none); or plan with stablepush correct, "
+            "move body_pose of the import back by the offset, along the axes of the slider; or plan with stablepush correct, "
             "which moves start and goal; not both",
             "The tracked origin lies {offset} along x and y of the slider from the centre of mass",
             (Parameter("offset", "m in B", 0.0, -0.01, 0.01, 2),),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from typing import Any
@@ -37,6 +38,14 @@ _UNSEEN = 5.0
 _JUMP, _QUICKER = 5e-3, 8.0
 #: A tip that stands for more rows has stopped.
 _FEW = 2
+#: Percentile of the speed in a record that stands for its pushes: most of the time a slider may rest.
+_QUICKEST = 98
+#: Windows (s) of slopes, and how far two that follow each other may differ by noise, over the speed of pushes: of twists, and
+#: of speeds that tell where pushes are, which many rows have to agree on.
+WINDOWS = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
+NOISY_TWISTS, NOISY_SPEEDS = 0.15, 0.1
+#: A push goes so many times as far as noise does (its median) among the hundreds of times that noise looks like motion.
+_SURELY = 6.0
 #: Rows whose median begins and ends a trial.
 _ENDS = 5
 
@@ -57,9 +66,9 @@ def named_rows(t: FloatArray, trials: Sequence[str]) -> tuple[list[np.ndarray[An
 
 
 def pushes_in(
-    slider: Slider, t: FloatArray, body: FloatArray, window: float
+    slider: Slider, t: FloatArray, body: FloatArray, window: float | None
 ) -> tuple[list[np.ndarray[Any, np.dtype[np.intp]]], list[str]]:
-    """Rows of each push of a record: where the slider moves, and before."""
+    """Rows of each push of a record: where the slider moves, and before. ``window``: None for as long a one as noise needs."""
     jumps = _jumps(slider, t, body)
     if len(jumps):
         when = ", ".join(f"{t[k]:.4g}" for k in jumps[:5])
@@ -70,9 +79,10 @@ def pushes_in(
     steps = np.diff(t)
     gaps = 1 + np.flatnonzero(steps > max(_BEFORE, _UNSEEN * float(np.median(steps)))) if len(steps) else np.zeros(0, dtype=int)
     pieces = np.split(np.arange(len(t)), np.union1d(jumps, gaps))
+    window = window or window_for(slider, t, body, pieces, NOISY_SPEEDS)
     speeds = [speeds_of(slider, twists_of(t[piece], body[piece], window)) for piece in pieces]
     most = max(float(speed.max()) for speed in speeds)
-    found = []
+    found, noise = [], _noise_of_travel(slider, body)
     for piece, speed in zip(pieces, speeds, strict=True):
         # a push may be far slower than another one
         moving = piece[speed > _MOVES * max(float(speed.max()), _SLOW * most)]
@@ -81,7 +91,7 @@ def pushes_in(
         cuts, done = np.flatnonzero(np.diff(t[moving]) > _PAUSE), int(piece[0])
         firsts, lasts = moving[np.concatenate(([0], cuts + 1))], moving[np.concatenate((cuts, [len(moving) - 1]))]
         # what is far slower than a push elsewhere may be a tracker that drifts
-        least = LEAST_TRAVEL if float(speed.max()) > _MOVES * most else _SLOW_TRAVEL
+        least = max(LEAST_TRAVEL if float(speed.max()) > _MOVES * most else _SLOW_TRAVEL, _SURELY * noise)
         for first, last in zip(firsts, lasts, strict=True):
             begin = max(int(np.searchsorted(t, t[first] - _BEFORE)), done)
             # noise of a tracker is as quick as a slow push, and leads nowhere
@@ -89,6 +99,19 @@ def pushes_in(
                 found.append(np.arange(begin, last + 1))
                 done = int(last) + 1
     return found, [str(k + 1) for k in range(len(found))]
+
+
+def _noise_of_travel(slider: Slider, poses: FloatArray) -> float:
+    """The median of what noise adds to :func:`travel` (m), from how much a pose differs from the middle of those around it."""
+    known = poses[np.isfinite(poses).all(axis=1)]
+    known[:, 2] = np.unwrap(known[:, 2])
+    blocks = np.median(known[: len(known) // _ENDS * _ENDS].reshape(-1, _ENDS, 3), axis=1)
+    if len(blocks) < 3:
+        return 0.0
+    places = transform_points(blocks, slider.vertices)
+    bent = np.linalg.norm(places[2:] - 2 * places[1:-1] + places[:-2], axis=-1).max(axis=1)
+    # of three places, one of them twice, where a travel has two
+    return float(np.median(bent)) / math.sqrt(3)
 
 
 def _jumps(slider: Slider, t: FloatArray, body: FloatArray) -> np.ndarray[Any, np.dtype[np.intp]]:
@@ -184,6 +207,28 @@ def _of_step(
             phases[:rest] = "rest"
             return np.median(forces[:rest][known[:rest]], axis=0) if rest >= LEAST_REST else np.zeros(2)
     return np.zeros(2)
+
+
+def window_for(
+    slider: Slider, t: FloatArray, body: FloatArray, pieces: Sequence[np.ndarray[Any, np.dtype[np.intp]]], noisy: float
+) -> float:
+    """Return the shortest of the :data:`WINDOWS` whose slopes are not ``noisy``.
+
+    Most of the time a slider rests or is pushed steadily: what slopes of two windows that follow each other differ by is noise,
+    be it of one row, or of several that are interpolated.
+    """
+    for window in WINDOWS[:-1]:
+        speeds, changes = [], []
+        for piece in pieces:
+            velocity = point_velocity(twists_of(t[piece], body[piece], window), slider.vertices)
+            later = np.minimum(np.searchsorted(t[piece], t[piece] + window), len(piece) - 1)
+            follows = np.abs(t[piece][later] - t[piece] - window) < window / 2
+            speeds.append(np.linalg.norm(velocity, axis=-1).max(axis=1))
+            changes.append(np.linalg.norm(velocity[later] - velocity, axis=-1).max(axis=1)[follows])
+        change, speed = np.concatenate(changes), np.concatenate(speeds)
+        if not np.isfinite(change).any() or np.nanmedian(change) <= noisy * np.nanpercentile(speed, _QUICKEST):
+            return window
+    return WINDOWS[-1]
 
 
 def twists_of(t: FloatArray, poses: FloatArray, window: float) -> FloatArray:

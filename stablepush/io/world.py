@@ -18,13 +18,16 @@ from stablepush.io.doubts import doubts, largest_step
 from stablepush.io.pushlog import PushLog, Rig
 from stablepush.io.recorded_pushes import (
     LEAST_TRAVEL,
+    NOISY_TWISTS,
     SLIPS,
+    WINDOWS,
     named_rows,
     phases_of,
     pushes_in,
     speeds_of,
     travel,
     twists_of,
+    window_for,
 )
 from stablepush.io.sensor_offset import zeroed
 from stablepush.objects import Slider
@@ -51,7 +54,7 @@ def log_from_arrays(
     forces_on: str = "slider",
     moments: ArrayLike | None = None,
     zero_forces: bool = True,
-    window: float = 0.1,
+    window: float | None = None,
     finger_distance: float | None = None,
     pose_delay: float = 0.0,
     force_angle: float = 0.0,
@@ -94,7 +97,9 @@ def log_from_arrays(
         turns with the tool, unless readings at rest agree better without. A finger that stopped and still presses is not at
         rest.
     window : float
-        Width (s) of the window of these lines. A shorter one follows faster motion, a longer one leaves less noise.
+        Width (s) of the window of these lines. A shorter one follows faster motion, a longer one leaves less noise. If not
+        given: 0.1, or up to 0.5 if the tracker is so noisy that slopes of windows that follow each other differ by more than 15 %
+        of the speed of the pushes (a :class:`StablepushWarning` says so).
     finger_distance : float, optional
         m, between the centres of two fingers, along the touched edge; ``tip_positions`` is midway between them. With it and
         ``rig.finger_radius`` the log has the contact point of each finger: of the one that is nearest to the outline in a
@@ -138,7 +143,8 @@ def log_from_arrays(
         world = rotate_vectors(-force_angle, world)
     turning = None if moments is None else _with_gaps(_column(moments), "moments", n, (1,))[:, 0]
     check_choice(forces_on, "forces_on", FORCES_ON)
-    check_number(window, "window", positive=True)
+    if window is not None:
+        check_number(window, "window", positive=True)
     if finger_distance is not None:
         check_number(finger_distance, "finger_distance", positive=True)
         if rig.contact_kind != "two-point" or rig.finger_radius is None or tips is None:
@@ -158,6 +164,11 @@ def log_from_arrays(
     columns: dict[str, list[Any]] = {"trial": [], "t": [], "phase": []}
     parts: dict[str, list[FloatArray]] = {"pose": [], "twist": [], "load": [], "place": [], "pusher": []}
     begins, recorded = [], []
+    if window is None:
+        window = window_for(rig.slider, t, body, rows, NOISY_TWISTS)
+        if window > WINDOWS[0]:
+            words = f"the tracker is noisy: twists are slopes over {window:g} s (window) instead of {WINDOWS[0]:g} s"
+            warnings.warn(StablepushWarning(words), stacklevel=2)
     twists = [twists_of(t[mine], body[mine], window) for mine in rows]
     speeds = [speeds_of(rig.slider, one) for one in twists]
     away = np.full(n, np.nan)

@@ -205,9 +205,26 @@ def test_a_sensor_that_is_only_turned_has_even_axes(log):
 
 
 def test_one_number_does_not_take_off_a_delay_that_changes(log):
-    entry = sp.diagnose(read_by(log, mounted(0.12))).ranking[0]
-    parameter = entry.parameters["angle"]
+    report = sp.diagnose(read_by(log, mounted(0.12)))
+    parameter = report.ranking[0].parameters["angle"]
     form = {"covariate": "", "basis": ["o - 1/2"], "coefficients": [0.08], "ci95": [[0.06, 0.1]], "unit": "s"}
-    delayed = replace(entry, effect="latency", parameters={"delay": parameter})
-    assert "pose_delay" in sp.GapReport._in_numbers(delayed)
-    assert "no one number" in sp.GapReport._in_numbers(replace(delayed, form=form))
+    delayed = replace(report.ranking[0], effect="latency", parameters={"delay": parameter})
+    assert "pose_delay" in report._in_numbers(delayed)
+    assert "no one number" in report._in_numbers(replace(delayed, form=form))
+
+
+def test_what_an_import_took_off_already_is_added_to(log):
+    """An offset is along the axes of the slider, of which the tracked frame's may be turned."""
+    report = sp.diagnose(read_by(log, mounted(0.12)))
+    turned, angle = report.ranking[0], report.ranking[0].parameters["angle"].estimate
+    offset = replace(report.ranking[0].parameters["angle"], estimate=[0.001, 0.004], ci95=[[0.0, 0.002], [0.003, 0.005]])
+    off = replace(turned, effect="frame-offset", parameters={"offset": offset})
+    assert report._in_numbers(turned).endswith(f"if the import had none: force_angle: {angle:.4f}")
+    for source in (None, {}, "csv", {"body_pose": [1, 2], "force_angle": "0"}, {"body_pose": ["a", 0, 0], "force_angle": None}):
+        other = replace(report, rig=replace(report.rig, extra={"source": source}))
+        assert other._in_numbers(off) == ". Here, if the import had none: body_pose: [-0.00100, -0.00400, 0]"
+    known = {"source": {"kind": "csv", "body_pose": [-0.05, -0.04, -np.pi / 2], "pose_delay": 0.0, "force_angle": 0.1}}
+    other = replace(report, rig=replace(report.rig, extra=known))
+    assert other._in_numbers(turned) == f". Here: force_angle: {angle + 0.1:.4f}"
+    # x of the slider is -y of the tracked frame, and y of the slider is x of that
+    assert other._in_numbers(off) == ". Here: body_pose: [-0.05400, -0.03900, -1.5708]"

@@ -43,7 +43,7 @@ class Mapping:
     body_pose: FloatArray
     forces_on: str
     zero_forces: bool
-    window: float
+    window: float | None
     finger_distance: float | None
     pose_delay: float
     force_angle: float
@@ -81,6 +81,8 @@ def mapping_of(source: Source, slider: Slider | None, *own: str) -> Mapping:
     delay, angle = root.get("pose_delay"), root.get("force_angle")
     if zero is not None and not isinstance(zero.value, bool):
         zero.fail("expected true or false", repr(zero.value))
+    pose = np.zeros(3) if body is None else body.array(3)
+    lag, turn = (0.0 if node is None else node.number() for node in (delay, angle))
     rig = Rig(
         _slider(root, file, slider),
         contact_kind="point" if kind is None else kind.text(CONTACT_KINDS),
@@ -89,13 +91,14 @@ def mapping_of(source: Source, slider: Slider | None, *own: str) -> Mapping:
         gravity=number("gravity", 9.81),
         finger_radius=number("finger_radius", None, positive=False),
         noise=None if noise is None else _noise(noise),
-        extra={"source": {"kind": source.kind}},
+        # what a diagnosis of the log adds to
+        extra={"source": {"kind": source.kind, "body_pose": pose.tolist(), "pose_delay": lag, "force_angle": turn}},
         model=None if model is None else model_or_path(model, file.parent),
     )
     return Mapping(
-        root, rig, np.zeros(3) if body is None else body.array(3), "slider" if on is None else on.text(FORCES_ON),
-        True if zero is None else zero.value, number("window", 0.1), number("finger_distance", None),
-        0.0 if delay is None else delay.number(), 0.0 if angle is None else angle.number(),
+        root, rig, pose, "slider" if on is None else on.text(FORCES_ON),
+        True if zero is None else zero.value, number("window", None), number("finger_distance", None),
+        lag, turn,
     )  # fmt: skip
 
 
