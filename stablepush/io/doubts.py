@@ -53,7 +53,8 @@ def _opposed(log: PushLog) -> Iterator[str]:
     powers = _powers(log).values()
     number, against = len(powers), sum(power < 0 for power in powers)
     if number > 1 and 2 * against > number:
-        yield f"in {against} of {number} pushes the force opposes the motion: is its sign wrong (forces_on)?"
+        words = "is its sign wrong (forces_on), or are its axes those of the tool (force_axes)?"
+        yield f"in {against} of {number} pushes the force opposes the motion: {words}"
 
 
 def _restless(log: PushLog) -> Iterator[str]:

@@ -42,6 +42,29 @@ def test_a_table_in_millimetres_and_degrees(tmp_path, capsys):
     assert (log.rig.finger_radius, log.rig.contact_friction) == (RADIUS, 0.5)
 
 
+def test_forces_in_the_axes_of_a_tool_are_turned_into_the_world(tmp_path, capsys):
+    """A sensor that turns with the tool, whose heading is a column; without that column nobody knows its axes."""
+    (t, poses, tips, forces), trials, loads = recorded()
+    heading = 0.7 + 0.4 * t
+    c, s = np.cos(heading), np.sin(heading)
+    read = np.column_stack((c * forces[:, 0] + s * forces[:, 1], c * forces[:, 1] - s * forces[:, 0]))
+    numbers = np.column_stack((t, poses, tips, heading, read)).tolist()
+    rows = [",".join([*map(repr, row), word]) for row, word in zip(numbers, trials, strict=True)]
+    path = tmp_path / "tool.csv"
+    path.write_text("\n".join(["clock,X,Y,yaw,TX,TY,TH,FX,FY,push", *rows]) + "\n", encoding="utf-8")
+    mapping = mapping_file(tmp_path, columns=COLUMNS | {"tip_theta": "TH"}, force_axes="tip")
+    imported(capsys, path, "--kind", "csv", "--mapping", mapping, "-o", tmp_path / "log")
+    assert sp.read_pushlog(tmp_path / "log").pairs().wrenches == pytest.approx(loads, abs=1e-9)
+    for entries, place in (
+        ({"columns": COLUMNS, "force_axes": "tip"}, "columns.tip_theta: missing key"),
+        ({"columns": COLUMNS, "force_axes": "flange"}, "force_axes: expected"),
+    ):
+        mapping = mapping_file(tmp_path, **entries)
+        assert main(["import", str(path), "--kind", "csv", "--mapping", str(mapping), "-o", str(tmp_path / "no")]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert place in line
+
+
 def test_what_a_table_cannot_be_is_noted(tmp_path, capsys):
     """Forces on the finger, metres for millimetres, and no rows at rest: one line each, and the log is made."""
     path, _, _ = table(tmp_path)
@@ -53,7 +76,10 @@ def test_what_a_table_cannot_be_is_noted(tmp_path, capsys):
 
     assert not notes()
     (turned,) = notes(forces_on="finger")
-    assert "in 3 of 3 pushes the force opposes the motion: is its sign wrong (forces_on)?" in turned
+    assert (
+        "in 3 of 3 pushes the force opposes the motion: is its sign wrong (forces_on), or are its axes those of the tool"
+        in turned
+    )
     (elsewhere,) = notes(body_pose=[0.5, 0.3, 0.0])
     assert "the centre of the tip is" in elsewhere
     assert "mm outside the slider's outline, with a finger of 5 mm radius: units (length, angle), body_pose" in elsewhere

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import FloatArray, InputError
+from stablepush.geometry import rotate_vectors
 from stablepush.io.importers.mapping import mapping_of
 from stablepush.io.importers.registry import Source, name_of, within
 from stablepush.io.pushlog import OF_TRIALS, PushLog
@@ -29,6 +30,8 @@ UNITS = {
     "force": {"N": 1.0, "mN": 1e-3},
     "moment": {"N m": 1.0, "N mm": 1e-3},
 }
+#: Axes in which forces are: those of the world, or of the tip, which turn with its heading.
+FORCE_AXES = ("world", "tip")
 _REQUIRED = ("t", "x", "y", "theta")
 
 
@@ -42,7 +45,7 @@ class CsvTables:
         return (Source("csv", file, name_of(file), {}) for file in files)
 
     def read(self, source: Source, slider: Slider | None) -> tuple[PushLog, list[str]]:
-        mapping = mapping_of(source, slider, "columns", "units", "trial_columns")
+        mapping = mapping_of(source, slider, "columns", "units", "trial_columns", "force_axes")
         node = mapping.root["columns"]
         node.expect_keys(*COLUMNS)
         named = {name: node[name].text() for name in node.object() if name in COLUMNS}
@@ -53,6 +56,11 @@ class CsvTables:
         if units is not None:
             units.expect_keys(*UNITS)
             scales |= {what: UNITS[what][units[what].text(tuple(UNITS[what]))] for what in units.object() if what in UNITS}
+        axes = mapping.root.get("force_axes")
+        turned = axes is not None and axes.text(FORCE_AXES) == "tip"
+        if turned:
+            # raises where it is missing
+            node["tip_theta"].text()
         for pair in (("fx", "fy"), ("tip_x", "tip_y")):
             lacking = [name for name in pair if name not in named]
             if len(lacking) == 1:
@@ -83,7 +91,9 @@ class CsvTables:
         clock = np.array([_time(word, line, named["t"], source) for word, line in zip(table[named["t"]], lines, strict=True)])
         poses = values("x", "y", "theta")
         tips = values("tip_x", "tip_y", *(["tip_theta"] if "tip_theta" in named else []))
-        moments = values("moment")
+        moments, forces = values("moment"), values("fx", "fy")
+        if turned and forces is not None and tips is not None:
+            forces = rotate_vectors(tips[:, 2], forces)
         if poses is None or not len(clock):
             raise InputError("", "expected at least one row", file=source.file)
         trials = list(table[named["trial"]]) if "trial" in named else None
@@ -91,7 +101,7 @@ class CsvTables:
             raise InputError(f"column {named['trial']}", "expected a name in at least one row", file=source.file)
         try:
             log, notes = mapping.log(
-                scales["time"] * clock, poses, values("fx", "fy"), tips, trials, None if moments is None else moments[:, 0]
+                scales["time"] * clock, poses, forces, tips, trials, None if moments is None else moments[:, 0]
             )
         except InputError as error:
             place = error.place
