@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.equations import Fitted
-from stablepush.diagnosis.finger_forces import FingerForces, finger_forces
+from stablepush.diagnosis.finger_forces import CLEARLY_LESS, FingerForces, finger_forces
 from stablepush.diagnosis.results import readable
 from stablepush.diagnosis.system import System
 
@@ -43,6 +43,8 @@ _INFORMS, _FEWEST_TRIALS, _AGAINST, _FEWEST_OF_CHANGE, _OVER = 1.0, 3, 3, 5, 0.3
 _OPPOSED = 0.8
 #: So many trials whose fingers slip decide by their median: one within so many standard errors of the rig's friction is that.
 _DECIDE, _NEAR = 5, 2.0
+#: Standard error, over itself, of a friction at which a few fingers moved.
+_FEW_ERROR = 0.05
 #: Contact friction is off if it differs by at least this much in the trials that inform, with so small a p-value.
 _MU, P_SLIP = 0.03, 1e-3
 #: Least standard error over the friction.
@@ -142,6 +144,19 @@ def friction_of(forces: FingerForces, nominal: float | None) -> ContactFriction 
     (low, high), of_change = model.spread(terms == 2)
     friction, change = float(found[0]), float(found[1])
     return ContactFriction(friction, (min(low, friction), max(high, friction)), count, p, "forces", change, of_change)
+
+
+def suspected_friction(forces: FingerForces, nominal: float | None, unexplained: bool) -> tuple[float, float] | None:
+    """Return less friction of the fingers than ``nominal`` that pushes do not show clearly enough for a name, and its standard
+    error, for plans to be safe: what the few held in which fingers moved; or, if a gap is left ``unexplained``, what the forces
+    of more pushes give, if their interval lies below the nominal friction, whatever the p-value."""
+    few = forces.suspected_friction(nominal)
+    if few is not None:
+        return few, _FEW_ERROR * few
+    found = friction_of(forces, nominal) if unexplained and nominal is not None else None
+    if found is None or nominal is None or found.interval[1] >= nominal or found.estimate >= nominal - CLEARLY_LESS:
+        return None
+    return found.estimate, found.error
 
 
 class _Model:

@@ -24,8 +24,6 @@ from stablepush.surfaces import LimitSurface
 #: Standard error of the friction of fingers, over itself, where there is a gap that nothing named explains. Fingers of 0.5 to
 #: 0.75 of their believed friction often slip in none of a few plans; 30 % to either side cost half a per cent of a plan's time.
 _UNSHOWN = 0.15
-#: The same of a friction at which fingers moved, where too few did for it to be named.
-_SUSPECTED = 0.05
 #: Effects that are no entry of ``effects``: surface and contact hold them.
 _FOLDED = (*OF_PRESSURE, "contact-friction", "contact-geometry", "frame-offset", "model-capacity")
 
@@ -55,21 +53,22 @@ def corrections(
     effects: Sequence[str],
     refitted: bool,
     unexplained: bool,
-    suspected_friction: float | None = None,
+    suspected: tuple[float, float] | None = None,
 ) -> list[Correction]:
     """Return the rigs that a diagnosis leaves possible, each with its probability; all :func:`in_own_forms`.
 
     One, or one for each of the causes that cannot be separated. ``refitted``: the shape of the nominal surface does not fit,
     another one takes its place. ``unexplained``: there is a gap, and no effect is named; friction of the fingers that no push
-    has shown is then less certain than it was. ``suspected_friction``: of fingers, that too few pushes show for a name.
+    has shown is then less certain than it was. ``suspected``: friction of the fingers that pushes do not
+    show clearly enough for a name, and its standard error.
     """
     with system.own_forms():
         found_rigs = _corrections(system, found, ranking, effects, refitted)
     nominal = system.rig.contact_friction
-    if suspected_friction is not None:
+    if suspected is not None:
         # what holds with less friction holds with more
-        error = _SUSPECTED * suspected_friction
-        return [replace(rig, contact_friction=suspected_friction, contact_friction_error=error) for rig in found_rigs]
+        friction, error = suspected
+        return [replace(rig, contact_friction=friction, contact_friction_error=error) for rig in found_rigs]
     if not unexplained or nominal is None:
         return found_rigs
     return [replace(rig, contact_friction_error=_UNSHOWN * nominal) for rig in found_rigs]

@@ -17,7 +17,7 @@ _SLIPS, _SLIP_SHARE = 4.0, 0.2
 #: Fingers creep if they slip by this share of the way of a push. Trials give the same friction if none is off by the other share.
 _CREEP, _SAME = 0.02, 0.15
 #: Friction that is suspected is less than the nominal one by this much at least.
-_CLEARLY_LESS = 0.1
+CLEARLY_LESS = 0.1
 #: So many trials whose fingers move suffice for a test of their friction.
 _TESTABLE = 3
 #: Angle (rad) by which the normals of a trial are off alike.
@@ -76,7 +76,7 @@ class FingerForces:
             return None
         held = float(self.ratio[~self.moving].max(initial=0.0))
         moved = float(self.ratio[self.moving].max(initial=0.0))
-        if nominal is None or moved < (1 - _SAME) * held or not 0 < max(moved, held) < nominal - _CLEARLY_LESS:
+        if nominal is None or moved < (1 - _SAME) * held or not 0 < max(moved, held) < nominal - CLEARLY_LESS:
             return None
         return max(moved, held)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from stablepush.core import InputError, one_blas_thread
 from stablepush.diagnosis.attribution import Attribution, attribute
-from stablepush.diagnosis.contact_friction import slip_friction
+from stablepush.diagnosis.contact_friction import slip_friction, suspected_friction
 from stablepush.diagnosis.corrected import corrections, in_own_forms, of_last_log
 from stablepush.diagnosis.determined import determined_rows
 from stablepush.diagnosis.equations import SIZES
@@ -213,10 +213,10 @@ def _diagnose(
     forces = finger_forces(system, found.final)
     nominal, suspected = log.rig.contact_friction, None
     if forces is not None and comparison is None and "contact-friction" not in reported:
-        suspected = forces.suspected_friction(nominal)
+        suspected = suspected_friction(forces, nominal, verdict == "unknown")
     if suspected is not None and nominal is not None:
-        notes.append(suspicion_note(suspected, nominal))
-        sentence += f" But fingers slipped or crept as with friction {suspected:.3g}, where {nominal:.3g} was assumed."
+        notes.append(suspicion_note(suspected[0], nominal))
+        sentence += f" But fingers slipped or crept as with friction {suspected[0]:.3g}, where {nominal:.3g} was assumed."
     return GapReport(
         log=name,
         trials=len(log),
@@ -253,7 +253,7 @@ def _diagnose(
         estimates=estimates(system, found.final) if found.final.values else None,
         determined=determined,
         times=system.observations.time,
-        suspected_friction=suspected,
+        suspected_friction=None if suspected is None else suspected[0],
         untested=untested,
     )
 
