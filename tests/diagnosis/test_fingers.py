@@ -7,6 +7,7 @@ import pytest
 from conftest import FORCES, LOAD, MASS, QUIET, check_schema, edited, make_log, pressure, triangle
 
 import stablepush as sp
+from stablepush.diagnosis.contact_friction import suspected_friction
 from stablepush.diagnosis.finger_forces import FingerForces
 from stablepush.diagnosis.fingers_seen import finger_places
 from stablepush.diagnosis.observations import observe
@@ -193,6 +194,27 @@ def test_friction_is_suspected_where_few_fingers_move(slips, creeps, ratio, susp
     of = FingerForces(np.arange(3), order, np.array(slips, bool), np.array(creeps, bool), np.array(ratio), np.full(3, 0.01))
     assert of.suspected_friction(0.5) == suspected
     assert of.suspected_friction(None) is None
+
+
+@pytest.mark.parametrize(
+    ("slips", "ratios", "suspected"),
+    (
+        # three pushes that disagree, as of a sensor whose offset drifts: no name, but less than the friction that is assumed
+        ((0, 0, 0, 1, 1, 1, 0), (0.07, 0.01, 0.11, 0.18, 0.40, 0.31, 0.23), 0.33),
+        # as much as is assumed; and no push that slips
+        ((0, 0, 0, 1, 1, 1, 0), (0.07, 0.01, 0.11, 0.48, 0.52, 0.5, 0.23), None),
+        ((0, 0, 0, 0, 0, 0, 0), (0.07, 0.01, 0.11, 0.18, 0.40, 0.31, 0.23), None),
+    ),
+)
+def test_friction_that_no_test_shows_is_suspected_where_a_gap_is_unexplained(slips, ratios, suspected):
+    slip = np.array(slips, bool)
+    forces = FingerForces(np.arange(7), np.linspace(0, 1, 7), slip, ~slip & False, np.array(ratios), np.full(7, 0.015))
+    found = suspected_friction(forces, 0.5, unexplained=True)
+    assert (found is None) == (suspected is None)
+    if found is not None:
+        assert found[0] == pytest.approx(suspected, abs=0.04) and 0.02 < found[1] < 0.1
+    assert suspected_friction(forces, 0.5, unexplained=False) is None
+    assert suspected_friction(forces, None, unexplained=True) is None
 
 
 @pytest.mark.parametrize("seed", (3, 6, 7, 10))
