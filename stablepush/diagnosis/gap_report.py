@@ -201,6 +201,8 @@ def _diagnose(
             system, verdict, reported, ranking, judged.reductions, judged.touch, log.rig.noise is not None, judged.gaps
         )
     )
+    if verdict == "unknown" and judged.unnamed and found.named:
+        sentence += f" Not named: {', '.join(found.named)}, for {judged.unnamed}."
     still = observations.still
     if still:
         notes.append(still_note(still, len(log)))

@@ -45,6 +45,8 @@ _COMMON, _P_COMMON = 8.0, 1e-3
 _SLIPPING = 2
 #: A p-value as small is significant. Pose errors are if they are also so many times their floor.
 _SIGNIFICANT, _OFF = 0.01, 2.0
+#: Final poses are spoilt if they become so many times as wrong, by an interval of their gap reduction that ends below this.
+_SPOILT, _SURELY_WORSE = 1.4, -1.0
 #: A channel stands clear of its floor if that is significant, or if it is so many times as large because of a few pushes.
 _FAR = 3.0
 #: A refit that leaves so many times the noise is no fit.
@@ -92,6 +94,9 @@ def judge(
     patterned = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
     if worse:
         verdict, unnamed = Verdict.UNKNOWN, "it does not reduce the residuals of held-out pushes"
+    elif found.named and not system.opened and _spoils_poses(held, reduced):
+        # a form that the catalogue does not have cannot be simulated
+        verdict, unnamed = Verdict.UNKNOWN, "final poses that the nominal simulation has right would be off, so corrected"
     elif patterned and not explains_most(held, found.named):
         verdict, unnamed = Verdict.UNKNOWN, "the remaining residuals still depend on place, heading, order or speed"
     elif negligible:
@@ -192,6 +197,15 @@ def _brings_nothing_nearer(system: System, found: Attribution, reduced: Sequence
     return not system.significantly_better(
         held_out(system, found.chosen, found.free, folds), held_out(system, [], found.free, folds)
     )
+
+
+def _spoils_poses(held: HeldOut, reduced: Sequence[GapReduction]) -> bool:
+    """Whether a correction of loads or clearances throws final poses off that were within the noise: another cause acts."""
+    pose = next((entry for entry in reduced if entry.channel == "pose"), None)
+    if pose is None or "wrench" not in held.squares or "pose" not in held.squares:
+        return False
+    before, after = (float(held.squares["pose"][key].mean()) for key in ("before", "after"))
+    return before < held.floors["pose"] and after > _SPOILT**2 * before and pose.ci95[1] < _SURELY_WORSE
 
 
 def _refit_may_absorb(system: System, held: HeldOut, pushes: Sequence[Replay], clear: Sequence[ChannelGap]) -> bool:

@@ -1,5 +1,7 @@
 """What noise leaves of each channel, and that no verdict passes over what is more."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from conftest import edited, make_log
@@ -7,7 +9,7 @@ from conftest import edited, make_log
 import stablepush as sp
 from stablepush.diagnosis import gap_reduction
 from stablepush.diagnosis.gap_reduction import HeldOut
-from stablepush.diagnosis.verdicts import _changes_nothing, stands_clear
+from stablepush.diagnosis.verdicts import _changes_nothing, _spoils_poses, stands_clear
 
 NOISE = sp.Noise(0.05, 5e-5, 5e-4)
 
@@ -129,6 +131,23 @@ def test_a_significant_cause_that_changes_nothing_is_not_named():
     assert not _changes_nothing(One, Found, held(0.236, 0.2349, turn=2e-4))
 
 
+def test_a_correction_that_spoils_final_poses_is_of_another_cause():
+    """Poses that lag look like thinner fingers; fingers of that radius would push the slider elsewhere than it went."""
+
+    def spoils(before, after, ci95=(-10.0, -5.0), channels=("wrench", "pose")):
+        squares = {"before": np.full(20, before**2), "refit": np.full(20, before**2), "after": np.full(20, after**2)}
+        held = SimpleNamespace(squares=dict.fromkeys(channels, squares), floors={"pose": 1.2e-3**2})
+        reduced = [SimpleNamespace(channel=channel, ci95=ci95) for channel in channels]
+        return _spoils_poses(held, reduced)
+
+    assert spoils(4e-4, 8e-4)
+    # nearly as right; by chance; wrong before; not judged by loads
+    assert not spoils(4e-4, 5e-4)
+    assert not spoils(4e-4, 8e-4, ci95=(-10.0, 0.2))
+    assert not spoils(2e-3, 8e-3)
+    assert not spoils(4e-4, 8e-4, channels=("pose",)) and not spoils(4e-4, 8e-4, channels=("wrench",))
+
+
 def executed(log: sp.PushLog, rig: sp.Rig, seed: int) -> sp.PushLog:
     """The pushes of a log as a robot makes them, slow at first and at last, recorded at 25 Hz with noise."""
     rng, noise, parts = np.random.default_rng(seed), rig.noise, []
@@ -159,6 +178,7 @@ def executed(log: sp.PushLog, rig: sp.Rig, seed: int) -> sp.PushLog:
     )  # fmt: skip
 
 
+@pytest.mark.filterwarnings("ignore:the tracker is noisy")
 @pytest.mark.parametrize("seed", (0, 2, 3, 6, 11))
 def test_slow_rows_of_an_executed_push_are_no_gap_of_a_fitted_surface(seed):
     """Noise decides in which direction a slow motion goes; a load in proportion to that noise would be certain of it.
