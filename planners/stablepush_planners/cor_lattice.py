@@ -59,6 +59,8 @@ def plan_cor_lattice(
             message = planner.run(options.refinement_budget)
         except OutOfTimeError:
             status, message = "timeout", "the time limit passed before a path was found"
+            if not deadline.passed():
+                message = f"no path was found in {options.search_budget:g} search steps"
     if planner.best is None:
         return PlanResult(status, NAME, lower_bound=context.bound, seed=seed, message=message)
     return context.result(planner.best, NAME, seed, planner.found_by)
@@ -98,7 +100,7 @@ class _Planner:
             self._progress("any path of the pusher round the slider")
             self._climb(refinement_budget, context.transfers._replace(kind=ANY_PATH))
         if self._search_budget <= 0:
-            return "no path was found in so many steps"
+            raise OutOfTimeError("search: the budget is spent")
         return f"the lattice is exhausted at all {len(LADDER)} resolutions" if useful else "no contact has a stable push"
 
     def _climb(self, refinement_budget: float, transfers: Transfers) -> bool:

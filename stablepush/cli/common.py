@@ -58,7 +58,9 @@ LARGEST = 1e6
 Output = Annotated[Path, typer.Option("-o", "--output", help="File to write.")]
 Contact = Annotated[
     Path | None,
-    typer.Option("--contact", help="Contact of the pusher (JSON). A scene has its own; with several, the number of one, from 0."),
+    typer.Option(
+        "--contact", metavar="FILE|N", help="Contact file (JSON); for a scene with several contacts, the number of one, from 0."
+    ),
 ]
 
 

@@ -51,8 +51,8 @@ RefinementBudget = Annotated[
 
 #: Distance (m) of an obstacle below which the remedy is named, and the remedy.
 _NEAR = 2e-3
-_CLOSE = ": --clearance 0.005 would keep 5 mm away"
-_NO_ROOM = "; no plan was found that keeps 5 mm away and takes little longer"
+_CLOSE = ": try --clearance 0.005"
+_NO_ROOM = "; no plan was found that keeps 5 mm away, is as sure, and takes at most 5 % longer"
 
 _OPTIONS = options_of(
     "planner",
@@ -125,8 +125,8 @@ def plan(
         typer.Option(
             parser=number,
             metavar="METRES",
-            help="Least distance of slider and pusher from obstacles; 0: they may touch. If not given, 0.005 where that takes "
-            "little longer.",
+            help="Least distance of slider and pusher from obstacles; 0: they may touch. If not given: 0.005, or 0 "
+            "where that would take more than 5 % longer.",
         ),
     ] = None,
     view: Annotated[Path | None, typer.Option(help="Animation of the plan as an HTML page.")] = None,
@@ -192,7 +192,8 @@ def plan(
         if nearest is not None:
             hint = ""
             if nearest.distance < _NEAR:
-                hint = _CLOSE if clearance is not None or not (success and refinement_budget) else _NO_ROOM
+                looked = clearance is None and max(success, require_success) > 0 and refinement_budget > 0
+                hint = _NO_ROOM if looked else _CLOSE
             print(
                 f"closest to an obstacle: {1000 * nearest.distance:.1f} mm, in {nearest.where}; the probabilities do not count "
                 f"collisions{hint}"

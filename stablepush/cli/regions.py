@@ -21,6 +21,9 @@ _ALL_MOTIONS, _SLIVER = 4 * math.pi, 1e-3
 #: Endings of what a map is not.
 _OTHER_PICTURES = (".html", ".htm", ".pdf", ".svg", ".jpg", ".jpeg", ".gif")
 
+#: Longest number of a contact.
+_DIGITS = 4
+
 Model = Annotated[Path, typer.Argument(metavar="MODEL", help="model/1 file, or a scene.")]
 
 
@@ -65,7 +68,9 @@ def _of_scene(model: Path, contact: Path | None, slider: Path | None = None) -> 
     of its contacts."""
     from stablepush.io import read_json
 
-    number = int(contact.name) if contact is not None and contact.name.isdecimal() and not contact.exists() else None
+    words = "" if contact is None else str(contact)
+    numeral = words.isascii() and words.isdecimal() and len(words) <= _DIGITS
+    number = int(words) if contact is not None and numeral and not contact.exists() else None
     if number is not None:
         contact = None
     scene = (contact is None or slider is None) and read_json(model, "model/1", "scene/1")["format"].value == "scene/1"

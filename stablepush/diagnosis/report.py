@@ -33,6 +33,11 @@ _NO_NEARER = (
     "the surface is off by little more than noise, and a refitted one predicts left-out pushes no better: plans stay as they "
     "are; more pokes before planning give a better one"
 )
+#: What to do where a surface fits all pushes, and none is predicted by one that is fitted to the others.
+_NOT_PREDICTED = (
+    "a surface fitted to all pushes fits them, one fitted to some does not predict the others: more pokes before planning give a "
+    "better one; try single pushes of a corrected plan first"
+)
 #: Effects that the import of a log takes off: no plan changes.
 _OF_IMPORTS = frozenset(("frame-offset", "latency", "force-rotation"))
 #: A channel is predicted worse by a correction that leaves so many times what there was, and what noise leaves.
@@ -112,6 +117,8 @@ class GapReport:
             ):
                 # where the gap is near the noise a refit has little to go by
                 return [_NO_NEARER, *plan]
+            if self.verdict == "absorbed" and self.reductions and all(e.before <= e.after for e in self.reductions):
+                return [_NOT_PREDICTED, *plan]
             return plan if plan and self.verdict == "none" else [self.verdict.advice, *plan]
         remedies = [f"{id}: {self._remedy(id)}" for id in self.named]
         far = [] if _OF_IMPORTS.issuperset(self.named) else self._predicted_worse()

@@ -145,13 +145,13 @@ def _cause(system: System, entry: RankedEffect) -> str:
     kind, axes = CATALOGUE[id], uneven_axes(entry)
     if axes is not None:
         return f"{id}: the force sensor {axes}"
+    if entry.form is not None and id in ("tilt", "spatial-variation"):
+        # the values of its parameters are those at the origin of W, which may be far away
+        return f"{id}: {_over_pushes(entry, system.observations.pose[:, :2])}"
     if not entry.parameters or entry.by_terms:
         # the terms of its family say what its own form does not
         form = ", in a form that the catalogue does not have" if entry.form is not None else ""
         return f"{id}: {kind.what}{form}"
-    if entry.form is not None and id in ("tilt", "spatial-variation"):
-        # the values of its parameters are those at the origin of W, which may be far away
-        return f"{id}: {_over_pushes(entry, system.observations.pose[:, :2])}"
     words = kind.says.format(**{p.name: _in_words(p, entry.parameters[p.name]) for p in kind.parameters})
     believed = {"contact-friction": system.rig.contact_friction, "contact-geometry": system.rig.finger_radius}.get(id)
     if believed is not None:
@@ -169,11 +169,14 @@ def _over_pushes(entry: RankedEffect, places: FloatArray) -> str:
     at = f"in the middle of the pushes (x {middle[0]:.2f} m, y {middle[1]:.2f} m)"
     if entry.effect == "tilt":
         slopes = np.degrees(slope_over_place(entry.estimates["slope"], terms, np.vstack((middle, places))))
-        here, low, high = (f"({x + 0.0:.2f}, {y + 0.0:.2f})" for x, y in (slopes[0], slopes.min(axis=0), slopes.max(axis=0)))
-        return f"the table falls by {here} deg along x and y {at}, and by {low} to {high} deg over all of them"
+        (x, y), (lx, ly), (hx, hy) = slopes[0] + 0.0, slopes.min(axis=0), slopes.max(axis=0)
+        return (
+            f"the table falls by ({x:.2f}, {y:.2f}) deg along x and y {at}; over the pushes this ranges from {lx:.2f} to "
+            f"{hx:.2f} deg along x and from {ly:.2f} to {hy:.2f} deg along y"
+        )
     shares = friction_over_place(entry.estimates["gradient"], terms, np.vstack((middle, places)))
     low, high = (f"{share:.2f}" for share in (shares.min() / shares[0], shares.max() / shares[0]))
-    return f"over the pushes support friction is {low} to {high} times that {at}"
+    return f"over the pushes support friction is {low} to {high} times its value {at}"
 
 
 def _in_words(parameter: Parameter, found: ParameterEstimate) -> str:

@@ -100,9 +100,11 @@ def load_contact(path: str | Path, number: int | None = None) -> PushContact:
     plans."""
     root = read_json(path)
     kind = root.get("format")
+    if number is not None and (isinstance(number, bool) or not isinstance(number, int)):
+        raise InputError("number", "expected the number of a contact of a scene", repr(number))
     if kind is None or kind.value != "scene/1":
         if number is not None:
-            root.fail("expected a scene, whose contacts have numbers", "a contact")
+            raise InputError("", f"expected a scene, for a contact of the number {number}", file=path)
         return contact_from_node(root)
     contacts = list(root["contacts"].items())
     if number is None and len(contacts) == 1:

@@ -3,47 +3,72 @@
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import replace
 from typing import NamedTuple, Protocol
 
-from stablepush.core import Deadline
+import numpy as np
+import shapely
+
+from stablepush.core import Deadline, FloatArray, StablepushError
+from stablepush.geometry import transform_points
+from stablepush.planning.check import check_plan
+from stablepush.planning.clearance import clearance_of
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult
 
-#: Distance (m) that plans keep from obstacles if none is asked for, and how much longer they may take than the first plan that
-#: may touch.
+#: Distance (m) that plans keep from obstacles if none is asked for, and how much longer than others they may take for it.
 APART, _LONGER = 0.005, 1.05
-#: Search steps that are spent on finding such a plan: a count, so that it does not depend on the machine whether it is found.
+#: Search steps of a first plan that keeps away: a count, so that it does not depend on the machine whether one is found.
 _STEPS = 50_000
+#: Planners that do not count steps have this many times as long as the plan took that may touch, and at least so many s.
+_TIMES, _AT_LEAST = 3.0, 1.0
+#: What an obstacle that is near to start or goal is not grown by (m).
+_SLACK = 1e-4
 
 
 class Found(NamedTuple):
-    """A result, whether it succeeds with the probability that was asked for, and what is doubtful of it."""
+    """A result, the share of scenarios that it holds in, up to the level that was asked for, and what is doubtful of it."""
 
     result: PlanResult
-    met: bool
+    held: float
     doubts: tuple[str, ...] = ()
 
 
 class Search(Protocol):
-    """Plan for a problem until a deadline: at most so many search steps for a first plan, then so many on better ones."""
+    """Plan for a problem until a deadline, with so many search steps until there is a first plan."""
 
-    def __call__(self, problem: PlanningProblem, until: Deadline, /, *, first: float, refining: float) -> Found: ...
+    def __call__(self, problem: PlanningProblem, until: Deadline, /, *, search_budget: float) -> Found: ...
 
 
-def keep_away(problem: PlanningProblem, search: Search, deadline: Deadline, refining: float) -> Found:
-    """Return a plan that keeps :data:`APART` from obstacles, if one is found that takes little longer; else one that may touch.
-
-    The first plan that may touch tells whether there is any, and how long it takes.
-    """
-    touching = search(problem, deadline, first=math.inf, refining=0.0)
-    if not touching.result.solved or deadline.passed():
+def keep_away(problem: PlanningProblem, search: Search, deadline: Deadline) -> Found:
+    """Return a plan that keeps :data:`APART` from obstacles, if one is found that takes at most 5 % longer than the one that may
+    touch them and holds as surely; else that one."""
+    began = time.perf_counter()
+    touching = search(problem, deadline, search_budget=math.inf)
+    near = clearance_of(problem, touching.result) if touching.result.solved else None
+    if near is None or near.distance >= APART or deadline.passed():
         return touching
-    larger = problem.with_clearance(APART)
-    apart = search(larger, deadline.reserving(deadline.left() / 2), first=_STEPS, refining=refining)
-    near = apart.result.solved and apart.result.duration <= _LONGER * touching.result.duration
-    if near and apart.met >= touching.met:
+    larger = problem.with_clearance(_growth(problem, touching.result))
+    most = max(_AT_LEAST, _TIMES * (time.perf_counter() - began))
+    try:
+        apart = search(larger, deadline.reserving(max(0.0, deadline.left() - most)), search_budget=_STEPS)
+    except StablepushError:
+        # a planner that fails here has a plan all the same
+        return touching
+    good = apart.result.solved and apart.held >= touching.held
+    if good and apart.result.duration <= _LONGER * touching.result.duration and check_plan(larger, apart.result).valid:
         # a bound of the problem itself holds for these plans as well
         return apart._replace(result=replace(apart.result, lower_bound=touching.result.lower_bound))
-    refined = search(problem, deadline, first=math.inf, refining=refining)
-    return refined if refined.result.solved else touching
+    return touching
+
+
+def _growth(problem: PlanningProblem, plan: PlanResult) -> FloatArray:
+    """How much (m) each obstacle may grow: less where slider or pusher are nearer to it at the start, the goal or the end."""
+    first, last = plan.pushes[0], plan.pushes[-1]
+    bodies = []
+    for pose, push in ((problem.start, first), (problem.goal, last), (last.end, last)):
+        for outline in (problem.slider.vertices, *problem.docked_outlines(problem.contacts[push.contact])):
+            bodies.append(shapely.Polygon(transform_points(pose, outline)))
+    apart = [min(shapely.Polygon(corners).distance(body) for body in bodies) for corners in problem.obstacles]
+    return np.clip(np.array(apart) - _SLACK, 0.0, APART)

@@ -43,8 +43,9 @@ class _Candidate:
 
 def likely_plan(
     problem: PlanningProblem, level: float, attempt: Attempt, deadline: Deadline, limit: float, effort: float, seed: int
-) -> tuple[PlanResult, bool]:
-    """Return a plan that sticks throughout with the probability ``level``, else the most probable one found, and whether it does.
+) -> tuple[PlanResult, float]:
+    """Return a plan that sticks throughout with the probability ``level``, else the most probable one found, and the
+    share of scenarios that it holds in.
 
     ``attempt(regions, deadline, effort)`` plans within regions of the contacts, with so much work on better plans. Half of the
     time is reserved to find the most probable plan where there is none at the level.
@@ -54,14 +55,14 @@ def likely_plan(
         # there may be no time for more
         quickest = _Candidate(attempt((), deadline, 0.0), 0.0)
         if not quickest.result.solved or deadline.passed():
-            return quickest.result, False
+            return quickest.result, 0.0
     search = _Search(problem, level, attempt, seed)
     best = search.at_level(deadline.reserving(limit / 2), deadline, effort)
     if not best.result.solved and not deadline.stopped:
         best = search.most_probable(deadline)
     if not best.result.solved and quickest.result.solved:
         best = quickest
-    return best.result, best.held >= level
+    return best.result, best.held
 
 
 class _Search:

@@ -259,18 +259,26 @@ class PlanningProblem:
             return [self.pusher]
         return disc_outlines(contact, self.finger_radius) if self.finger_radius > 0 else []
 
-    def with_clearance(self, distance: float) -> PlanningProblem:
-        """Return the problem with obstacles that are larger by a distance (m) all round; below 1e-6 m, as they are.
+    def with_clearance(self, distance: float | FloatArray) -> PlanningProblem:
+        """Return the problem with obstacles that are larger by a distance (m) all round, or by one each (n,); below 1e-6 m, as
+        they are.
 
         Raises :class:`InputError` for a distance that is negative or not finite.
         """
-        if check_number(distance, "clearance", at_least=0.0) < _NEGLIGIBLE:
+        growth = [distance] * len(self.obstacles) if np.ndim(distance) == 0 else list(np.asarray(distance))
+        checked = [check_number(each, "clearance", at_least=0.0) for each in (growth or [distance])]
+        if max(checked) < _NEGLIGIBLE:
             return self
         # corners of a polygon round a disc lie on it, its sides within; a side may be half as long again as it should be
-        around = distance / math.cos(1.5 * math.pi / (4 * _QUARTER))
-        grown = [shapely.Polygon(corners).buffer(around, quad_segs=_QUARTER) for corners in self.obstacles]
-        rings = [part.exterior for shape in grown for part in _simple(shape)]
-        return replace(self, obstacles=tuple(np.asarray(ring.coords, dtype=np.float64)[:-1] for ring in rings))
+        around = 1 / math.cos(1.5 * math.pi / (4 * _QUARTER))
+        rings = []
+        for corners, by in zip(self.obstacles, growth, strict=True):
+            if by < _NEGLIGIBLE:
+                rings.append(corners)
+                continue
+            grown = shapely.Polygon(corners).buffer(by * around, quad_segs=_QUARTER)
+            rings += [np.asarray(part.exterior.coords, dtype=np.float64)[:-1] for part in _simple(grown)]
+        return replace(self, obstacles=tuple(rings))
 
     def docked_outlines(self, contact: PushContact) -> list[FloatArray]:
         """Return the outlines of the docked pusher, in B (m)."""

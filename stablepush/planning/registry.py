@@ -117,10 +117,10 @@ def plan(
     max_twist_rate, refinement_budget
         How gradual and how good the plan is to be: see :class:`PlanOptions`.
     clearance : float, optional
-        Least distance (m) of slider and pusher from obstacles all along the path; 0: touching is allowed. If not given, the plan
-        keeps 5 mm, unless no such plan is found that takes at most 5 % longer than the first one that may touch. A real object
-        is never quite where it is believed to be, and no probability counts collisions. Plans that are not refined, and those
-        without a level of success, may touch.
+        Least distance (m) of slider and pusher from obstacles all along the path; 0: they may touch. If not given: 0.005 if such
+        a plan is found that takes at most 5 % longer than one that may touch, else 0. Obstacles that are nearer to the start or
+        the goal are kept away from as far as those are. No probability counts collisions, and a real object is never quite
+        where it is believed to be. Plans with ``refinement_budget=0`` or ``success=0`` may touch.
     stop : callable, optional
         Asked now and then; once it returns true, the search ends with the best plan found so far, or with the status
         ``"interrupted"``.
@@ -160,17 +160,17 @@ def plan(
         raise InputError("region", "expected model: a guarantee knows no alternatives of the rig", repr(region))
     number = 0 if seed is None else check_seed(seed)
 
-    def search(asked: PlanningProblem, until: Deadline, *, first: float, refining: float) -> Found:
+    def search(asked: PlanningProblem, until: Deadline, *, search_budget: float) -> Found:
         reason = infeasibility(asked)
         if reason and clearance:
             reason += f" (of obstacles that are larger by the clearance of {1000 * clearance:.3g} mm)"
         aligning, impossible, doubt = (None, reason, "") if reason else _alignment(asked, region)
         if impossible:
-            return Found(PlanResult("no-path", planner, seed=number, message=impossible), False)
+            return Found(PlanResult("no-path", planner, seed=number, message=impossible), 0.0)
         alone = asked if aligning is None else asked.starting_at(aligning.end)
 
         def attempt(regions: Sequence[StableRegion | PushSet], until: Deadline, effort: float) -> PlanResult:
-            wanted = replace(options, regions=tuple(regions), refinement_budget=effort, search_budget=first)
+            wanted = replace(options, regions=tuple(regions), refinement_budget=effort, search_budget=search_budget)
             try:
                 found = run(alone, deadline=until, seed=number, options=wanted, progress=progress)
             except StablepushError:
@@ -184,16 +184,16 @@ def plan(
             return found if aligning is None or not found.solved else _preceded(found, aligning)
 
         if level and asked.surface.is_dual:
-            result, met = likely_plan(asked, level, attempt, until, until.left(), refining, number)
+            result, held = likely_plan(asked, level, attempt, until, until.left(), refinement_budget, number)
         else:
-            result, met = attempt((), until, refining), True
-        return Found(result, met, (doubt,) if doubt else ())
+            result, held = attempt((), until, refinement_budget), level
+        return Found(result, min(held, level), (doubt,) if doubt else ())
 
     with within(limit, stop) as deadline:
         if clearance is None and level and refinement_budget and problem.obstacles:
-            result, met, doubtful = keep_away(problem, search, deadline, refinement_budget)
+            result, held_in, doubtful = keep_away(problem, search, deadline)
         else:
-            result, met, doubtful = search(problem, deadline, first=math.inf, refining=refinement_budget)
+            result, held_in, doubtful = search(problem, deadline, search_budget=math.inf)
         if deadline.stopped and not result.solved:
             result = PlanResult("interrupted", planner, seed=number, message="stopped before a path was found")
     doubts = list(doubtful)
@@ -209,7 +209,7 @@ def plan(
         if held < least:
             words = f"the most probable plan found succeeds with probability {stated}, {least:g} is required"
             result = PlanResult("no-path", planner, seed=number, message=words)
-        elif not met and held < level:
+        elif held_in < level and held < level:
             doubts.append(f"no plan was found that succeeds with probability {level:g}; this one does with {stated}")
     if result.lower_bound is not None and clearance:
         # it is that of the larger obstacles

@@ -240,10 +240,10 @@ def _failures(losses: Losses, result: PlanResult) -> tuple[tuple[int, float, str
 
 def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
     """What the scenarios that lose the slider in a push have in common: what differs most from the other scenarios."""
+    aside = "the fingers more than {more:.3g} mm to the {way} of their place, seen along the push"
     everything = {
         "a contact friction {side} {end:.3g}": scenarios.contact_mu[:, push.contact],
-        "the fingers more than {more:.3g} mm to the {way} of their place, seen along the push": 1000
-        * scenarios.aside[:, push.contact],
+        aside: 1000 * scenarios.aside[:, push.contact],
         "x of the centre of mass {side} {end:.3g} mm": 1000 * scenarios.center_of_mass[:, 0],
         "y of the centre of mass {side} {end:.3g} mm": 1000 * scenarios.center_of_mass[:, 1],
     }
@@ -258,8 +258,10 @@ def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
         if abs(shift) > max(best, 0.7):
             end = float(values[rows].max() if shift < 0 else values[rows].min())
             side, way = ("below", "right") if shift < 0 else ("above", "left")
-            best, words = (
-                abs(shift),
-                "always with " + words_of.format(side=side, way=way, end=end, more=max(0.0, end if shift > 0 else -end)),
-            )
+            more = end if shift > 0 else -end
+            if words_of == aside and more <= 0:
+                # some on the other side lose it, too
+                best, words = abs(shift), f"mostly with the fingers to the {way} of their place, seen along the push"
+            else:
+                best, words = abs(shift), "always with " + words_of.format(side=side, way=way, end=end, more=more)
     return words

@@ -83,6 +83,13 @@ def test_a_scene_has_all_that_a_map_needs(rig, tmp_path, capsys):
     assert main(["map", two, "--contact", "2", "-o", str(tmp_path / "no.png")]) == 2
     assert "contacts: expected one contact, got number 2 of 2" in capsys.readouterr().err
     assert not (tmp_path / "no.png").exists()
+    # a path is no number, and a number is none without a scene
+    for words in ("sub/1", "9" * 300, "\u0661"):
+        assert main(["map", two, "--contact", words, "-o", str(tmp_path / "no.png")]) == 2
+    assert main(["map", str(rig / "model.json"), "--contact", "0", "-o", str(tmp_path / "no.png")]) == 2
+    for wrong in (1.0, True, "0"):
+        with pytest.raises(sp.InputError, match="number"):
+            sp.load_contact(two, wrong)
     # the second contact by its number
     assert main(["classify", two, "--contact", "1", "--cors", cors, "-o", str(out)]) == 0
     assert out.read_text() == written[0][1]

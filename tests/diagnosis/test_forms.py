@@ -134,7 +134,7 @@ def test_a_pull_that_grows_with_the_place_is_told_where_the_pushes_are(log):
     report = sp.diagnose(sp.PushLog(log.rig, log.trials, changed))
     assert report.named == ["tilt"]
     told = re.search(
-        r"falls by \((.*?), (.*?)\) deg .* \(x (.*?) m, y (.*?) m\), and by \((.*?), .* to \((.*?),", report.sentence
+        r"falls by \((.*?), (.*?)\) deg .* \(x (.*?) m, y (.*?) m\); .* from (\S*) to (\S*) deg along x", report.sentence
     )
     assert told is not None, report.sentence
     numbers = np.array([float(word) for word in told.groups()])

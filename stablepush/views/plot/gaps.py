@@ -18,7 +18,6 @@ from stablepush.effects import (
     friction_over_log,
     friction_over_place,
     friction_over_speed,
-    slope_over_place,
 )
 from stablepush.geometry import rotate_vectors
 from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, OBSTACLE, PUSHER, SLIDER, canvas, legend, panels
@@ -53,8 +52,8 @@ def plot_residuals(report: GapReport, ax: Axes | None = None) -> Axes:
     title = f"Measured less predicted force, 1 N {1000 * scale:.3g} mm long"
     axes = _draw_over_table(places, np.stack((places, places)), scale * np.stack(forces), title, ax)
     tilt = next((entry for entry in report.ranking if entry.effect == "tilt" and "tilt" in report.named), None)
-    if tilt is not None:
-        _draw_downhill(axes, slope_over_place(tilt.estimates["slope"], _terms(tilt), places.mean(axis=0)))
+    if tilt is not None and tilt.form is None:
+        _draw_downhill(axes, np.asarray(tilt.estimates["slope"]))
     return axes
 
 

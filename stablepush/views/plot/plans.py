@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,9 @@ from stablepush.views.plot.canvas import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+#: Letters of a line of the title that the picture is wide enough for.
+_TITLE = 92
 
 
 def plot_plan(problem: PlanningProblem, result: PlanResult, title: str | None = None, ax: Axes | None = None) -> Axes:
@@ -118,4 +122,4 @@ def _plan_title(result: PlanResult) -> str:
     words += f", least margin {np.degrees(result.min_margin):.2f}°"
     if result.success_probability is None:
         return words
-    return "\n".join((words, *result.outlook.split("; ")))
+    return "\n".join((words, *(line for part in result.outlook.split("; ") for line in wrap(part, _TITLE))))
