@@ -35,8 +35,8 @@ _NO_NEARER = (
 )
 #: What to do where a surface fits all pushes, and none is predicted by one that is fitted to the others.
 _NOT_PREDICTED = (
-    "a surface fitted to all pushes fits them, one fitted to some does not predict the others: more pokes before planning give a "
-    "better one; try single pushes of a corrected plan first"
+    "a surface fitted to all pushes fits them, one fitted to some does not predict the others: more pokes give a better one; or "
+    "stablepush correct, then plan again, and try single pushes first"
 )
 #: Effects that the import of a log takes off: no plan changes.
 _OF_IMPORTS = frozenset(("frame-offset", "latency", "force-rotation"))

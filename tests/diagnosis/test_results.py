@@ -113,4 +113,6 @@ def test_a_refit_that_is_no_nearer_is_no_reason_to_plan_again():
         return replace(report, reductions=[GapReduction("pose", "m", 16, before, after, 1e-3, 0.0, [0.0, 0.0], 1e-3)])
 
     assert "plans stay as they are" in with_pose(1.1e-3, 1.2e-3).steps[0]
-    assert "then plan again" in with_pose(5e-3, 6e-3).steps[0]
+    assert "does not predict the others" in with_pose(5e-3, 6e-3).steps[0]
+    assert "does not predict the others" not in with_pose(5e-3, 3e-3).steps[0]
+    assert all("then plan again" in with_pose(5e-3, after).steps[0] for after in (3e-3, 6e-3))
