@@ -147,9 +147,11 @@ def friction_of(forces: FingerForces, nominal: float | None) -> ContactFriction 
 
 
 def suspected_friction(forces: FingerForces, nominal: float | None, unexplained: bool) -> tuple[float, float] | None:
-    """Return less friction of the fingers than ``nominal`` that pushes do not show clearly enough for a name, and its standard
-    error, for plans to be safe: what the few held in which fingers moved; or, if a gap is left ``unexplained``, what the forces
-    of more pushes give, if their interval lies below the nominal friction, whatever the p-value."""
+    """Return a friction of the fingers below ``nominal``, and its standard error, for plans to be safe; None if there is none.
+
+    Pushes do not show it clearly enough for a name. It is what the few pushes held in which fingers moved. If more moved and a
+    gap is left ``unexplained``, it is what their forces give, whatever the p-value, if that interval lies below ``nominal``.
+    """
     few = forces.suspected_friction(nominal)
     if few is not None:
         return few, _FEW_ERROR * few

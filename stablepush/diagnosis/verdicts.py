@@ -96,7 +96,7 @@ def judge(
         verdict, unnamed = Verdict.UNKNOWN, "it does not reduce the residuals of held-out pushes"
     elif found.named and not system.opened and _spoils_poses(held, reduced):
         # a form that the catalogue does not have cannot be simulated
-        verdict, unnamed = Verdict.UNKNOWN, "final poses that the nominal simulation has right would be off, so corrected"
+        verdict, unnamed = Verdict.UNKNOWN, "its correction would throw off final poses that the nominal simulation has right"
     elif patterned and not explains_most(held, found.named):
         verdict, unnamed = Verdict.UNKNOWN, "the remaining residuals still depend on place, heading, order or speed"
     elif negligible:
@@ -200,7 +200,7 @@ def _brings_nothing_nearer(system: System, found: Attribution, reduced: Sequence
 
 
 def _spoils_poses(held: HeldOut, reduced: Sequence[GapReduction]) -> bool:
-    """Whether a correction of loads or clearances throws final poses off that were within the noise: another cause acts."""
+    """Whether a correction makes final poses clearly worse that were within the noise. Another cause acts then."""
     pose = next((entry for entry in reduced if entry.channel == "pose"), None)
     if pose is None or "wrench" not in held.squares or "pose" not in held.squares:
         return False
@@ -211,7 +211,7 @@ def _spoils_poses(held: HeldOut, reduced: Sequence[GapReduction]) -> bool:
 def _refit_may_absorb(system: System, held: HeldOut, pushes: Sequence[Replay], clear: Sequence[ChannelGap]) -> bool:
     """Whether a refit fits what stands clear, though few trials do not show that it predicts others better.
 
-    Nor do they need to: a push that is like no other is lost by a fit to the others.
+    A push that is like no other is lost by a fit to the others. That says nothing against a surface that fits all.
     """
     of_forces = bool(clear) and all(entry.channel in ("wrench", "twist") for entry in clear)
     return of_forces and refit_leaves_noise(system, held) and not _refit_moves_poses(system, held, pushes)

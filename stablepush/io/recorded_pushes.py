@@ -102,7 +102,7 @@ def pushes_in(
 
 
 def _noise_of_travel(slider: Slider, poses: FloatArray) -> float:
-    """The median of what noise adds to :func:`travel` (m), from how much a pose differs from the middle of those around it."""
+    """Median of the noise of :func:`travel` (m), from how far blocks of poses lie beside the middle of their neighbours."""
     known = poses[np.isfinite(poses).all(axis=1)]
     known[:, 2] = np.unwrap(known[:, 2])
     blocks = np.median(known[: len(known) // _ENDS * _ENDS].reshape(-1, _ENDS, 3), axis=1)
@@ -110,7 +110,7 @@ def _noise_of_travel(slider: Slider, poses: FloatArray) -> float:
         return 0.0
     places = transform_points(blocks, slider.vertices)
     bent = np.linalg.norm(places[2:] - 2 * places[1:-1] + places[:-2], axis=-1).max(axis=1)
-    # of three places, one of them twice, where a travel has two
+    # a - 2 b + c scatters sqrt(3) times as much as a - b
     return float(np.median(bent)) / math.sqrt(3)
 
 

@@ -17,7 +17,7 @@ from stablepush.planning.clearance import clearance_of
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult
 
-#: Distance (m) that plans keep from obstacles if none is asked for, and how much longer than others they may take for it.
+#: Distance (m) that plans keep from obstacles if none is asked for. They may take so many times as long for it.
 APART, _LONGER = 0.005, 1.05
 #: Search steps of a first plan that keeps away: a count, so that it does not depend on the machine whether one is found.
 _STEPS = 50_000
@@ -28,7 +28,7 @@ _SLACK = 1e-4
 
 
 class Found(NamedTuple):
-    """A result, the share of scenarios that it holds in, up to the level that was asked for, and what is doubtful of it."""
+    """A result and what is doubtful of it. ``held``: share of scenarios that it holds in, at most the level asked for."""
 
     result: PlanResult
     held: float
@@ -42,8 +42,10 @@ class Search(Protocol):
 
 
 def keep_away(problem: PlanningProblem, search: Search, deadline: Deadline) -> Found:
-    """Return a plan that keeps :data:`APART` from obstacles, if one is found that takes at most 5 % longer than the one that may
-    touch them and holds as surely; else that one."""
+    """Return a plan that keeps :data:`APART` from obstacles, or else one that may touch them.
+
+    The first is taken if it lasts at most 5 % longer and holds as surely.
+    """
     began = time.perf_counter()
     touching = search(problem, deadline, search_budget=math.inf)
     near = clearance_of(problem, touching.result) if touching.result.solved else None
@@ -54,7 +56,7 @@ def keep_away(problem: PlanningProblem, search: Search, deadline: Deadline) -> F
     try:
         apart = search(larger, deadline.reserving(max(0.0, deadline.left() - most)), search_budget=_STEPS)
     except StablepushError:
-        # a planner that fails here has a plan all the same
+        # it has made a plan all the same
         return touching
     good = apart.result.solved and apart.held >= touching.held
     if good and apart.result.duration <= _LONGER * touching.result.duration and check_plan(larger, apart.result).valid:
