@@ -30,6 +30,7 @@ from stablepush.io.recorded_pushes import (
     window_for,
 )
 from stablepush.io.sensor_offset import zeroed
+from stablepush.io.tracker_glitches import without_glitches
 from stablepush.objects import Slider
 
 #: What a force acts on: the slider, the finger (its reaction), or whichever makes the power of the pushes positive.
@@ -115,7 +116,8 @@ def log_from_arrays(
     PushLog
         With ``phase``: ``rest`` before contact, ``push`` in contact, ``retract`` after it, or once the slider stands for good.
         A :class:`StablepushWarning` says what looks wrong: forces that oppose the motion, a tip that is not at the outline,
-        lengths, headings or times in another unit, rows that are missing, pushes without rest.
+        lengths, headings or times in another unit, rows that are missing, pushes without rest. Poses that leap away and back
+        within a few rows are glitches of the tracker: they are left out, and a warning says when.
 
     Raises
     ------
@@ -134,6 +136,7 @@ def log_from_arrays(
         if (np.diff(t[mine]) <= 0).any():
             late = mine[int(np.argmax(np.diff(t[mine]) <= 0)) + 1]
             raise InputError(f"times[{late}]", f"expected times that grow{f' within trial {name}' if name else ', or trials'}")
+    tracked = without_glitches(t, tracked, rows, rig.slider.characteristic_length)
     if check_number(pose_delay, "pose_delay") != 0:
         tracked = _recorded_later(t, tracked, pose_delay, rows)
     body = compose(tracked, check_array(body_pose, "body_pose", (3,)))
