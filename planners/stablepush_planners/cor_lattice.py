@@ -101,7 +101,13 @@ class _Planner:
             self._climb(refinement_budget, context.transfers._replace(kind=ANY_PATH))
         if self._search_budget <= 0:
             raise OutOfTimeError("search: the budget is spent")
-        return f"the lattice is exhausted at all {len(LADDER)} resolutions" if useful else "no contact has a stable push"
+        if not useful:
+            return "no contact has a stable push"
+        cell = 1000 * LADDER[-1][1] * context.problem.slider.radius
+        return (
+            f"the lattice is exhausted at all {len(LADDER)} resolutions, cells of {cell:.2g} mm the finest: "
+            "a way through a gap that leaves less room may have been missed"
+        )
 
     def _climb(self, refinement_budget: float, transfers: Transfers) -> bool:
         """Search from the coarsest lattice to the finest; return whether any of them has an edge."""

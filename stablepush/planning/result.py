@@ -23,7 +23,7 @@ class PlanStatus(Word):
     SOLVED = "solved", "simulate it, then execute it"
     NO_PATH = (
         "no-path",
-        "no plan exists, or the search space is exhausted: try other contacts or a larger tolerance",
+        "no plan exists, or none that the search resolves: try other contacts, wider gaps or a larger tolerance",
     )
     TIMEOUT = "timeout", "no path was found in time, but one may exist: try a longer time limit or another planner"
     INTERRUPTED = "interrupted", "the search was stopped before it found a path"
