@@ -137,7 +137,8 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
         # which base the rest is judged on matters less than what is said: one standard error is enough
         free = system.significantly_better(scores["free"], scores["scaled"], 1.0)
         recalibrated = certain or system.significantly_better(scores["scaled"], scores["nominal"])
-        if not chosen and (certain or system.rig.model is None):
+        # of a surface that was fitted to pokes the shape is what they leave open: a refit absorbs that
+        if not chosen and not system.open_modes.size and (certain or system.rig.model is None):
             scores |= held_out_of_body(system, folds, certain)
             named, moved = reshaping(system, scores, certain)
             if named:
@@ -192,7 +193,8 @@ def _steps(system: System, progress: Callable[[str], None]) -> tuple[list[str], 
         entering = []
         for id, test in tests.items():
             # factor on the thresholds of an effect whose family-wise p-value is too large
-            times = 1.0 if family_wise_p[id] <= demands.family_wise_p else demands.certain
+            waived = demands.certain if family_wise_p[id] <= demands.waived_p else np.inf
+            times = 1.0 if family_wise_p[id] <= demands.family_wise_p else waived
             screening = Screening(
                 tuple(chosen), test.gain, test.statistic, family_wise_p[id], possible(system, id, test.estimate)
             )

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.equations import Fitted
-from stablepush.diagnosis.finger_forces import CLEARLY_LESS, FingerForces, finger_forces
+from stablepush.diagnosis.finger_forces import CLEARLY_LESS, SAME, FingerForces, finger_forces
 from stablepush.diagnosis.results import readable
 from stablepush.diagnosis.system import System
 
@@ -132,6 +132,10 @@ def friction_of(forces: FingerForces, nominal: float | None) -> ContactFriction 
         none = model.best_scatter(nominal)
         gains = model.terms(found) - model.terms(np.array((nominal, 0.0, found[2])))
         informing, against = gains > _INFORMS, int((gains < -_INFORMS).sum())
+        below = forces.ratio < (1 - SAME) * model.friction(found)
+        if (forces.creeps & below).sum() > (forces.creeps & ~below).sum():
+            # soft contacts creep under any load: these do not show where fingers slip
+            informing = informing & ~forces.creeps
         off = np.abs(model.friction(found)[informing] - nominal)
         enough = informing.sum() >= max(_FEWEST_TRIALS, _AGAINST * against)
         # friction that scatters from push to push is steeper than the nominal one in some

@@ -142,7 +142,7 @@ class _Shown:
 
     def scale(self, loads: FloatArray) -> float:
         """Mean square of what loads leave: no less than noise, which few rows may seem to have."""
-        return max(1.0, robust_scale(self.left(loads)))
+        return robust_scale(self.left(loads), 1.0)
 
     def fit(self, prior: _Prior) -> tuple[FloatArray, FloatArray]:
         """Return the loads (k,) that are nearest to what is shown and to the prior, and the rows' weights (n,)."""

@@ -23,6 +23,8 @@ _TAIL = 5.0
 _RANK = 1e-9
 #: Shares of a Gauss-Newton step that are tried until it helps.
 _SHARES = (1.0, 0.5, 0.25, 0.1, 0.02)
+#: Mean square below which whitened residuals are rounding.
+_ROUNDING = 1e-4
 #: Median of the squares of unit Gaussian noise.
 _MEDIAN = 0.455
 #: Least logarithm of a p-value, where its formula underflows.
@@ -50,14 +52,15 @@ class Demands(NamedTuple):
 
     ``gain``: least one-step decrease of the sum of squares over its scale, and least score statistic. ``density``: least increase
     of the log density of the trials, and ``errors``: the same in its standard errors over pushes. ``family_wise_p``: largest
-    family-wise p-value of the statistic; it is waived if density and errors are ``certain`` times as large.
+    family-wise p-value of the statistic; it may be as large as ``waived_p`` if density and errors are ``certain`` times as large.
     """
 
     gain: float
     density: float
     errors: float
     family_wise_p: float
-    certain: float
+    certain: float = np.inf
+    waived_p: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +167,9 @@ class Equations(ABC):
     steps, few, tolerance
         Gauss-Newton steps of a fit at most, of one that begins near, and the share by which a step must help.
     demands : Demands
+    least_scale : float
+        Mean square, in units of the noise, that residuals have at least: 1 where the noise is stated. What is smaller than the
+        noise is no evidence: errors of the nominal surface are alike in pushes that are alike.
     about : Fitted, optional
         Where fits begin; the nominal surface without effects if not given.
     own : mapping of str to LabEffect
@@ -180,7 +186,8 @@ class Equations(ABC):
     about: Fitted | None = None
     opened: frozenset[str] = frozenset()
     own: Mapping[str, LabEffect] = MappingProxyType({})
-    demands = Demands(18.0, 6.0, 2.0, 0.01, np.inf)
+    demands = Demands(18.0, 6.0, 2.0, 0.01)
+    least_scale = _ROUNDING
 
     @abstractmethod
     def residual(self, loads: FloatArray, values: Values) -> FloatArray:
@@ -203,6 +210,10 @@ class Equations(ABC):
 
         ``free``: any pressure, else the nominal one, scaled if its friction is not known.
         """
+
+    def scale_of(self, residual: FloatArray) -> float:
+        """Robust mean square of whitened residuals, at least :attr:`least_scale`."""
+        return robust_scale(residual, self.least_scale)
 
     def plausible(self, id: str) -> float:
         """Half of the plausible range of an effect's parameters, as they are fitted."""
@@ -231,7 +242,7 @@ class Equations(ABC):
             directions, base, precision = self.base(values, free)
             q = len(precision)
             design = np.concatenate((base, *(self.columns(id, loads, values, self.size(id)) for id in effects)), axis=1)
-            scale = robust_scale(residual[use])
+            scale = self.scale_of(residual[use])
             weights = student_weights(residual, scale) * use
             data = design.T @ (weights[:, None] * design)
             prior = np.zeros_like(data)
@@ -276,7 +287,7 @@ class Equations(ABC):
         directions, base, precision = self.base(fitted.values, free)
         q, residual = len(precision), fitted.residual
         design = np.concatenate((base, *self._held(fitted)), axis=1)
-        scale, use = robust_scale(residual), np.ones(len(residual), dtype=bool)
+        scale, use = self.scale_of(residual), np.ones(len(residual), dtype=bool)
         weights = student_weights(residual, scale)
         data = design.T @ (weights[:, None] * design)
         prior = np.zeros_like(data)
@@ -293,7 +304,7 @@ class Equations(ABC):
 
         The slope that Student errors have is less than their weights (Huber 1981).
         """
-        scale = robust_scale(residual[use])
+        scale = self.scale_of(residual[use])
         ratio = residual**2 / scale
         weights = (_TAIL + 1) / (_TAIL + ratio) * use
         slope = max(0.1, float((weights * (_TAIL - ratio) / (_TAIL + ratio)).sum() / max(float(weights.sum()), 1e-30)))
@@ -333,7 +344,7 @@ class Equations(ABC):
 
     def density(self, residual: FloatArray, use: BoolArray) -> FloatArray:
         """Log density (trials,) of Student errors whose scale is that of the rows in use."""
-        scale = robust_scale(residual[use])
+        scale = self.scale_of(residual[use])
         return by_trial(self.trial, student_density(residual, scale)[:, None])[:, 0]
 
     @contextmanager
@@ -361,7 +372,7 @@ class Equations(ABC):
         terms of its family.
         """
         residual = fitted.residual
-        scale = robust_scale(residual)
+        scale = self.scale_of(residual)
         weights = student_weights(residual, scale)
         _, base, precision = self.base(fitted.values, free)
         design = np.concatenate((base, *self._held(fitted)), axis=1)
@@ -394,9 +405,9 @@ class Equations(ABC):
         return found
 
 
-def robust_scale(residual: FloatArray) -> float:
-    """Robust mean square of residuals, in units of the noise: at least a hundredth of it, below which residuals are rounding."""
-    return max(1e-4, float(robust_variance(residual**2))) if len(residual) else 1.0
+def robust_scale(residual: FloatArray, least: float) -> float:
+    """Robust mean square of residuals, in units of the noise, and at least ``least``."""
+    return max(least, float(robust_variance(residual**2))) if len(residual) else 1.0
 
 
 def student_weights(residual: FloatArray, scale: float) -> FloatArray:

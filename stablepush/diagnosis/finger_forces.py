@@ -15,7 +15,7 @@ from stablepush.effects import CATALOGUE
 #: Slip counts from so many of its own standard errors, and from this share of the speed.
 _SLIPS, _SLIP_SHARE = 4.0, 0.2
 #: Fingers creep if they slip by this share of the way of a push. Trials give the same friction if none is off by the other share.
-_CREEP, _SAME = 0.02, 0.15
+_CREEP, SAME = 0.02, 0.15
 #: Friction that is suspected is less than the nominal one by this much at least.
 CLEARLY_LESS = 0.1
 #: So many trials whose fingers move suffice for a test of their friction.
@@ -76,14 +76,14 @@ class FingerForces:
             return None
         held = float(self.ratio[~self.moving].max(initial=0.0))
         moved = float(self.ratio[self.moving].max(initial=0.0))
-        if nominal is None or moved < (1 - _SAME) * held or not 0 < max(moved, held) < nominal - CLEARLY_LESS:
+        if nominal is None or moved < (1 - SAME) * held or not 0 < max(moved, held) < nominal - CLEARLY_LESS:
             return None
         return max(moved, held)
 
     def _agree(self, shown: BoolArray) -> bool:
         ratios, others = self.ratio[shown], self.ratio[~shown]
         middle = float(np.median(ratios)) if len(ratios) else 0.0
-        same = (np.abs(ratios - middle) < _SAME * middle).all() and (others < (1 + _SAME) * middle).all()
+        same = (np.abs(ratios - middle) < SAME * middle).all() and (others < (1 + SAME) * middle).all()
         return bool(middle > 0 and same)
 
 

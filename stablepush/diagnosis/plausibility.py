@@ -47,7 +47,7 @@ def exceeds_model_error(system: System, id: str, estimate: FloatArray, fitted: F
     """
     if system.rig.model is None:
         return True
-    if id in OF_BODY and float(np.linalg.norm(estimate)) <= _OF_A_MODEL * system.plausible(id):
+    if id in OF_BODY and (system.open_modes.size or float(np.linalg.norm(estimate)) <= _OF_A_MODEL * system.plausible(id)):
         return False
     changes = system.of_modes(fitted.values)
     columns = system.columns(id, fitted.loads, fitted.values, len(estimate))[: len(changes)]

@@ -47,8 +47,8 @@ MOVING: Mapping[str, float] = {
 _THIN = 1e-4
 #: Largest number of pieces of constant twist that stand for a logged path.
 _MOST_PIECES = 16
-#: Lever (m) by which turns of the pusher count as travel.
-_ARM = 0.05
+#: Lever (m) by which turns of the pusher count as travel, and how near (m) it is to its last place when it stands.
+_ARM, _STANDS = 0.05, 3e-4
 #: Draws of the noise of first poses.
 _DRAWS = 4
 
@@ -215,7 +215,10 @@ def _knots(rows: np.ndarray, pushers: FloatArray, phases: np.ndarray | None) -> 
         return rows
     # a row that is at one of the places but for rounding is the one
     at = np.searchsorted(travelled - 1e-9, np.linspace(0, travelled[-1], _MOST_PIECES + 1), side="right") - 1
-    return rows[np.unique(np.append(at, len(rows) - 1))]
+    # where it stops, for poses that lag catch up while it stands
+    left = pushers[rows] - pushers[rows[-1]]
+    stops = np.argmax(np.cumsum((np.hypot(*left[:, :2].T) + _ARM * np.abs(wrap_angle(left[:, 2])) > _STANDS)[::-1]) > 0)
+    return rows[np.unique((*at, len(rows) - max(1, int(stops)), len(rows) - 1))]
 
 
 def friction_of(believed: Nominal, surface: IdealLimitSurface, values: Mapping[str, FloatArray], weight: float) -> TableFriction:

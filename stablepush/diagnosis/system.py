@@ -59,7 +59,7 @@ IN_CLEARANCES: Mapping[str, int] = {"contact-geometry": 1, "frame-offset": 2, "l
 
 #: What causes must pass where the nominal surface is a model that was fitted to pokes: its errors are alike in pushes that are
 #: alike, and an executed plan has few of them.
-_DEMANDS_OF_A_MODEL = Demands(25.0, 8.0, 2.5, 0.002, np.inf)
+_DEMANDS_OF_A_MODEL = Demands(25.0, 8.0, 2.5, 0.002, 4.0, 0.02)
 #: Times the known mass that what resists acceleration may be, and share of the friction that a gradient takes at most.
 _HEAVIER, _LEFT = 2.0, 0.95
 #: A value is at its bound from this share of it.
@@ -94,6 +94,8 @@ class System(Equations):
         chosen = observations.has_wrench if observations.has_wrench.any() else np.ones(len(observations.time), dtype=bool)
         o = rows_of(observations, chosen)
         self.noise = _noise(rig, o, noisier)
+        if rig.noise is not None:
+            self.least_scale = 1.0
         of_poses = np.array((self.noise.position, self.noise.position, self.noise.angle))
         own_noise = of_poses * o.noise_gain[:, None]
         self.motion_noise = np.hypot(own_noise, smeared(o, rig.twist_window, own_noise))

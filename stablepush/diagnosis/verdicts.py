@@ -49,8 +49,8 @@ _SIGNIFICANT, _OFF = 0.01, 2.0
 _SPOILT, _SURELY_WORSE = 1.4, -1.0
 #: A channel stands clear of its floor if that is significant, or if it is so many times as large because of a few pushes.
 _FAR = 3.0
-#: A refit that leaves so many times the noise is no fit.
-_MISFIT = 1.5
+#: A refit that leaves so many times the noise is no fit; nor one that leaves this share of the mean square gap of the wrench.
+_MISFIT, _LEFT_OF_GAP = 1.5, 0.25
 #: Shares of a gap that effects may leave of what a refit without them leaves, and of what the nominal simulation leaves.
 _LEAVES_OF_REFIT, _LEAVES = 0.5, 0.1
 
@@ -139,6 +139,7 @@ def _without_names(
         return Verdict.NONE
     # a refit that leaves pushes where they were absorbs nothing of that
     absorbed = (found.recalibrated and not refit_leaves_poses_off(held)) or _refit_may_absorb(system, held, pushes, clear)
+    absorbed = absorbed and not _leaves_a_gap(held, clear)
     return Verdict.ABSORBED if absorbed else Verdict.UNKNOWN
 
 
@@ -206,6 +207,14 @@ def _spoils_poses(held: HeldOut, reduced: Sequence[GapReduction]) -> bool:
         return False
     before, after = (float(held.squares["pose"][key].mean()) for key in ("before", "after"))
     return before < held.floors["pose"] and after > _SPOILT**2 * before and pose.ci95[1] < _SURELY_WORSE
+
+
+def _leaves_a_gap(held: HeldOut, clear: Sequence[ChannelGap]) -> bool:
+    """Whether a refit leaves most of the gap of the wrench on pushes that it was not fitted to, and clearly more than noise."""
+    if not any(entry.channel == "wrench" for entry in clear):
+        return False
+    before, after = (float(held.squares["wrench"][key].mean()) for key in ("before", "after"))
+    return after > _FAR**2 * held.floors["wrench"] and after > _LEFT_OF_GAP * before
 
 
 def _refit_may_absorb(system: System, held: HeldOut, pushes: Sequence[Replay], clear: Sequence[ChannelGap]) -> bool:

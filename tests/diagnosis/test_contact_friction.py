@@ -155,3 +155,16 @@ def test_friction_that_scatters_from_push_to_push_is_no_other_friction():
         found = friction_of(forces_of(mu, rng, slipping=0.25), 0.4)
         alarms += found is not None and found.p_value < P_SLIP
     assert alarms <= 1
+
+
+def test_fingers_that_creep_under_any_load_do_not_show_where_they_slip():
+    """Soft contacts: ten of sixty pushes creep, most of them at a load far below that of the one that slips."""
+    crept = np.array((0.345, 0.311, 0.272, 0.268, 0.228, 0.227, 0.223, 0.210, 0.111, -0.016))
+    ratios = np.concatenate((crept, [0.317], np.random.default_rng(0).uniform(0.0, 0.15, 49)))
+    creeps, slips = np.arange(60) < 10, np.arange(60) == 10
+    order = np.random.default_rng(1).permutation(60) / 59
+    forces = FingerForces(np.arange(60), order, slips, creeps, ratios, np.full(60, 0.012))
+    assert friction_of(forces, 0.439) is None
+    # where those that creep agree they do
+    alike = np.where(creeps, 0.3 + 0.01 * np.arange(60) / 10, ratios)
+    assert friction_of(FingerForces(np.arange(60), order, slips, creeps, alike, np.full(60, 0.012)), 0.439).p_value < 1e-3

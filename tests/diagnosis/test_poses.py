@@ -11,7 +11,7 @@ from stablepush.diagnosis.gap_report import gap_reductions_with
 from stablepush.diagnosis.motions import motions_of
 from stablepush.diagnosis.nominal import Nominal
 from stablepush.diagnosis.observations import observe
-from stablepush.diagnosis.replay import friction_of, pose_errors, replays
+from stablepush.diagnosis.replay import _knots, friction_of, pose_errors, replays
 from stablepush.diagnosis.system import System
 from stablepush.effects.catalogue import parse_effect
 from stablepush.geometry.planar import twist_from_cor
@@ -189,3 +189,15 @@ def test_the_center_of_a_pressure_that_motions_moved_is_where_its_surface_has_it
     off, deviation = Motions.moved_center(fake, loads, changes)
     np.testing.assert_allclose(Motions.surface(fake, loads).support.center, ideal.support.center + off, atol=1e-12)
     np.testing.assert_allclose(deviation, (0.0004, 0.0008))
+
+
+@pytest.mark.parametrize("noise", (0.0, 2e-5))
+def test_a_pusher_that_stands_at_the_end_has_a_piece_of_its_own(noise):
+    """Poses that lag catch up meanwhile: if the last piece of motion lasted on, a delay would leave the slider short of it."""
+    moving, standing = 100, 60
+    x = np.concatenate((np.linspace(0.0, 0.15, moving), np.full(standing, 0.15)))
+    rng = np.random.default_rng(0)
+    pushers = np.column_stack((x, 0 * x, 0 * x)) + rng.normal(size=(len(x), 3)) * (noise, noise, 0)
+    rows = _knots(np.arange(len(x)), pushers, None)
+    assert rows[-1] == len(x) - 1
+    assert moving - 3 <= rows[-2] <= moving
