@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -61,6 +62,12 @@ class Demands(NamedTuple):
     family_wise_p: float
     certain: float = np.inf
     waived_p: float = 1.0
+
+    @property
+    def fewest_pushes(self) -> int:
+        """Pushes that a log must have: n of them have 2ⁿ⁻¹ patterns of signs, and so no smaller p-value than one of these."""
+        largest = self.waived_p if np.isfinite(self.certain) else self.family_wise_p
+        return 1 + math.ceil(-math.log2(largest))
 
 
 @dataclass(frozen=True, eq=False)

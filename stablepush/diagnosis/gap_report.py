@@ -194,11 +194,21 @@ def _diagnose(
         )
     after = _next(system, found, reported, ranking)
     lost = {observations.names[k]: far for k, far in judged.lost.items()}
+    informing = len(np.unique(system.observations.trial)) if system.has_wrench else np.inf
+    needed = system.demands.fewest_pushes if informing < system.demands.fewest_pushes else 0
     sentence = (
-        unexplained(judged.clear, ranking, len(judged.slipping), len(log), bool(after.pushes), lost)
+        unexplained(judged.clear, ranking, len(judged.slipping), len(log), bool(after.pushes), lost, needed)
         if verdict == "unknown"
         else sentence_of(
-            system, verdict, reported, ranking, judged.reductions, judged.touch, log.rig.noise is not None, judged.gaps
+            system,
+            verdict,
+            reported,
+            ranking,
+            judged.reductions,
+            judged.touch,
+            log.rig.noise is not None,
+            judged.gaps,
+            found.final.loads,
         )
     )
     if verdict == "unknown" and judged.unnamed and found.named:

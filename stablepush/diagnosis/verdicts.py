@@ -137,6 +137,9 @@ def _without_names(
     # a refit may predict better than a simulation that fits within the noise
     if not unpredicted:
         return Verdict.NONE
+    # only means of pushes are off, within the noise of a row, and no refit is shown to do better
+    if not found.recalibrated and clear and all(entry.nominal <= entry.noise_floor for entry in clear):
+        return Verdict.NONE if _refit_may_absorb(system, held, pushes, clear) else Verdict.UNKNOWN
     # a refit that leaves pushes where they were absorbs nothing of that
     absorbed = (found.recalibrated and not refit_leaves_poses_off(held)) or _refit_may_absorb(system, held, pushes, clear)
     absorbed = absorbed and not _leaves_a_gap(held, clear)

@@ -54,6 +54,8 @@ _ERRORS_OF = {
     "wrench": "the error of the wrench", "twist": "the error of the direction of motion",
     "pose": "the error of the final pose, push by push,", "stability": "the share of wrong labels of stability",
 }  # fmt: skip
+#: Change of the friction (%) that is none.
+_ALIKE = 0.5
 #: Units of parameters as people say them: factor and unit.
 _SHOWN = {
     "m": (1e3, " mm"), "rad": (180 / math.pi, " deg"), "s": (1e3, " ms"), "kg": (1.0, " kg"), "N": (1.0, " N"), "1": (1.0, ""),
@@ -71,8 +73,12 @@ def sentence_of(
     touch: float,
     noise: bool,
     gaps: Sequence[ChannelGap],
+    loads: FloatArray,
 ) -> str:
-    """The answer in a sentence: what acts, with its numbers, and how far the gap falls once that is corrected."""
+    """The answer in a sentence: what acts, with its numbers, and how far the gap falls once that is corrected.
+
+    ``loads`` (k,): friction loads (N) of the points, refitted.
+    """
     refitted = {gap.channel: gap.refitted for gap in gaps} if effects else {}
     forces, nearer = system.has_wrench, _nearer(effects, reductions, touch, refitted)
     known = {entry.effect: entry for entry in ranking}
@@ -88,13 +94,26 @@ def sentence_of(
             )
         return "The nominal simulation fits within the noise."
     if verdict == "absorbed":
-        return f"The friction under the object differs from the nominal one, and no other cause stands out{nearer}."
+        friction = _friction(system, loads)
+        return f"The friction under the object differs from the nominal one{friction}, and no other cause stands out{nearer}."
     if verdict == "named":
         return f"{'; '.join(causes)}{nearer}."
     if verdict == "ambiguous":
         numbered = "; ".join(f"({number}) {words}" for number, words in enumerate(causes, 1))
         return f"This log cannot tell {' from '.join(effects)}; one alone would explain it: {numbered}{nearer}."
     raise AssertionError(verdict)
+
+
+def _friction(system: System, loads: FloatArray) -> str:
+    """How much friction a refitted surface has, in brackets; blank without forces."""
+    if not system.has_wrench:
+        return ""
+    total, nominal = float(system.of_last(loads).sum()), float(system.of_last(system.nominal).sum())
+    words = f"{total:.3g} N in all" + (f", a coefficient of {total / system.weight:.3g}" if system.weight else "")
+    if system.known_scale:
+        change = 100 * (total / nominal - 1)
+        words += f": {abs(change):.2g} % {'more' if change > 0 else 'less'}" if abs(change) >= _ALIKE else ": as much"
+    return f" ({words})"
 
 
 def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: float, refitted: Mapping[str, float]) -> str:
@@ -204,9 +223,18 @@ def _few(names: Sequence[str]) -> str:
 
 
 def unexplained(
-    off: list[ChannelGap], ranking: list[RankedEffect], slipping: int, pushes: int, tells: bool, lost: Mapping[str, float]
+    off: list[ChannelGap],
+    ranking: list[RankedEffect],
+    slipping: int,
+    pushes: int,
+    tells: bool,
+    lost: Mapping[str, float],
+    needed: int,
 ) -> str:
-    """What stands clear of the noise, and what is most likely, where no effect explains the gap."""
+    """What stands clear of the noise, and what is most likely, where no effect explains the gap.
+
+    ``needed``: pushes with forces that a log must have before a cause of the table or the sensors can be named; 0 if it has.
+    """
     sizes = [
         f"the {entry.channel} is off by {size_in_words(entry.nominal, entry.unit)}, "
         + (
@@ -233,6 +261,10 @@ def unexplained(
             "wrong friction of the fingers or a misplaced contact is likely"
             if slipping
             else f"no effect of the catalogue has a probability above {100 * _LIKELY:g} %"
+        )
+    if needed:
+        return (
+            f"{'; '.join(words)}. {pushes} pushes are too few to name a cause of the table or the sensors: {needed} are needed."
         )
     return "; ".join(words) + (". The pushes of the next experiment would tell." if tells else ".")
 

@@ -57,6 +57,9 @@ COLLAPSED = 1e-2
 #: Candidates whose errors (rad) differ by no more, which is what solvers leave, are as good as each other: the first is taken.
 _ALIKE = 1e-6
 
+#: Median angle (rad) between predicted and measured twists from which loads and twists do not seem to belong together.
+WRONG_FRAMES = np.radians(25.0)
+
 #: A robust weight below which a pair is reported as an outlier; a pair that fits has weight 1 to 1.75.
 OUTLIER_WEIGHT = 0.2
 
@@ -290,6 +293,9 @@ def fit_limit_surface(
     if outliers and not weights.prior:
         warnings.append(f"{outliers} of {len(train)} pairs are outliers and have little weight")
 
+    gradient = gradient_rows(pairs.loads, degree) @ best.coefficients
+    angle_errors = angle_between(gradient, pairs.directions)
+    warnings += _warnings_about_frames(angle_errors[pairs.usable])
     certificate = None if best.gram is None else certify(best.coefficients, best.gram, degree)
     surface = surface_from_scaled(
         best.coefficients,
@@ -300,7 +306,6 @@ def fit_limit_surface(
         ensemble=ensemble,
         provenance={"model": model, "pairs": len(train), "loss": loss, "prior": bool(weights.prior)},
     )
-    gradient = gradient_rows(pairs.loads, degree) @ best.coefficients
     f = np.asarray(wrenches, dtype=np.float64)
     return Fit(
         surface=surface,
@@ -310,7 +315,7 @@ def fit_limit_surface(
         total_time=time.perf_counter() - started,
         weights=asdict(weights),
         validation_error=error,
-        angle_errors=read_only(angle_between(gradient, pairs.directions)),
+        angle_errors=read_only(angle_errors),
         level_errors=read_only(surface.value(f if surface.force_unit == "N" else f / pairs.force_scale) - 1),
         pair_weights=read_only(pair_weights),
         certificate=certificate,
@@ -374,6 +379,15 @@ def _warnings_about_prior(sampler: PressureSampler | None, weights: Any, whole: 
     if weights.prior and whole.pressures is not None and whole.pressures.acceptance < LEAST_ACCEPTANCE:
         warnings.append(f"only {whole.pressures.acceptance:.1%} of the Metropolis steps were accepted: the spread may be wrong")
     return warnings
+
+
+def _warnings_about_frames(angle_errors: FloatArray) -> list[str]:
+    """Warnings about pairs whose loads and motions do not belong together."""
+    middle = float(np.median(angle_errors)) if len(angle_errors) else 0.0
+    if len(angle_errors) < FOLDS or middle < WRONG_FRAMES:
+        return []
+    off = f"the motions of half of the pairs are more than {np.degrees(middle):.0f} degrees off what the surface predicts"
+    return [f"{off}: loads and motions may not be in the same frame (sign, axes, angle or units of the forces?)"]
 
 
 def _level(coefficients: FloatArray, pairs: Pairs, weights: FloatArray, degree: int) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from stablepush.core import FloatArray
-from stablepush.geometry import rotate_vectors, transform_points
+from stablepush.geometry import nearest_on_outline, rotate_vectors, transform_points
 from stablepush.io.pushlog import PushLog
 
 #: While it pushes the tip is at most so far (share of the slider's radius, and m) from where its own radius puts it; largest
@@ -18,6 +18,10 @@ _OFF, _OFF_LEAST, _WIDEST = 0.2, 5e-3, 0.03
 _SEEN_OFF, _STRAIGHT = 1e-3, 1e-5
 #: A slider does not travel so many of its radii in a push, nor turn so far (rad).
 _FARTHEST, _TURNS = 50.0, 2 * np.pi
+#: No friction turns forces so far (rad) from the normal of the touched edge; nor, in the mean of so many pushes, so far.
+_ASLANT, _TURNED, _FEWEST = np.radians(50), np.radians(25), 8
+#: Nearer (m) to the outline than this a tip has no normal.
+_ON = 1e-4
 #: A push whose power is a smaller share of the greatest was none.
 _WORKS = 0.01
 #: Nobody pushes so slowly or so fast (m/s).
@@ -31,7 +35,10 @@ def doubts(log: PushLog, zeroed: bool = True) -> list[str]:
 
     ``zeroed``: the offset of the force sensor was to be taken from rows at rest.
     """
-    return [*_opposed(log), *(_restless(log) if zeroed else ()), *(list(_away(log)) or _apart(log)), *_large(log), *_clock(log)]
+    elsewhere = list(_away(log)) or list(_apart(log))
+    # normals are known where the fingers are at the outline
+    of_forces = list(_opposed(log)) or ([] if elsewhere else list(_aslant(log)))
+    return [*of_forces, *(_restless(log) if zeroed else ()), *elsewhere, *_large(log), *_clock(log)]
 
 
 def _powers(log: PushLog) -> dict[str, float]:
@@ -57,14 +64,41 @@ def _opposed(log: PushLog) -> Iterator[str]:
         yield f"in {against} of {number} pushes the force opposes the motion: {words}"
 
 
+def _aslant(log: PushLog) -> Iterator[str]:
+    """Friction turns a force by less than a right angle from the normal, to either side."""
+    body, tips, forces = log.columns("x", "y", "theta"), log.columns("px", "py"), log.columns("fx", "fy")
+    slider = log.rig.slider
+    pushing = np.isfinite(np.column_stack((body, tips, forces))).all(axis=1) & (log.samples["phase"] == "push")
+    if log.rig.contact_kind == "held" or not pushing.any():
+        return
+    turns = []
+    for name in _powers(log):
+        rows = log.rows(name)
+        rows = rows[pushing[rows]]
+        local = rotate_vectors(-body[rows, 2], tips[rows] - body[rows, :2])
+        inward = nearest_on_outline(slider.vertices, local)[0] - local
+        clear = (np.linalg.norm(inward, axis=1) > _ON) & ~shapely.contains_xy(slider.polygon, *local.T)
+        if clear.any():
+            cross = inward[:, 0] * forces[rows, 1] - inward[:, 1] * forces[rows, 0]
+            turns.append(float(np.median(np.arctan2(cross, (inward * forces[rows]).sum(axis=1))[clear])))
+    far, mean = sum(abs(turn) > _ASLANT for turn in turns), float(np.angle(np.exp(1j * np.array(turns)).sum()))
+    asked = "are its axes (force_axes) and its angle (force_angle) right?"
+    if 2 * far > len(turns) > 1:
+        off = f"more than {np.degrees(_ASLANT):.0f} degrees off the normal of the touched edge, which no friction does"
+        yield f"in {far} of {len(turns)} pushes the force is {off}: {asked}"
+    elif len(turns) >= _FEWEST and abs(mean) > _TURNED:
+        yield f"on average the force is turned by {np.degrees(mean):.0f} degrees from the normal of the touched edge: {asked}"
+
+
 def _restless(log: PushLog) -> Iterator[str]:
     resting = {str(name) for name in log.samples["trial"][log.samples["phase"] == "rest"]}
     pushes = _powers(log)
-    restless = sum(name not in resting for name in pushes)
+    restless = [name for name in pushes if name not in resting]
     if restless:
+        named = ", ".join(restless[:3]) + (", …" if len(restless) > 3 else "")
         yield (
-            f"{restless} of {len(pushes)} pushes have no rows at rest, which show the offset of the force sensor: that of "
-            "another rest is taken off them, if there is one"
+            f"{len(restless)} of {len(pushes)} pushes ({named}) have no rows at rest, which show the offset of the force sensor: "
+            "that of another rest is taken off them, if there is one"
         )
 
 

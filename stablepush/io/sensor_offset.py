@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -9,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import BoolArray, FloatArray
+from stablepush.core import BoolArray, FloatArray, StablepushWarning
 from stablepush.geometry import rotate_vectors
 
 #: Least rows at rest from which an offset is taken.
@@ -59,7 +60,7 @@ def zeroed(
     A trial without rest has the offset of the last rest before it, else of the first after it, or 0. Rows without a trial in
     which the tip is clear of the outline are rest, too. Rows at rest in which a finger presses on that stopped at the end of the
     push before become ``approach``. ``away``: clearances (n,) in m of the finger; ``heading`` (n,) of the tool, if
-    it is known: the offset turns with it, unless readings at rest agree better without.
+    it is known: the offset turns with it, in a push as well, unless rests at different headings agree better without.
     """
     turned = np.full(len(readings), np.nan) if heading is None else heading
     known, pushes = np.asarray(np.isfinite(readings[:, :2]).all(axis=1)), np.zeros(len(readings), dtype=bool)
@@ -78,12 +79,14 @@ def zeroed(
             spells.append(_Spell(int(rows[0]), _middle(turned, rows), _middle(readings, rows), np.full(3, np.nan), True))
     found, result = _at_rest(spells, len(trials), phases), readings.copy()
     turns = _turns_with_tool(found)
-    for spell, rows, phase in zip(spells, trials, phases, strict=False):
+    if not turns:
+        words = "readings at rest show that the offset of the force sensor does not turn with the tool: it is taken as fixed in W"
+        warnings.warn(StablepushWarning(words), stacklevel=3)
+    for spell, rows in zip(spells, trials, strict=False):
         before = [other for other in found if other.row <= spell.row]
         for other in [spell] if spell in found else (before or found[:1])[-1:]:
-            at = _middle(turned, rows[phase == "push"]) if turns else np.nan
             # a moment that no rest shows is not taken off
-            result[rows] -= np.nan_to_num(other.rest if other is spell else _turned(other, at))
+            result[rows] -= np.nan_to_num(_turned(other, turned[rows] if turns else np.full(len(rows), np.nan)))
     return result
 
 
@@ -108,19 +111,20 @@ def _at_rest(spells: list[_Spell], trials: int, phases: Sequence[np.ndarray[Any,
 
 
 def _turns_with_tool(found: Sequence[_Spell]) -> bool:
-    """Whether readings at rest agree at least as well as what turns with the tool."""
+    """Whether the offset turns with the tool, as nearly all do, unless rests at different headings agree better without."""
     fixed = turning = 0.0
     for one, other in pairwise(found):
         if abs(other.heading - one.heading) > _TURNED:
             fixed += float(np.linalg.norm((other.rest - one.rest)[:2]))
-            turning += float(np.linalg.norm((other.rest - _turned(one, other.heading))[:2]))
+            turning += float(np.linalg.norm(other.rest[:2] - _turned(one, np.array((other.heading,)))[0, :2]))
     return turning <= fixed
 
 
-def _turned(spell: _Spell, heading: float) -> FloatArray:
-    """What a sensor reads at rest when its tool has another heading (rad); NaN: the same."""
-    angle = heading - spell.heading
-    return np.append(rotate_vectors(np.asarray(angle if np.isfinite(angle) else 0.0), spell.rest[:2]), spell.rest[2])
+def _turned(spell: _Spell, headings: FloatArray) -> FloatArray:
+    """What a sensor reads (n, 3) at rest when its tool has other headings (n,) in rad; NaN: the same."""
+    forces = np.broadcast_to(spell.rest[:2], (len(headings), 2))
+    turned = rotate_vectors(np.nan_to_num(headings - spell.heading), forces)
+    return np.column_stack((turned, np.full(len(headings), spell.rest[2])))
 
 
 def _middle(values: FloatArray, rows: np.ndarray[Any, np.dtype[np.intp]]) -> Any:

@@ -11,7 +11,16 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush.core import BoolArray, FloatArray, InputError, StablepushWarning, check_array, check_choice, check_number
+from stablepush.core import (
+    BoolArray,
+    FloatArray,
+    InputError,
+    StablepushWarning,
+    check_array,
+    check_choice,
+    check_number,
+    note_heading,
+)
 from stablepush.geometry import compose, nearest_on_outline, rotate_vectors
 from stablepush.identify import SlipPairs
 from stablepush.io.doubts import doubts, largest_step
@@ -109,7 +118,8 @@ def log_from_arrays(
         s by which the poses lag the tip and the forces, as a diagnosis may have found it; less than 0 if they are ahead. The pose
         of a row is then the one that was recorded so much later, between two of the same trial; the last rows have none.
     force_angle : float
-        rad by which the force sensor turns forces counter-clockwise, as a diagnosis may have found it. They are turned back.
+        rad by which readings are turned counter-clockwise, as a diagnosis may have found it. They are turned back. A sensor that
+        is mounted 35 degrees counter-clockwise reads forces that are turned by -0.611.
 
     Returns
     -------
@@ -142,7 +152,8 @@ def log_from_arrays(
     body = compose(tracked, check_array(body_pose, "body_pose", (3,)))
     tips = None if tip_positions is None else _with_gaps(tip_positions, "tip_positions", n, (2, 3))
     world = None if forces is None else _with_gaps(forces, "forces", n, (2,))
-    if check_number(force_angle, "force_angle") != 0 and world is not None:
+    note_heading(check_number(force_angle, "force_angle"), "force_angle")
+    if force_angle != 0 and world is not None:
         world = rotate_vectors(-force_angle, world)
     turning = None if moments is None else _with_gaps(_column(moments), "moments", n, (1,))[:, 0]
     check_choice(forces_on, "forces_on", FORCES_ON)

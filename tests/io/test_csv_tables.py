@@ -42,17 +42,19 @@ def test_a_table_in_millimetres_and_degrees(tmp_path, capsys):
     assert (log.rig.finger_radius, log.rig.contact_friction) == (RADIUS, 0.5)
 
 
-def test_forces_in_the_axes_of_a_tool_are_turned_into_the_world(tmp_path, capsys):
-    """A sensor that turns with the tool, whose heading is a column; without that column nobody knows its axes."""
+@pytest.mark.parametrize(("axes", "up"), [("tip", 1), ("tip-z-down", -1)])
+def test_forces_in_the_axes_of_a_tool_are_turned_into_the_world(axes, up, tmp_path, capsys):
+    """A sensor that turns with the tool, whose heading is a column; without that column nobody knows its axes. The z of a flange
+    points down: its y is to the other side."""
     (t, poses, tips, forces), trials, loads = recorded()
     heading = 0.7 + 0.4 * t
     c, s = np.cos(heading), np.sin(heading)
-    read = np.column_stack((c * forces[:, 0] + s * forces[:, 1], c * forces[:, 1] - s * forces[:, 0]))
+    read = np.column_stack((c * forces[:, 0] + s * forces[:, 1], up * (c * forces[:, 1] - s * forces[:, 0])))
     numbers = np.column_stack((t, poses, tips, heading, read)).tolist()
     rows = [",".join([*map(repr, row), word]) for row, word in zip(numbers, trials, strict=True)]
     path = tmp_path / "tool.csv"
     path.write_text("\n".join(["clock,X,Y,yaw,TX,TY,TH,FX,FY,push", *rows]) + "\n", encoding="utf-8")
-    mapping = mapping_file(tmp_path, columns=COLUMNS | {"tip_theta": "TH"}, force_axes="tip")
+    mapping = mapping_file(tmp_path, columns=COLUMNS | {"tip_theta": "TH"}, force_axes=axes)
     imported(capsys, path, "--kind", "csv", "--mapping", mapping, "-o", tmp_path / "log")
     assert sp.read_pushlog(tmp_path / "log").pairs().wrenches == pytest.approx(loads, abs=1e-9)
     for entries, place in (

@@ -115,7 +115,7 @@ def test_a_finger_that_touches_at_rest_shows_the_offset_of_its_own_trial():
     for name in ("a", "d"):
         made.free(name, (LOW, LOW))
         made.push(name, *PUSHES[0][1:])
-    log = made.log(drift=3.0)
+    log = made.log(drift=3.0, headings=False)
     for name in ("a", "d"):
         assert read_in_push(log, name) == pytest.approx((0.2, 2.0), abs=0.03)
 
@@ -128,9 +128,24 @@ def test_clocks_that_begin_anew_in_each_trial():
     rows, names = np.concatenate(made.rows), np.array(made.names)
     clock = np.concatenate([0.01 * np.arange((names == name).sum()) for name in ("a", "d")])
     forces = rows[:, 6:] + OFFSET + 2.0 * (names == "d")[:, None]
-    log = sp.log_from_arrays(RIG, clock, rows[:, :3], forces, rows[:, 3:6], made.names)
+    log = sp.log_from_arrays(RIG, clock, rows[:, :3], forces, rows[:, 3:5], made.names)
     for name in ("a", "d"):
         assert read_in_push(log, name) == pytest.approx((0.2, 2.0), abs=0.01)
+
+
+def test_the_offset_turns_with_the_tool_during_a_push():
+    """Rests at one heading do not tell whether it does; a sensor on the tool is what nearly all have."""
+    made = Record()
+    for name in ("a", "d"):
+        made.tool = 0.3
+        made.free(name, (LOW, LOW))
+        made.push(name, (0.002, 0.02, 0.8), LOW, (0.2, 2.0))
+    log = made.log(turns_with_tool=True)
+    for name in ("a", "d"):
+        rows = log.rows(name)
+        pushed = rows[log.samples["phase"][rows] == "push"]
+        read = log.columns("fx", "fy")[pushed[-10:]].mean(axis=0)
+        assert read == pytest.approx((0.2, 2.0), abs=0.02)
 
 
 def test_a_moment_that_is_missing_at_rest_leaves_the_others():

@@ -234,7 +234,7 @@ def test_a_push_without_rest_keeps_its_load():
     poses = np.column_stack((0 * t, 0.02 * t, 0 * t))
     tips = poses[:, :2] - (0, 0.035)
     for force in (2 + t, 2 + 0 * t, 1 + 3 * t):
-        with pytest.warns(sp.StablepushWarning, match="1 of 1 pushes have no rows at rest"):
+        with pytest.warns(sp.StablepushWarning, match=r"1 of 1 pushes \(a\) have no rows at rest"):
             pairs = sp.pokes_from_world(poses, tips, np.column_stack((0 * t, force)), t, SLIDER, ["a"] * 100)
         assert pairs.wrenches[0, 1] == pytest.approx(force.mean(), rel=1e-9)
 
@@ -356,3 +356,24 @@ def test_two_fingers_have_contact_points_where_they_touch():
     assert np.isfinite(log.columns("c1x", "c2x")).all() and not any("off the outline" in str(w.message) for w in heard)
     with pytest.raises(sp.InputError, match="finger_distance: expected a rig of kind two-point"):
         sp.log_from_arrays(sp.Rig(SLIDER), t, poses, forces, tips, finger_distance=0.04)
+
+
+@pytest.mark.parametrize(
+    ("turn", "words"), [(1.2, "more than 50 degrees off the normal"), (0.7, "turned by 40 degrees"), (0.2, "")]
+)
+def test_forces_that_no_friction_turns_so_far_are_noted(turn, words):
+    (t, poses, tips, forces), trials, _ = recorded(count=9)
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        sp.log_from_arrays(sp.Rig(SLIDER, finger_radius=RADIUS), t, poses, rotate_vectors(np.asarray(turn), forces), tips, trials)
+    found = [str(warning.message) for warning in heard if "normal of the touched edge" in str(warning.message)]
+    assert len(found) == (1 if words else 0)
+    assert all(words in line and "force_angle" in line for line in found)
+
+
+def test_degrees_for_the_angle_of_a_sensor_are_noted():
+    (t, poses, tips, forces), trials, _ = recorded()
+    with pytest.warns(sp.PlausibilityWarning, match="force_angle: .*degrees"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", sp.StablepushWarning)
+        warnings.simplefilter("default", sp.PlausibilityWarning)
+        sp.log_from_arrays(sp.Rig(SLIDER, finger_radius=RADIUS), t, poses, forces, tips, trials, force_angle=35.0)

@@ -30,8 +30,8 @@ UNITS = {
     "force": {"N": 1.0, "mN": 1e-3},
     "moment": {"N m": 1.0, "N mm": 1e-3},
 }
-#: Axes in which forces are: those of the world, or of the tip, which turn with its heading.
-FORCE_AXES = ("world", "tip")
+#: Axes in which forces are: those of the world, or of the tip, which turn with its heading; its z is up, or down as of a flange.
+FORCE_AXES = ("world", "tip", "tip-z-down")
 _REQUIRED = ("t", "x", "y", "theta")
 
 
@@ -57,8 +57,8 @@ class CsvTables:
             units.expect_keys(*UNITS)
             scales |= {what: UNITS[what][units[what].text(tuple(UNITS[what]))] for what in units.object() if what in UNITS}
         axes = mapping.root.get("force_axes")
-        turned = axes is not None and axes.text(FORCE_AXES) == "tip"
-        if turned:
+        frame = "world" if axes is None else axes.text(FORCE_AXES)
+        if frame != "world":
             # raises where it is missing
             node["tip_theta"].text()
         for pair in (("fx", "fy"), ("tip_x", "tip_y")):
@@ -92,7 +92,11 @@ class CsvTables:
         poses = values("x", "y", "theta")
         tips = values("tip_x", "tip_y", *(["tip_theta"] if "tip_theta" in named else []))
         moments, forces = values("moment"), values("fx", "fy")
-        if turned and forces is not None and tips is not None:
+        if frame == "tip-z-down" and forces is not None:
+            # x is the tip's, y its other side
+            forces = forces * (1, -1)
+            moments = None if moments is None else -moments
+        if frame != "world" and forces is not None and tips is not None:
             forces = rotate_vectors(tips[:, 2], forces)
         if poses is None or not len(clock):
             raise InputError("", "expected at least one row", file=source.file)
