@@ -170,4 +170,5 @@ def correct(
         found.require_plannable()
         require_loads(found)
     except InputError as error:
-        print(f"{output}: plan will refuse this scene: {error}")
+        settle = "; make the pushes of the diagnosis' next experiment, which tell the causes apart" if found.alternatives else ""
+        print(f"{output}: plan will refuse this scene: {error}{settle}")
