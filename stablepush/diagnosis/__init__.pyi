@@ -13,3 +13,4 @@ from .results import (
     size_in_words as size_in_words,
 )
 from .signatures import Estimates as Estimates, Signature as Signature
+from .wording import estimate_in_words as estimate_in_words

@@ -150,7 +150,7 @@ class GapReport:
             return LAB_REMEDY
         entry = self._entry(id)
         if uneven_axes(entry) is not None:
-            return "calibrate each axis of the force sensor against known forces; plans stay as they are"
+            return "calibrate each axis of the force sensor against known forces; fit again what was fitted to its readings"
         if id == "tilt" and entry is not None and entry.form is not None:
             return "look for a table that is not flat, or a cable that pulls at the object; plans take one slope for all places"
         return CATALOGUE[id].remedy + ("" if entry is None else self._in_numbers(entry))

@@ -171,7 +171,7 @@ def _cause(system: System, entry: RankedEffect) -> str:
         # the terms of its family say what its own form does not
         form = ", in a form that the catalogue does not have" if entry.form is not None else ""
         return f"{id}: {kind.what}{form}"
-    words = kind.says.format(**{p.name: _in_words(p, entry.parameters[p.name]) for p in kind.parameters})
+    words = kind.says.format(**{p.name: estimate_in_words(p, entry.parameters[p.name]) for p in kind.parameters})
     believed = {"contact-friction": system.rig.contact_friction, "contact-geometry": system.rig.finger_radius}.get(id)
     if believed is not None:
         factor, unit = _SHOWN[kind.parameters[0].unit.partition(" ")[0]]
@@ -198,7 +198,7 @@ def _over_pushes(entry: RankedEffect, places: FloatArray) -> str:
     return f"over the pushes support friction is {low} to {high} times its value {at}"
 
 
-def _in_words(parameter: Parameter, found: ParameterEstimate) -> str:
+def estimate_in_words(parameter: Parameter, found: ParameterEstimate) -> str:
     """Estimates with the half width of their 95 % intervals, or the intervals that are lopsided, in units that people use."""
     factor, unit = _SHOWN.get(parameter.unit) or _SHOWN[parameter.unit.partition(" ")[0]]
     values = factor * np.atleast_1d(np.asarray(found.estimate, dtype=np.float64))

@@ -44,9 +44,9 @@ class Parameter:
         low = value <= self.least if self.above else value < self.least
         if math.isfinite(value) and not low and value <= self.most and (float(value).is_integer() or not self.whole):
             return
-        floor = "" if self.least <= -LARGEST_MAGNITUDE else f" {'>' if self.above else '>='} {self.least:g}"
+        floor = "" if self.least <= -LARGEST_MAGNITUDE else f" {'>' if self.above else '>='} {self.least:g} and"
         kind = "whole number" if self.whole else "number"
-        raise InputError(self.name, f"expected a {kind}{floor} of at most {self.most:g}", f"{value:g}")
+        raise InputError(self.name, f"expected a {kind}{floor} <= {self.most:g}", f"{value:g}")
 
 
 #: Effects of the table that leave the stable pushes as they are: friction that is as much more everywhere.
@@ -145,7 +145,8 @@ def _kinds() -> tuple[EffectKind, ...]:
             "the table is not level",
             "support",
             "headings that vary, forces, and rows at rest to separate it from a sensor bias",
-            "level the table (the slope points downhill, 0.017 rad is one degree); or correct the scene and plan with the tilt",
+            "level the table (the slope points downhill, 0.017 rad is one degree), or free a cable that pulls on the object; or "
+            "correct the scene and plan with the tilt",
             "The table falls by {slope} along x and y (negative: it rises)",
             (Parameter("slope", "rad in W", 0.0, -0.05, 0.05, 2, least=-0.5, most=0.5),),
         ),
@@ -181,7 +182,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "constant offset of the force sensor",
             "sensing",
             "forces at headings that vary, and rows at rest",
-            "zero the force sensor before each push; plans stay as they are",
+            "zero the force sensor before each push; fit again what was fitted to its readings, and plan again",
             "The force sensor has an offset of {force} along x and y of the table; subtract it",
             (Parameter("force", "N in W", 0.0, -1.0, 1.0, 2),),
         ),
@@ -190,7 +191,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "force sensor mounted at an angle",
             "sensing",
             "forces in many directions, and motions of the slider",
-            "turn the readings of the force sensor back by the angle; plans stay as they are",
+            "turn the readings of the force sensor back by the angle; fit again what was fitted to them, and plan again",
             "The force sensor is turned by {angle}",
             (Parameter("angle", "rad", 0.0, -0.3, 0.3),),
         ),

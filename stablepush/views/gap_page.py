@@ -12,7 +12,17 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import BoolArray, FloatArray
-from stablepush.diagnosis import ChannelGap, Estimates, Evidence, GapReport, RankedEffect, readable, size_in_words
+from stablepush.diagnosis import (
+    ChannelGap,
+    Estimates,
+    Evidence,
+    GapReport,
+    RankedEffect,
+    estimate_in_words,
+    readable,
+    size_in_words,
+)
+from stablepush.effects import CATALOGUE
 from stablepush.geometry import rotate_vectors, wrap_angle
 from stablepush.objects import EdgePush, Slider
 from stablepush.views.pages import Section, render, script
@@ -181,9 +191,20 @@ class _Seen:
 
 
 def _scale(rows: list[dict[str, Any]], slider: Slider) -> float:
-    """Factor by which large arrows get a good length on the table."""
+    """Factor by which large arrows get a good length on the table; those of rows that show nothing do not count."""
+    rows = [row for row in rows if row["determined"]] or rows
     arrows = [np.array([row["arrow"][key] for row in rows]) for key in ("before", "after") if rows and key in rows[0]["arrow"]]
     return arrow_scale(np.array([row["at"][:2] for row in rows]), arrows, slider.radius)
+
+
+def _cut_faint(rows: list[dict[str, Any]]) -> None:
+    """Make lines of rows that show nothing no longer than the longest of the others."""
+    most = max((math.hypot(*arrow) for row in rows if row["determined"] for arrow in row["arrow"].values()), default=math.inf)
+    for row in rows:
+        for key, arrow in row["arrow"].items():
+            size = math.hypot(*arrow)
+            if size > most and not row["determined"]:
+                row["arrow"][key] = [most / size * part for part in arrow]
 
 
 def _rows_of_loads(report: GapReport) -> _Seen:
@@ -208,9 +229,13 @@ def _rows_of_loads(report: GapReport) -> _Seen:
     signals = {key: load - report.residuals[key] * (1, 1, 1000) for key in ("before", "after")} | {"measured": load}
     rows = _rows(report.row_names, report.poses, arrows, parts, covariates, signals, report.times, report.determined)
     scale = _scale(rows, report.rig.slider)
-    about = f"Lines from the slider's position: measured minus simulated force. 1 N is drawn as {readable(1000 * scale)} mm."
+    about = "Lines from the slider's position: measured minus simulated force."
     if not all(row["determined"] for row in rows):
-        about += " Faint: slow rows and turns about a support point. Noise leaves their load open, so the errors leave them out."
+        about += (
+            " Faint, and cut where they are long: slow rows and turns about a support point. Noise leaves their load open, so "
+            "the errors leave them out."
+        )
+        _cut_faint(rows)
     return _Seen(
         about,
         rows,
@@ -311,7 +336,9 @@ def _effect(entry: RankedEffect, evidence: Evidence) -> str:
 
 def _numbers(entry: RankedEffect) -> str:
     """Parameters of an effect, and the terms of its family."""
-    words = [f"{name} {p}" for name, p in entry.parameters.items()]
+    # as the sentence says them; those of a lab's own in the lab's units
+    known = {p.name: p for p in CATALOGUE[entry.effect].parameters} if entry.effect in CATALOGUE else {}
+    words = [f"{name} {estimate_in_words(known[name], p) if name in known else p}" for name, p in entry.parameters.items()]
     if entry.form is not None:
         terms = zip(entry.form["basis"], entry.form["coefficients"], entry.form["ci95"], strict=True)
         listed = ", ".join(

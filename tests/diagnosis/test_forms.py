@@ -190,7 +190,7 @@ def test_uneven_axes_of_a_force_sensor_are_told_by_their_gains(log, matrix, rati
     assert np.degrees(axes.angle) == pytest.approx(angle, abs=1)
     assert str(axes) in report.sentence
     assert report.to_do == [
-        "force-rotation: calibrate each axis of the force sensor against known forces; plans stay as they are"
+        "force-rotation: calibrate each axis of the force sensor against known forces; fit again what was fitted to its readings"
     ]
     # no angle: it would take up some of the gains
     assert not any(effect.effect.id == "force-rotation" for effect in report.corrected[0].effects)

@@ -5,7 +5,7 @@ from conftest import make_log
 
 import stablepush as sp
 from stablepush.diagnosis.results import ParameterEstimate
-from stablepush.diagnosis.wording import _in_words
+from stablepush.diagnosis.wording import estimate_in_words
 from stablepush.effects import CATALOGUE, Parameter
 
 
@@ -24,7 +24,7 @@ from stablepush.effects import CATALOGUE, Parameter
     ),
 )
 def test_numbers_are_told_with_their_uncertainty(unit, estimate, interval, words):
-    assert _in_words(Parameter("p", unit, 0.0, 0.0, 1.0), ParameterEstimate(estimate, interval, unit)) == words
+    assert estimate_in_words(Parameter("p", unit, 0.0, 0.0, 1.0), ParameterEstimate(estimate, interval, unit)) == words
 
 
 @pytest.mark.parametrize("kind", CATALOGUE.values(), ids=list(CATALOGUE))
@@ -34,7 +34,7 @@ def test_every_effect_has_a_sentence_about_its_parameters(kind):
     for parameter in kind.parameters:
         numbers = [0.5] * parameter.size if parameter.size > 1 else 0.5
         interval = [[0.4, 0.6]] * parameter.size if parameter.size > 1 else [0.4, 0.6]
-        assert "±" in _in_words(parameter, ParameterEstimate(numbers, interval, parameter.unit))
+        assert "±" in estimate_in_words(parameter, ParameterEstimate(numbers, interval, parameter.unit))
 
 
 def test_the_sentence_says_what_acts_and_what_the_correction_does():
