@@ -170,5 +170,6 @@ def correct(
         found.require_plannable()
         require_loads(found)
     except InputError as error:
-        settle = "; make the pushes of the diagnosis' next experiment, which tell the causes apart" if found.alternatives else ""
+        open_still = bool(found.alternatives) and error.place.startswith(("uncertainty.start", "effects", "alternatives"))
+        settle = "; make the pushes of the diagnosis' next experiment, which tell the causes apart" if open_still else ""
         print(f"{output}: plan will refuse this scene: {error}{settle}")

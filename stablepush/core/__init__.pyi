@@ -57,6 +57,7 @@ from .plausibility import (
     note_headings as note_headings,
     note_margin as note_margin,
     note_mass as note_mass,
+    note_mounting as note_mounting,
     note_noise as note_noise,
     note_off_outline as note_off_outline,
     note_overlap as note_overlap,

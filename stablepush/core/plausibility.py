@@ -112,6 +112,12 @@ def note_heading(theta: float, place: str, largest: float = _LARGEST_HEADING) ->
         _note_degrees(theta, place)
 
 
+def note_mounting(angle: float, place: str) -> None:
+    """Doubt an angle (rad) at which a sensor is mounted: none is more than half a turn."""
+    if abs(angle) > math.pi:
+        _note_degrees(angle, place)
+
+
 def note_tolerance(angle: float, place: str) -> None:
     """Doubt a tolerance of the heading (rad): degrees are mostly whole."""
     if angle > _LARGEST_TOLERANCE and _is_whole(angle):

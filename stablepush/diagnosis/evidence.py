@@ -138,6 +138,8 @@ def _failed(screening: Screening, system: System) -> str:
     if not screening.possible:
         return "but it is too small to matter, or of a sign that it cannot have"
     if screening.significantly_better is False:
+        if screening.family_wise_p > system.demands.family_wise_p:
+            return f"but its family-wise p-value is {_p(screening.family_wise_p)}"
         return "but the log density does not rise significantly over its scatter between pushes"
     if screening.family_wise_p > system.demands.family_wise_p:
         return f"but its family-wise p-value is {_p(screening.family_wise_p)}"

@@ -194,10 +194,10 @@ def _diagnose(
         )
     after = _next(system, found, reported, ranking)
     lost = {observations.names[k]: far for k, far in judged.lost.items()}
-    informing = len(np.unique(system.observations.trial)) if system.has_wrench else np.inf
-    needed = system.demands.fewest_pushes if informing < system.demands.fewest_pushes else 0
+    informing, needed = len(np.unique(system.observations.trial)), system.demands.fewest_pushes
+    few = (informing, needed) if system.has_wrench and informing < needed else None
     sentence = (
-        unexplained(judged.clear, ranking, len(judged.slipping), len(log), bool(after.pushes), lost, needed)
+        unexplained(judged.clear, ranking, len(judged.slipping), len(log), bool(after.pushes), lost, few)
         if verdict == "unknown"
         else sentence_of(
             system,

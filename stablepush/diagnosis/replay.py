@@ -45,7 +45,7 @@ MOVING: Mapping[str, float] = {
     "latency": 0.02,
 }  # fmt: skip
 _THIN = 1e-4
-#: Largest number of pieces of constant twist that stand for a logged path.
+#: Largest number of pieces of constant twist that stand for a logged path, but for one in which the pusher stands at its end.
 _MOST_PIECES = 16
 #: Lever (m) by which turns of the pusher count as travel, and how near (m) it is to its last place when it stands.
 _ARM, _STANDS = 0.05, 3e-4
@@ -217,7 +217,7 @@ def _knots(rows: np.ndarray, pushers: FloatArray, phases: np.ndarray | None) -> 
     at = np.searchsorted(travelled - 1e-9, np.linspace(0, travelled[-1], _MOST_PIECES + 1), side="right") - 1
     # where it stops, for poses that lag catch up while it stands
     left = pushers[rows] - pushers[rows[-1]]
-    stops = np.argmax(np.cumsum((np.hypot(*left[:, :2].T) + _ARM * np.abs(wrap_angle(left[:, 2])) > _STANDS)[::-1]) > 0)
+    stops = np.argmax((np.hypot(*left[:, :2].T) + _ARM * np.abs(wrap_angle(left[:, 2])) > _STANDS)[::-1])
     return rows[np.unique((*at, len(rows) - max(1, int(stops)), len(rows) - 1))]
 
 

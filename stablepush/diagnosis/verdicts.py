@@ -108,8 +108,8 @@ def judge(
         verdict, effects = Verdict.NAMED, found.named
     else:
         no_fit = _fits_nothing(system, held, size, shared) or bool(lost)
-        unpredicted = bool(clear) or len(slipping) >= _SLIPPING or (simulator_is_off and not pushes)
-        verdict = _without_names(system, found, held, pushes, no_fit, unpredicted, clear)
+        beyond = len(slipping) >= _SLIPPING or (simulator_is_off and not pushes)
+        verdict = _without_names(system, found, held, pushes, no_fit, beyond, clear)
     return Judgement(verdict, effects, gaps, clear, reduced, touch, lost, slipping, share, p_share, unnamed)
 
 
@@ -128,21 +128,21 @@ def _without_names(
     held: HeldOut,
     pushes: Sequence[Replay],
     no_fit: bool,
-    unpredicted: bool,
+    beyond: bool,
     clear: Sequence[ChannelGap],
 ) -> Verdict:
-    """The verdict where no effect is named."""
+    """The verdict where no effect is named. ``beyond``: whether more is off than the channels that stand ``clear``."""
     if no_fit:
         return Verdict.UNKNOWN
     # a refit may predict better than a simulation that fits within the noise
-    if not unpredicted:
+    if not (clear or beyond):
         return Verdict.NONE
     # only means of pushes are off, within the noise of a row, and no refit is shown to do better
-    if not found.recalibrated and clear and all(entry.nominal <= entry.noise_floor for entry in clear):
+    if not (found.recalibrated or beyond) and all(entry.nominal <= entry.noise_floor for entry in clear):
         return Verdict.NONE if _refit_may_absorb(system, held, pushes, clear) else Verdict.UNKNOWN
     # a refit that leaves pushes where they were absorbs nothing of that
-    absorbed = (found.recalibrated and not refit_leaves_poses_off(held)) or _refit_may_absorb(system, held, pushes, clear)
-    absorbed = absorbed and not _leaves_a_gap(held, clear)
+    nearer = found.recalibrated and not refit_leaves_poses_off(held) and not _leaves_a_gap(held, clear)
+    absorbed = nearer or _refit_may_absorb(system, held, pushes, clear)
     return Verdict.ABSORBED if absorbed else Verdict.UNKNOWN
 
 
@@ -213,7 +213,8 @@ def _spoils_poses(held: HeldOut, reduced: Sequence[GapReduction]) -> bool:
 
 
 def _leaves_a_gap(held: HeldOut, clear: Sequence[ChannelGap]) -> bool:
-    """Whether a refit leaves most of the gap of the wrench on pushes that it was not fitted to, and clearly more than noise."""
+    """Whether a refit leaves a quarter of the mean square gap of the wrench on pushes that it was not fitted to, or more, and
+    clearly more than noise."""
     if not any(entry.channel == "wrench" for entry in clear):
         return False
     before, after = (float(held.squares["wrench"][key].mean()) for key in ("before", "after"))

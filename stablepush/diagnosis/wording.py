@@ -94,8 +94,7 @@ def sentence_of(
             )
         return "The nominal simulation fits within the noise."
     if verdict == "absorbed":
-        friction = _friction(system, loads)
-        return f"The friction under the object differs from the nominal one{friction}, and no other cause stands out{nearer}."
+        return f"{_friction(system, loads)}, and no other cause stands out{nearer}."
     if verdict == "named":
         return f"{'; '.join(causes)}{nearer}."
     if verdict == "ambiguous":
@@ -105,15 +104,18 @@ def sentence_of(
 
 
 def _friction(system: System, loads: FloatArray) -> str:
-    """How much friction a refitted surface has, in brackets; blank without forces."""
+    """How the friction of a refitted surface differs from the nominal one."""
     if not system.has_wrench:
-        return ""
+        return "The friction under the object differs from the nominal one"
     total, nominal = float(system.of_last(loads).sum()), float(system.of_last(system.nominal).sum())
-    words = f"{total:.3g} N in all" + (f", a coefficient of {total / system.weight:.3g}" if system.weight else "")
-    if system.known_scale:
-        change = 100 * (total / nominal - 1)
-        words += f": {abs(change):.2g} % {'more' if change > 0 else 'less'}" if abs(change) >= _ALIKE else ": as much"
-    return f" ({words})"
+    size = f"{total:.3g} N in all" + (f", a coefficient of {total / system.weight:.3g}" if system.weight else "")
+    change = 100 * (total / nominal - 1)
+    if not system.known_scale:
+        return f"The friction under the object differs from the nominal one ({size})"
+    if abs(change) < _ALIKE:
+        return f"The friction under the object is spread otherwise than the nominal one ({size}, which is as believed)"
+    more = f"{abs(change):.2g} % {'more' if change > 0 else 'less'} than believed"
+    return f"The friction under the object differs from the nominal one ({size}, {more})"
 
 
 def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: float, refitted: Mapping[str, float]) -> str:
@@ -229,11 +231,12 @@ def unexplained(
     pushes: int,
     tells: bool,
     lost: Mapping[str, float],
-    needed: int,
+    few: tuple[int, int] | None,
 ) -> str:
     """What stands clear of the noise, and what is most likely, where no effect explains the gap.
 
-    ``needed``: pushes with forces that a log must have before a cause of the table or the sensors can be named; 0 if it has.
+    ``few``: pushes with forces that the log has, and that it must have before a cause of the table or the sensors can be named;
+    None if it has enough.
     """
     sizes = [
         f"the {entry.channel} is off by {size_in_words(entry.nominal, entry.unit)}, "
@@ -262,10 +265,9 @@ def unexplained(
             if slipping
             else f"no effect of the catalogue has a probability above {100 * _LIKELY:g} %"
         )
-    if needed:
-        return (
-            f"{'; '.join(words)}. {pushes} pushes are too few to name a cause of the table or the sensors: {needed} are needed."
-        )
+    if few is not None:
+        too_few = f"{few[0]} pushes with forces are too few to name a cause of the table or the sensors: {few[1]} are needed"
+        return f"{'; '.join(words)}. {too_few}."
     return "; ".join(words) + (". The pushes of the next experiment would tell." if tells else ".")
 
 

@@ -58,7 +58,7 @@ COLLAPSED = 1e-2
 _ALIKE = 1e-6
 
 #: Median angle (rad) between predicted and measured twists from which loads and twists do not seem to belong together.
-WRONG_FRAMES = np.radians(25.0)
+_WRONG_FRAMES = np.radians(25.0)
 
 #: A robust weight below which a pair is reported as an outlier; a pair that fits has weight 1 to 1.75.
 OUTLIER_WEIGHT = 0.2
@@ -384,7 +384,7 @@ def _warnings_about_prior(sampler: PressureSampler | None, weights: Any, whole: 
 def _warnings_about_frames(angle_errors: FloatArray) -> list[str]:
     """Warnings about pairs whose loads and motions do not belong together."""
     middle = float(np.median(angle_errors)) if len(angle_errors) else 0.0
-    if len(angle_errors) < FOLDS or middle < WRONG_FRAMES:
+    if len(angle_errors) < FOLDS or middle < _WRONG_FRAMES:
         return []
     off = f"the motions of half of the pairs are more than {np.degrees(middle):.0f} degrees off what the surface predicts"
     return [f"{off}: loads and motions may not be in the same frame (sign, axes, angle or units of the forces?)"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -18,10 +19,11 @@ _OFF, _OFF_LEAST, _WIDEST = 0.2, 5e-3, 0.03
 _SEEN_OFF, _STRAIGHT = 1e-3, 1e-5
 #: A slider does not travel so many of its radii in a push, nor turn so far (rad).
 _FARTHEST, _TURNS = 50.0, 2 * np.pi
-#: No friction turns forces so far (rad) from the normal of the touched edge; nor, in the mean of so many pushes, so far.
-_ASLANT, _TURNED, _FEWEST = np.radians(50), np.radians(25), 8
-#: Nearer (m) to the outline than this a tip has no normal.
-_ON = 1e-4
+#: Friction turns a force less far (rad) from the normal of the touched edge, and less in the mean of so many pushes; or by no
+#: more than this beyond the angle of the friction that is believed, or likely.
+_ASLANT, _TURNED, _FEWEST, _BEYOND, _LIKELY = math.radians(50), math.radians(25), 8, math.radians(10), 0.5
+#: A tip that is nearer (m) to the outline than this has no normal; nor has one that is as near to two edges of a notch.
+_ON, _NOTCH = 1e-4, 1e-3
 #: A push whose power is a smaller share of the greatest was none.
 _WORKS = 0.01
 #: Nobody pushes so slowly or so fast (m/s).
@@ -65,29 +67,37 @@ def _opposed(log: PushLog) -> Iterator[str]:
 
 
 def _aslant(log: PushLog) -> Iterator[str]:
-    """Friction turns a force by less than a right angle from the normal, to either side."""
+    """Forces that are turned from the normal of the touched edge by more than friction does, in many pushes or on average."""
     body, tips, forces = log.columns("x", "y", "theta"), log.columns("px", "py"), log.columns("fx", "fy")
-    slider = log.rig.slider
+    vertices, mu = log.rig.slider.vertices, log.rig.contact_friction
     pushing = np.isfinite(np.column_stack((body, tips, forces))).all(axis=1) & (log.samples["phase"] == "push")
     if log.rig.contact_kind == "held" or not pushing.any():
         return
+    edges = shapely.linestrings(np.stack((vertices, np.roll(vertices, -1, axis=0)), axis=1))
     turns = []
     for name in _powers(log):
         rows = log.rows(name)
         rows = rows[pushing[rows]]
         local = rotate_vectors(-body[rows, 2], tips[rows] - body[rows, :2])
-        inward = nearest_on_outline(slider.vertices, local)[0] - local
-        clear = (np.linalg.norm(inward, axis=1) > _ON) & ~shapely.contains_xy(slider.polygon, *local.T)
+        near = nearest_on_outline(vertices, local)[0]
+        inward, away = near - local, np.linalg.norm(near - local, axis=1)
+        # in a notch, and on the outline itself, the normal is not known
+        touched = shapely.distance(edges[:, None], shapely.points(local)) < away + _NOTCH
+        beside = shapely.distance(edges[:, None], shapely.points(near)) > _NOTCH
+        clear = (away > _ON) & ~shapely.contains_xy(log.rig.slider.polygon, *local.T) & ~(touched & beside).any(axis=0)
         if clear.any():
             cross = inward[:, 0] * forces[rows, 1] - inward[:, 1] * forces[rows, 0]
             turns.append(float(np.median(np.arctan2(cross, (inward * forces[rows]).sum(axis=1))[clear])))
-    far, mean = sum(abs(turn) > _ASLANT for turn in turns), float(np.angle(np.exp(1j * np.array(turns)).sum()))
+    friction = math.atan(_LIKELY if mu is None else mu)
+    most, most_mean = max(_ASLANT, friction + _BEYOND), max(_TURNED, friction + _BEYOND)
+    far, mean = sum(abs(turn) > most for turn in turns), float(np.angle(np.exp(1j * np.array(turns)).sum()))
     asked = "are its axes (force_axes) and its angle (force_angle) right?"
     if 2 * far > len(turns) > 1:
-        off = f"more than {np.degrees(_ASLANT):.0f} degrees off the normal of the touched edge, which no friction does"
+        off = f"more than {np.degrees(most):.0f} degrees off the normal of the touched edge"
         yield f"in {far} of {len(turns)} pushes the force is {off}: {asked}"
-    elif len(turns) >= _FEWEST and abs(mean) > _TURNED:
-        yield f"on average the force is turned by {np.degrees(mean):.0f} degrees from the normal of the touched edge: {asked}"
+    elif len(turns) >= _FEWEST and abs(mean) > most_mean:
+        off = f"turned by {np.degrees(mean):.0f} degrees counter-clockwise from the normal of the touched edge"
+        yield f"on average the force is {off}: {asked}"
 
 
 def _restless(log: PushLog) -> Iterator[str]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import BoolArray, FloatArray, StablepushWarning
-from stablepush.geometry import rotate_vectors
+from stablepush.geometry import rotate_vectors, wrap_angle
 
 #: Least rows at rest from which an offset is taken.
 LEAST_REST = 3
@@ -19,8 +19,9 @@ LEAST_REST = 3
 _CLEAR = 1e-3
 #: A finger presses on from the push before if it reads what it read at the end of that, up to this share of the load.
 _PRESSES = 0.3
-#: Tools whose headings (rad) differ by more show whether the offset turns with them.
-_TURNED = 0.2
+#: Tools whose headings (rad) differ by more show whether the offset turns with them: it does unless that leaves so many times
+#: what an offset that is fixed in the world leaves, and what rests scatter by.
+_TURNED, _CLEARLY = 0.2, 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +29,7 @@ class _Spell:
     """Medians of readings ``(fx, fy, moment)`` in W: at rest, and at the end of the push behind it; NaN where rows are too few.
 
     ``row``: the first, of the record. ``heading``: of the tool, rad; NaN if unknown. ``clear``: whether the tip was away from the
-    outline.
+    outline. ``scatter``: standard error of the force at rest, N.
     """
 
     row: int
@@ -36,6 +37,7 @@ class _Spell:
     rest: FloatArray
     end: FloatArray
     clear: bool
+    scatter: float
 
     @property
     def is_known(self) -> bool:
@@ -69,14 +71,14 @@ def zeroed(
         pushes[rows[phase == "push"]], lonely[rows] = True, False
         rest, push = (rows[known[rows] & (phase == word)] for word in ("rest", "push"))
         # on the way to another contact the tool may turn
-        rest = rest[~(np.abs(turned[rest] - turned[rest[-1:]]) > _TURNED)]
+        rest = rest[~(np.abs(wrap_angle(turned[rest] - turned[rest[-1:]])) > _TURNED)]
         clear = bool(is_clear(away[rows], phase == "push")[np.isin(rows, rest)].any())
         end = _middle(readings, push[-LEAST_REST:])
-        spells.append(_Spell(int(rows[0]), _middle(turned, rest), _middle(readings, rest), end, clear))
+        spells.append(_spell(int(rows[0]), turned, readings, rest, end, clear))
     free = np.flatnonzero(lonely & known & is_clear(away, pushes))
     for rows in np.split(free, 1 + np.flatnonzero(np.diff(free) > 1)):
         if len(rows) >= LEAST_REST:
-            spells.append(_Spell(int(rows[0]), _middle(turned, rows), _middle(readings, rows), np.full(3, np.nan), True))
+            spells.append(_spell(int(rows[0]), turned, readings, rows, np.full(3, np.nan), True))
     found, result = _at_rest(spells, len(trials), phases), readings.copy()
     turns = _turns_with_tool(found)
     if not turns:
@@ -88,6 +90,23 @@ def zeroed(
             # a moment that no rest shows is not taken off
             result[rows] -= np.nan_to_num(_turned(other, turned[rows] if turns else np.full(len(rows), np.nan)))
     return result
+
+
+def _spell(
+    row: int, heading: FloatArray, readings: FloatArray, rest: np.ndarray[Any, np.dtype[np.intp]], end: FloatArray, clear: bool
+) -> _Spell:
+    """A spell of rows at ``rest``."""
+    middle = _middle(readings, rest)
+    off = np.linalg.norm(readings[rest, :2] - middle[:2], axis=1)
+    # of a median, from the median of what single readings are off by
+    scatter = 1.2533 * float(np.median(off)) / np.sqrt(len(rest)) if len(rest) and np.isfinite(off).all() else 0.0
+    return _Spell(row, _middle(_unwrapped(heading[rest]), np.arange(len(rest))), middle, end, clear, float(scatter))
+
+
+def _unwrapped(headings: FloatArray) -> FloatArray:
+    """Headings (n,) within half a turn of the first that is known."""
+    known = headings[np.isfinite(headings)]
+    return headings if not len(known) else known[0] + wrap_angle(headings - known[0])
 
 
 def _at_rest(spells: list[_Spell], trials: int, phases: Sequence[np.ndarray[Any, np.dtype[np.object_]]]) -> list[_Spell]:
@@ -111,13 +130,14 @@ def _at_rest(spells: list[_Spell], trials: int, phases: Sequence[np.ndarray[Any,
 
 
 def _turns_with_tool(found: Sequence[_Spell]) -> bool:
-    """Whether the offset turns with the tool, as nearly all do, unless rests at different headings agree better without."""
-    fixed = turning = 0.0
+    """Whether the offset turns with the tool, as nearly all do: unless rests at other headings clearly agree better without."""
+    fixed, turning, scatter = [], [], []
     for one, other in pairwise(found):
-        if abs(other.heading - one.heading) > _TURNED:
-            fixed += float(np.linalg.norm((other.rest - one.rest)[:2]))
-            turning += float(np.linalg.norm(other.rest[:2] - _turned(one, np.array((other.heading,)))[0, :2]))
-    return turning <= fixed
+        if abs(wrap_angle(other.heading - one.heading)) > _TURNED:
+            fixed.append(float(np.linalg.norm((other.rest - one.rest)[:2])))
+            turning.append(float(np.linalg.norm(other.rest[:2] - _turned(one, np.array((other.heading,)))[0, :2])))
+            scatter.append(float(np.hypot(one.scatter, other.scatter)))
+    return sum(turning) <= _CLEARLY * max(sum(fixed), sum(scatter))
 
 
 def _turned(spell: _Spell, headings: FloatArray) -> FloatArray:

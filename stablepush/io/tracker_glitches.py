@@ -7,59 +7,91 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
 
 from stablepush.core import BoolArray, FloatArray, StablepushWarning
+from stablepush.geometry import wrap_angle
 
-#: Rows of the running median, at least, and its width in s: glitches shorter than half of it do not move it. It leaves alone
-#: what only grows or only shrinks, as a pose does in a push, and a slider that was set back.
+#: Rows of the running median, at least, and its width in s: glitches shorter than half of it do not move it.
 _ROWS, _WIDTH = 7, 0.12
 #: A glitch is so far (m) from that median, and so many times as far as rows usually are.
 _FAR, _TIMES = 1e-3, 12.0
-#: To be there between the rows beside it, the slider would be so many times as quick as in a push.
-_QUICKER = 8.0
+#: The slider would be so many times as quick on its way as it is ever over so many s, windows left out of which one step makes
+#: more than this share: there it was set back.
+_QUICKER, _OVER, _MOST = 8.0, 0.3, 0.6
 
 
 def without_glitches(
-    t: FloatArray, poses: FloatArray, trials: Sequence[np.ndarray[Any, np.dtype[np.intp]]], length: float
+    t: FloatArray,
+    poses: FloatArray,
+    trials: Sequence[np.ndarray[Any, np.dtype[np.intp]]],
+    names: Sequence[str],
+    length: float,
 ) -> FloatArray:
     """Return poses (n, 3) without those that leap away and back, NaN instead; a warning says when.
 
-    ``length`` (m) makes angles distances.
+    What lies far from a running median may also be the pose before a slider turns round, or is set back: a glitch is quicker than
+    the slider is in pushes, and comes back to where it was. ``length`` (m) makes angles distances.
     """
-    known, seen, away, speed, usual = [], [], [], [], 0.0
+    known, found, usual = [], [], []
     for rows in trials:
         mine = rows[np.isfinite(poses[rows]).all(axis=1)]
         if len(mine) < _ROWS:
             continue
-        path = poses[mine].copy()
-        path[:, 2] = length * np.unwrap(path[:, 2])
-        steps = np.diff(t[mine])
-        count = min(max(_ROWS, 2 * round(_WIDTH / float(np.median(steps)) / 2) + 1), len(mine))
-        smooth = np.column_stack([median_filter(column, count, mode="nearest") for column in path.T])
+        seen, steps = poses[mine], np.diff(t[mine])
+        steps = np.maximum(steps, np.median(steps) / 2)
+        count = max(_ROWS, 2 * round(_WIDTH / float(np.median(steps)) / 2) + 1)
+        smooth = _running_median(seen, min(count, len(mine) - 1 + len(mine) % 2))
         known.append(mine)
-        seen.append(path)
-        away.append(np.linalg.norm(path - smooth, axis=1))
-        speed.append(away[-1] / np.maximum(np.append(steps, steps[-1]), np.append(steps[0], steps)))
-        usual = max(usual, float(np.percentile(np.linalg.norm(np.diff(smooth, axis=0), axis=1) / steps, 90)))
-    far = max(_FAR, _TIMES * float(np.median(np.concatenate(away)))) if away else np.inf
-    wrong = np.zeros(len(t), dtype=bool)
-    for mine, path, distance, quick in zip(known, seen, away, speed, strict=True):
-        for first, last in _runs(distance > far):
-            # it comes back to where it was: a slider that was set back does not
-            back = (
-                0 < first
-                and last + 1 < len(mine)
-                and np.linalg.norm(path[last + 1] - path[first - 1]) < distance[first : last + 1].max() / 2
-            )
-            wrong[mine[first : last + 1]] = back and quick[first : last + 1].max() > _QUICKER * usual
-    if not wrong.any():
+        # a tracker that is slower than the clock repeats its poses: it took as long since the first of them
+        since = np.maximum.accumulate(
+            np.where(np.append(True, (np.diff(seen, axis=0) != 0).any(axis=1)), np.arange(len(mine)), 0)
+        )
+        took = np.maximum(t[mine][1:] - t[mine][since[:-1]], steps)
+        found.append((_apart(smooth, seen, length), _apart(seen[:-1], seen[1:], length) / took, seen))
+        span = min(max(2, round(_OVER / float(np.median(steps)))), len(mine) - 1)
+        usual.append(_greatest_speed(t[mine], smooth, span, length))
+    if not known:
         return poses
-    when = ", ".join(f"{moment:.4g}" for moment in t[wrong][:5])
-    later = " and later" if wrong.sum() > 5 else ""
+    far = max(_FAR, _TIMES * float(np.median(np.concatenate([away for away, *_ in found]))))
+    quick = _QUICKER * float(np.median(usual))
+    wrong, when = np.zeros(len(t), dtype=bool), []
+    for mine, (away, speed, seen) in zip(known, found, strict=True):
+        for first, last in _runs(away > far):
+            if 0 < first and last + 1 < len(mine):
+                back = _apart(seen[first - 1 : first], seen[last + 1 : last + 2], length)[0] < away[first : last + 1].max() / 2
+                if back and speed[first - 1 : last + 1].max() > quick:
+                    wrong[mine[first : last + 1]] = True
+                    when.append(int(mine[first]))
+    if not when:
+        return poses
+    first = min(when)
+    trial = next(k for k, rows in enumerate(trials) if first in rows)
+    place = f"{t[first] - t[trials[trial][0]]:.4g} s after the first row" + (f" of push {names[trial]}" if names[trial] else "")
+    times = "once," if len(when) == 1 else f"{len(when)} times, at first"
     left_out = "1 pose is" if wrong.sum() == 1 else f"{int(wrong.sum())} poses are"
-    warnings.warn(StablepushWarning(f"the tracker leaps away and back at t = {when}{later} s: {left_out} left out"), stacklevel=3)
+    warnings.warn(StablepushWarning(f"the tracker leaps away and back {times} {place}: {left_out} left out"), stacklevel=3)
     return np.where(wrong[:, None], np.nan, poses)
+
+
+def _greatest_speed(t: FloatArray, poses: FloatArray, span: int, length: float) -> float:
+    """Greatest speed (m/s) over ``span`` steps that several of them make."""
+    ways = _apart(poses[:-span], poses[span:], length)
+    largest = maximum_filter1d(_apart(poses[:-1], poses[1:], length), span, origin=-(span // 2))[: len(ways)]
+    by_many = largest <= _MOST * ways
+    return float((ways / (t[span:] - t[:-span]))[by_many].max(initial=0.0))
+
+
+def _running_median(poses: FloatArray, count: int) -> FloatArray:
+    """Medians (n, 3) over an odd number of rows about each: of a heading, of its cosine and sine."""
+    x, y, theta = poses.T
+    of = [median_filter(column, count, mode="nearest") for column in (x, y, np.cos(theta), np.sin(theta))]
+    return np.column_stack((of[0], of[1], np.arctan2(of[3], of[2])))
+
+
+def _apart(one: FloatArray, other: FloatArray, length: float) -> FloatArray:
+    """Distances (n,) in m of poses (n, 3)."""
+    return np.asarray(np.hypot(*(other - one)[:, :2].T) + length * np.abs(wrap_angle(other[:, 2] - one[:, 2])))
 
 
 def _runs(flags: BoolArray) -> Iterator[tuple[int, int]]:

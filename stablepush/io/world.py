@@ -19,7 +19,7 @@ from stablepush.core import (
     check_array,
     check_choice,
     check_number,
-    note_heading,
+    note_mounting,
 )
 from stablepush.geometry import compose, nearest_on_outline, rotate_vectors
 from stablepush.identify import SlipPairs
@@ -127,7 +127,8 @@ def log_from_arrays(
         With ``phase``: ``rest`` before contact, ``push`` in contact, ``retract`` after it, or once the slider stands for good.
         A :class:`StablepushWarning` says what looks wrong: forces that oppose the motion, a tip that is not at the outline,
         lengths, headings or times in another unit, rows that are missing, pushes without rest. Poses that leap away and back
-        within a few rows are glitches of the tracker: they are left out, and a warning says when.
+        within a few rows are glitches of the tracker, unless in the first or last row of a push: they are left out, and a warning
+        says when.
 
     Raises
     ------
@@ -146,13 +147,13 @@ def log_from_arrays(
         if (np.diff(t[mine]) <= 0).any():
             late = mine[int(np.argmax(np.diff(t[mine]) <= 0)) + 1]
             raise InputError(f"times[{late}]", f"expected times that grow{f' within trial {name}' if name else ', or trials'}")
-    tracked = without_glitches(t, tracked, rows, rig.slider.characteristic_length)
+    tracked = without_glitches(t, tracked, rows, names, rig.slider.characteristic_length)
     if check_number(pose_delay, "pose_delay") != 0:
         tracked = _recorded_later(t, tracked, pose_delay, rows)
     body = compose(tracked, check_array(body_pose, "body_pose", (3,)))
     tips = None if tip_positions is None else _with_gaps(tip_positions, "tip_positions", n, (2, 3))
     world = None if forces is None else _with_gaps(forces, "forces", n, (2,))
-    note_heading(check_number(force_angle, "force_angle"), "force_angle")
+    note_mounting(check_number(force_angle, "force_angle"), "force_angle")
     if force_angle != 0 and world is not None:
         world = rotate_vectors(-force_angle, world)
     turning = None if moments is None else _with_gaps(_column(moments), "moments", n, (1,))[:, 0]

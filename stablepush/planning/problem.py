@@ -239,7 +239,7 @@ class PlanningProblem:
             if id not in PLANNED:
                 raise InputError("effects", f"expected effects that plans know: {_INSTEAD[id]}", id)
         if self.acting_effects and any(self.uncertainty.start):
-            words = "expected 0, 0, or no effect of the table: an uncertain start is not planned for beside one"
+            words = "expected 0, 0, or no effect of the table: an uncertain start is not planned for beside such an effect"
             raise InputError("uncertainty.start", words, ", ".join(self.acting_effects))
         if self.acting_effects and not self.surface.is_dual:
             raise InputError("effects", f"expected none, a {type(self.surface).__name__} is not planned with them")

@@ -68,3 +68,22 @@ def test_causes_are_found_beside_them(effect, seed):
 def test_errors_of_an_even_pressure_are_no_grain_and_no_fault_of_a_sensor(seed):
     report = sp.diagnose(edited(log_of(seed), noise=NOISE, support_friction=None, slider=sp.Slider(OUTLINE, 1.2)))
     assert set(report.named) <= {"pressure-spread", "pressure-shift"}, report.sentence
+
+
+def first_of(log, count):
+    """The first pushes of a log."""
+    names = [str(name) for name in log.trials["trial"]][:count]
+    rows = np.isin(np.asarray(log.samples["trial"], dtype=str), names)
+    trials = {key: np.asarray(values)[:count] for key, values in log.trials.items()}
+    return sp.PushLog(log.rig, trials, {key: np.asarray(values)[rows] for key, values in log.samples.items()})
+
+
+def test_too_few_pushes_are_told_and_how_much_friction_there_is():
+    log = log_of(1, [sp.parse_effect("tilt:slope=0.06/-0.04")])
+    believed = edited(log, noise=NOISE, model=fitted(1), slider=sp.Slider(OUTLINE, 1.2))
+    report = sp.diagnose(first_of(believed, 4))
+    assert report.verdict == "unknown"
+    assert "4 pushes with forces are too few to name a cause of the table or the sensors: 7 are needed." in report.sentence
+    stronger = sp.diagnose(edited(log_of(1), noise=NOISE, slider=SLIDER, support_friction=0.25))
+    assert stronger.verdict == "absorbed"
+    assert "3.53 N in all, a coefficient of 0.3, 20 % more than believed" in stronger.sentence

@@ -148,6 +148,32 @@ def test_the_offset_turns_with_the_tool_during_a_push():
         assert read == pytest.approx((0.2, 2.0), abs=0.02)
 
 
+@pytest.mark.filterwarnings("error::stablepush.StablepushWarning")
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("tools", ((0.3, 1.4, -0.9, 2.2), (np.pi - 1e-3, 1e-3 - np.pi, np.pi - 2e-3, -np.pi)))
+def test_noise_of_a_zeroed_sensor_does_not_fix_its_offset_in_the_world(tools, seed):
+    made, rng = Record(), np.random.default_rng(seed)
+    for name, tool in zip("abcd", tools, strict=True):
+        made.tool = tool
+        made.free(name, ((0.0, -0.08), LOW))
+        made.push(name, (0.0, 0.02, 0.0), LOW, (0.2, 2.0))
+    rows = np.concatenate(made.rows)
+    forces = rows[:, 6:] + 0.02 * rng.normal(size=(len(rows), 2))
+    sp.log_from_arrays(RIG, 0.01 * np.arange(len(rows)), rows[:, :3], forces, rows[:, 3:6], made.names)
+
+
+def test_an_offset_that_does_not_turn_with_the_tool_is_told():
+    made = Record()
+    for name, tool in zip("abcd", (0.3, 1.4, -0.9, 2.2), strict=True):
+        made.tool = tool
+        made.free(name, ((0.0, -0.08), LOW))
+        made.push(name, (0.0, 0.02, 0.0), LOW, (0.2, 2.0))
+    with pytest.warns(sp.StablepushWarning, match="does not turn with the tool"):
+        log = made.log()
+    for name in "abcd":
+        assert read_in_push(log, name) == pytest.approx((0.2, 2.0), abs=0.03)
+
+
 def test_a_moment_that_is_missing_at_rest_leaves_the_others():
     made = executed()
     rows = np.concatenate(made.rows)

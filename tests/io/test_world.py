@@ -359,7 +359,7 @@ def test_two_fingers_have_contact_points_where_they_touch():
 
 
 @pytest.mark.parametrize(
-    ("turn", "words"), [(1.2, "more than 50 degrees off the normal"), (0.7, "turned by 40 degrees"), (0.2, "")]
+    ("turn", "words"), [(1.2, "more than 50 degrees off the normal"), (0.75, "turned by 43 degrees counter-clockwise"), (0.4, "")]
 )
 def test_forces_that_no_friction_turns_so_far_are_noted(turn, words):
     (t, poses, tips, forces), trials, _ = recorded(count=9)
@@ -371,9 +371,10 @@ def test_forces_that_no_friction_turns_so_far_are_noted(turn, words):
     assert all(words in line and "force_angle" in line for line in found)
 
 
-def test_degrees_for_the_angle_of_a_sensor_are_noted():
+@pytest.mark.parametrize("angle", (35.0, -10.0, 12.5))
+def test_degrees_for_the_angle_of_a_sensor_are_noted(angle):
     (t, poses, tips, forces), trials, _ = recorded()
     with pytest.warns(sp.PlausibilityWarning, match="force_angle: .*degrees"), warnings.catch_warnings():
         warnings.simplefilter("ignore", sp.StablepushWarning)
         warnings.simplefilter("default", sp.PlausibilityWarning)
-        sp.log_from_arrays(sp.Rig(SLIDER, finger_radius=RADIUS), t, poses, forces, tips, trials, force_angle=35.0)
+        sp.log_from_arrays(sp.Rig(SLIDER, finger_radius=RADIUS), t, poses, forces, tips, trials, force_angle=angle)
