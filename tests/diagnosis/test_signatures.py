@@ -93,4 +93,7 @@ def test_turns_about_a_foot_count_in_no_error_of_the_wrench():
     off = np.abs(signature.partial_residual - signature.contribution)
     assert off.max() < 0.4 * np.abs(signature.contribution).max()
     page = gap_html(drift)
-    assert "Faint: slow rows and turns about a support point" in page and '"determined": 0' in page.replace('":0', '": 0')
+    assert (
+        "Faint, and cut where they are long: slow rows and turns about a support point" in page
+        and '"determined": 0' in page.replace('":0', '": 0')
+    )

@@ -395,7 +395,7 @@ def test_planning_anew_brings_a_slider_home_that_left_its_plan():
         (lambda: rig(outliers=-1), "outliers"),
         (lambda: rig(scatter=2), "scatter"),
         (lambda: rig(noise=sp.Noise(-1, 0, 0)), "noise.force"),
-        (lambda: rig("contact-geometry:radius=1e6"), "at most 1"),
+        (lambda: rig("contact-geometry:radius=1e6"), "<= 1, got"),
         (lambda: sp.VirtualRig(triangle(), sp.IdealLimitSurface(three_feet(), 1), 0.5, sp.Pusher(), None), "effects"),
         (
             lambda: sp.VirtualRig(triangle(), EVEN, 0.5, sp.Pusher.edge(0.05), [parse_effect("contact-geometry:radius=0.01")]),
@@ -422,7 +422,7 @@ def test_planning_anew_brings_a_slider_home_that_left_its_plan():
         (lambda: rig("model-capacity:facets=3,degree=4"), "either"),
         (lambda: rig("model-capacity:degree=5"), "2, 4, 6"),
         (lambda: rig("tilt:slope=0.4/0"), "friction holds"),
-        (lambda: rig("tilt:slope=0.6/0"), "at most 0.5"),
+        (lambda: rig("tilt:slope=0.6/0"), "<= 0.5, got"),
         (lambda: rig("pressure-shift:offset=0.2/0"), "under the slider"),
         (lambda: sp.Effect("drift", {"rate": "x"}), "rate: expected"),
         (lambda: sp.Effect("drift", {"rate": None}), "rate: expected"),
