@@ -136,7 +136,7 @@ def _failed(screening: Screening, system: System) -> str:
     if screening.statistic <= least:
         return f"but by few pushes: the statistic over pushes is {readable(screening.statistic)}, {readable(least)} is needed"
     if not screening.possible:
-        return "but it is too small to matter, or of a sign that it cannot have"
+        return "but it is too small to matter, of a sign that it cannot have, or larger than any"
     if screening.significantly_better is False:
         if screening.family_wise_p > system.demands.family_wise_p:
             return f"but its family-wise p-value is {_p(screening.family_wise_p)}"

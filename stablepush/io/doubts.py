@@ -159,7 +159,8 @@ def _apart(log: PushLog) -> Iterator[str]:
         most = max(far, key=abs)
         yield (
             f"in {len(far)} of {len(off)} pushes the fingers seem more than {1000 * _SEEN_OFF:g} mm off the outline, up to "
-            f"{1000 * abs(most):.2g} mm {'away from it' if most > 0 else 'inside'}: tracked origin (body_pose), or radius?"
+            f"{1000 * abs(most):.2g} mm {'away from it' if most > 0 else 'inside'}: tracked origin (body_pose), radius, or a "
+            "tracker that lags?"
         )
 
 

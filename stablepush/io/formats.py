@@ -111,7 +111,9 @@ def load_contact(path: str | Path, number: int | None = None) -> PushContact:
         number = 0
     if number is None or not 0 <= number < len(contacts):
         got = f"got {len(contacts)}" if number is None else f"got number {number} of {len(contacts)}"
-        root["contacts"].fail(f"expected one contact, {got}: choose one by its number, 0 to {len(contacts) - 1} (--contact)")
+        last = len(contacts) - 1
+        choice = f"choose one by its number, 0 to {last} (--contact)" if last else "its only contact has the number 0 (--contact)"
+        root["contacts"].fail(f"expected one contact, {got}: {choice}")
     return contact_or_path(contacts[number], Path(path).parent)
 
 

@@ -174,8 +174,9 @@ class PlanningProblem:
         object.__setattr__(self, "alternatives", tuple(alternatives))
         mu = None if support_friction is None else check_number(support_friction, "support_friction", positive=True)
         object.__setattr__(self, "support_friction", mu)
-        self._require_inward_normals()
+        # another unit is noted also where it ends in an error
         self._doubt()
+        self._require_inward_normals()
 
     def _require_inward_normals(self) -> None:
         """Refuse a contact on the outline whose fingers would pull."""
