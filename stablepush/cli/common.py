@@ -22,6 +22,9 @@ from stablepush.core import EffectError, InputError, StablepushError, Unsupporte
 if TYPE_CHECKING:
     from stablepush.planning import PlanningProblem, PlanResult
 
+#: Endings of what a PNG is not.
+_OTHER_PICTURES = (".html", ".htm", ".pdf", ".svg", ".jpg", ".jpeg", ".gif")
+
 
 def number(text: str | float) -> float:
     """Parse a number; the message quotes what was given, in every version of the argument parser."""
@@ -159,6 +162,13 @@ def require_files(*paths: Path | None, read: Sequence[Path | None] = ()) -> None
             raise InputError("", "expected different output files, this one is given twice", file=path)
         if path.resolve() in sources:
             raise InputError("", "expected an output file that is not also an input", file=path)
+
+
+def require_png(picture: Path | None) -> None:
+    """Refuse a picture whose name says that it is something else."""
+    if picture is not None and picture.suffix.lower() in _OTHER_PICTURES:
+        page = "; a page is what --view writes, where there is that option" if picture.suffix.lower().startswith(".htm") else ""
+        raise InputError("", f"expected a name that ends in .png, for a picture{page}", file=picture)
 
 
 def require_folder(path: Path) -> None:

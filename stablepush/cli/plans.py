@@ -20,6 +20,7 @@ from stablepush.cli.common import (
     options_of,
     require_files,
     require_outside,
+    require_png,
     told,
     whole_number,
 )
@@ -139,6 +140,7 @@ def plan(
 
     check_number(time_limit, "--time-limit", at_least=0.0)
     require_files(output, view, picture, read=(scene,))
+    require_png(picture)
     problem = load_scene(scene)
     left = max(0.0, time_limit - clock.elapsed())
     with Progress("plan") as step, about(scene, options=_OPTIONS), interruptible() as interrupted:

@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stablepush.cli.common import Contact, Output, Progress, about, number, options_of, require_files, told, whole_number
+from stablepush.cli.common import (
+    Contact,
+    Output,
+    Progress,
+    about,
+    number,
+    options_of,
+    require_files,
+    require_png,
+    told,
+    whole_number,
+)
 from stablepush.core import InputError, UnsupportedContactError
 
 if TYPE_CHECKING:
@@ -18,8 +29,6 @@ if TYPE_CHECKING:
 #: Solid angle (sr) of all unit twists, and one below which two regions are the same.
 _ALL_MOTIONS, _SLIVER = 4 * math.pi, 1e-3
 
-#: Endings of what a map is not.
-_OTHER_PICTURES = (".html", ".htm", ".pdf", ".svg", ".jpg", ".jpeg", ".gif")
 
 #: Longest number of a contact.
 _DIGITS = 4
@@ -131,8 +140,7 @@ def draw_map(
     )
     from stablepush.views.plot import figure_png, plot_margins, plot_regions, plot_twist_sphere
 
-    if output.suffix.lower() in _OTHER_PICTURES:
-        raise InputError("", "expected a name that ends in .png, for a picture; --view writes a page", file=output)
+    require_png(output)
     if extent is not None:
         check_number(extent, "--extent", positive=True)
     contact, number_in_scene, slider = _of_scene(model, contact, slider)
@@ -266,6 +274,7 @@ def contacts(
     from stablepush.views.plot import figure_png, plot_contacts
 
     require_files(output, picture, best_file, read=(model, slider))
+    require_png(picture)
     surface, body = load_model(model), load_slider(slider)
     given = options_of("measure", "places", "edge", "finger_radius", mu="contact-mu", widths="width", edges="edge")
     with Progress("contacts") as step, about(model, options=given):

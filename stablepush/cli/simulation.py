@@ -23,6 +23,7 @@ from stablepush.cli.common import (
     require_files,
     require_folder,
     require_outside,
+    require_png,
     told,
     whole_number,
 )
@@ -258,6 +259,7 @@ def slide(
     note_gravity(gravity, "--gravity")
     note_friction(mu or 0.0, "--support-mu")
     require_files(output, picture, view, read=(model, slider_file))
+    require_png(picture)
     surface, slider = load_model(model), load_slider(slider_file)
     given = options_of("gravity", "duration", "samples", mu="support-mu") | {"slider.mass": f"{slider_file}: mass"}
     with about(model, options=given):

@@ -198,6 +198,7 @@ def test_faults_in_cors_are_named(rig, tmp_path, capsys, text, words):
             ["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "pressure-spread:scale=1e-300"],
             ("error: effect pressure-spread: scale: support",),
         ),
+        (["plan", "{scene}", "-o", "{out}", "--picture", "{out}.html"], ("ends in .png", "--view")),
         (["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "pressure-shift:offset=1/0"], ("pressure-shift", "under")),
         (
             ["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "spatial-variation:gradient=-9/9"],
