@@ -50,10 +50,8 @@ RefinementBudget = Annotated[
 ]
 
 
-#: Distance (m) of an obstacle below which the remedy is named, and the remedy.
+#: Distance (m) of an obstacle below which the remedy is named.
 _NEAR = 2e-3
-_CLOSE = ": try --clearance 0.005"
-_NO_ROOM = "; no plan was found that keeps 5 mm away, is as sure, and takes at most 5 % longer"
 
 _OPTIONS = options_of(
     "planner",
@@ -136,7 +134,7 @@ def plan(
     """Plan a path of stable pushes."""
     from stablepush.core import check_number
     from stablepush.io import write_atomically
-    from stablepush.planning import clearance_of, load_scene, plan as make_plan, save_plan
+    from stablepush.planning import NO_ROOM, clearance_of, load_scene, plan as make_plan, save_plan
 
     check_number(time_limit, "--time-limit", at_least=0.0)
     require_files(output, view, picture, read=(scene,))
@@ -192,10 +190,8 @@ def plan(
             f"{math.degrees(square):.2g} deg); it {result.outlook}"
         )
         if nearest is not None:
-            hint = ""
-            if nearest.distance < _NEAR:
-                looked = clearance is None and max(success, require_success) > 0 and refinement_budget > 0
-                hint = _NO_ROOM if looked else _CLOSE
+            close = f"; {NO_ROOM}" if NO_ROOM in result.message else ": try --clearance 0.005"
+            hint = close if nearest.distance < _NEAR else ""
             print(
                 f"closest to an obstacle: {1000 * nearest.distance:.1f} mm, in {nearest.where}; the probabilities do not count "
                 f"collisions{hint}"

@@ -137,7 +137,7 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
         # which base the rest is judged on matters less than what is said: one standard error is enough
         free = system.significantly_better(scores["free"], scores["scaled"], 1.0)
         recalibrated = certain or system.significantly_better(scores["scaled"], scores["nominal"])
-        # of a surface that was fitted to pokes the shape is what they leave open: a refit absorbs that
+        # beside a surface that was fitted to pokes no change of its shape exceeds_model_error: a refit absorbs that
         if not chosen and not system.open_modes.size and (certain or system.rig.model is None):
             scores |= held_out_of_body(system, folds, certain)
             named, moved = reshaping(system, scores, certain)

@@ -156,7 +156,7 @@ def suspected_friction(forces: FingerForces, nominal: float | None, unexplained:
     Pushes do not show it clearly enough for a name. It is what the few pushes held in which fingers moved. If more moved and a
     gap is left ``unexplained``, it is what their forces give, whatever the p-value, if that interval lies below ``nominal``.
     """
-    few = forces.suspected_friction(nominal)
+    few = forces.held_by_few(nominal)
     if few is not None:
         return few, _FEW_ERROR * few
     found = friction_of(forces, nominal) if unexplained and nominal is not None else None

@@ -66,7 +66,7 @@ class FingerForces:
         """Whether all :attr:`informative` trials give the same friction, and no other one has a greater ratio."""
         return self._agree(self.informative)
 
-    def suspected_friction(self, nominal: float | None) -> float | None:
+    def held_by_few(self, nominal: float | None) -> float | None:
         """Return the friction at which fingers moved although ``nominal`` friction would have held them, for plans to be safe.
 
         It is the largest ratio of trials whose fingers slip or creep, if no sticking one has a much greater ratio. None if that

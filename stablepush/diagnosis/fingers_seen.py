@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import shapely
 
 from stablepush.core import FloatArray
-from stablepush.geometry import compose, inverse, nearest_on_outline, transform_points
+from stablepush.geometry import compose, contacts_on_outline, inverse, transform_points
 from stablepush.io import PushLog, distinct
 
 #: Fingers farther (m) than this from where fingers usually are, beside the outline, do not touch it; nor do those that are
@@ -49,7 +48,7 @@ def fingers_of(
         relative = compose(inverse(pose[known]), pusher[known])
         centers = transform_points(relative, places)
         for k in range(len(places)):
-            near, inward, away = nearest(outline, centers[:, k])
+            near, inward, away = contacts_on_outline(outline, centers[:, k])
             clearance[known, k], normal[known, k], place[known, k] = away, inward, near
         if radius is None:
             near_by = np.abs(clearance) < _WIDEST
@@ -76,7 +75,7 @@ def fingers_of(
         for k in range(2):
             there = np.isfinite(points[:, k]).all(axis=1)
             if there.any():
-                near, inward, _ = nearest(outline, points[there, k])
+                near, inward, _ = contacts_on_outline(outline, points[there, k])
                 normal[there, k], place[there, k] = inward, near
     # along the outline, from the places of neighbouring rows; rolling moves the contact too, which the turn of the pusher shows
     for t in np.unique(trial):
@@ -141,27 +140,8 @@ def _half_spacing(log: PushLog) -> float:
     for k in range(2):
         known = np.isfinite(np.column_stack((poses, pushers, points[:, k]))).all(axis=1)
         if known.any():
-            near, inward, _ = nearest(log.rig.slider.vertices, points[known, k])
+            near, inward, _ = contacts_on_outline(log.rig.slider.vertices, points[known, k])
             centers = (near - (log.rig.finger_radius or 0.0) * inward)[:, None]
             seen = transform_points(compose(inverse(pushers[known]), poses[known]), centers)[:, 0, 1]
             beside.append(seen * np.sign(np.median(seen)))
     return float(np.median(np.concatenate(beside))) if beside else np.nan
-
-
-def nearest(outline: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Nearest places (n, 2) of an outline to points (n, 2), inward normals (n, 2), and distances (n,), negative inside."""
-    near, where = nearest_on_outline(outline, points)
-    inside = shapely.contains_xy(shapely.Polygon(outline), *points.T)
-    offset = near - points
-    away = np.linalg.norm(offset, axis=1)
-    # at an edge its normal; at corners the direction to the centre
-    lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
-    ends = np.cumsum(lengths)
-    edge = np.clip(np.searchsorted(ends, where + 1e-9, side="right"), 0, len(outline) - 1)
-    along = (np.roll(outline, -1, axis=0) - outline) / lengths[:, None]
-    inward = np.stack((-along[edge, 1], along[edge, 0]), axis=-1)
-    start = ends[edge] - lengths[edge]
-    corner = (np.abs(where - start) < 1e-9) | (np.abs(where - ends[edge]) < 1e-9)
-    use = corner & (away > 1e-9) & ~inside
-    inward[use] = offset[use] / away[use, None]
-    return near, inward, np.where(inside, -away, away)

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import LEAST_POSITIVE, BoolArray, FloatArray
-from stablepush.diagnosis.fingers_seen import fingers_of, fingers_off, nearest
+from stablepush.diagnosis.fingers_seen import fingers_of, fingers_off
 from stablepush.geometry import (
     compose,
+    contacts_on_outline,
     exp,
     inverse,
     log as log_of,
@@ -296,7 +297,7 @@ def _at_rest(log: PushLog, names: list[str], pushes: dict[str, np.ndarray], pose
     trial, row = np.array(trials, dtype=int), np.array(rows, dtype=int)
     if len(row):
         centers = rotate_vectors(-poses[row, 2], pusher[row] - poses[row, :2])
-        away = nearest(log.rig.slider.vertices, centers)[2] - (log.rig.finger_radius or 0.0) > _AWAY
+        away = contacts_on_outline(log.rig.slider.vertices, centers)[2] - (log.rig.finger_radius or 0.0) > _AWAY
         trial, row = trial[away], row[away]
     return trial, rotate_vectors(poses[row, 2], force[row])
 

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError, in_threads
-from stablepush.diagnosis.fingers_seen import finger_places, nearest
+from stablepush.diagnosis.fingers_seen import finger_places
 from stablepush.diagnosis.nominal import Nominal
 from stablepush.diagnosis.observations import Observations
 from stablepush.effects import principal
 from stablepush.geometry import (
     compose,
+    contacts_on_outline,
     exp,
     inverse,
     log as log_of,
@@ -132,7 +133,7 @@ class _Sheet:
             places = self.points[touched[0]]
         else:
             return None
-        points, normals, _ = nearest(self.outline, places)
+        points, normals, _ = contacts_on_outline(self.outline, places)
         apart = np.linalg.norm(points[0] - points[1]) >= _SAME_POINT
         return PushContact(points, normals, self.mu) if apart else None
 

@@ -204,7 +204,7 @@ def _brings_nothing_nearer(system: System, found: Attribution, reduced: Sequence
 
 
 def _spoils_poses(held: HeldOut, reduced: Sequence[GapReduction]) -> bool:
-    """Whether a correction makes final poses clearly worse that were within the noise. Another cause acts then."""
+    """Whether a correction makes final poses clearly worse that were within the noise. Then another cause is present."""
     pose = next((entry for entry in reduced if entry.channel == "pose"), None)
     if pose is None or "wrench" not in held.squares or "pose" not in held.squares:
         return False
@@ -213,8 +213,10 @@ def _spoils_poses(held: HeldOut, reduced: Sequence[GapReduction]) -> bool:
 
 
 def _leaves_a_gap(held: HeldOut, clear: Sequence[ChannelGap]) -> bool:
-    """Whether a refit leaves a quarter of the mean square gap of the wrench on pushes that it was not fitted to, or more, and
-    clearly more than noise."""
+    """Whether a refit leaves a quarter or more of the mean square gap of the wrench, and clearly more than noise.
+
+    Both are those of pushes that it was not fitted to.
+    """
     if not any(entry.channel == "wrench" for entry in clear):
         return False
     before, after = (float(held.squares["wrench"][key].mean()) for key in ("before", "after"))

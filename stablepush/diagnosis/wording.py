@@ -75,7 +75,7 @@ def sentence_of(
     gaps: Sequence[ChannelGap],
     loads: FloatArray,
 ) -> str:
-    """The answer in a sentence: what acts, with its numbers, and how far the gap falls once that is corrected.
+    """The answer in a sentence: which cause is present, with its numbers, and how far the gap falls once that is corrected.
 
     ``loads`` (k,): friction loads (N) of the points, refitted.
     """

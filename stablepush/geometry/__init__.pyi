@@ -1,4 +1,4 @@
-from .outlines import nearest_on_outline as nearest_on_outline
+from .outlines import contacts_on_outline as contacts_on_outline, nearest_on_outline as nearest_on_outline
 from .planar import (
     angle_between as angle_between,
     cor_from_twist as cor_from_twist,

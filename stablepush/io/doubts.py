@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from stablepush.core import FloatArray
-from stablepush.geometry import nearest_on_outline, rotate_vectors, transform_points
+from stablepush.geometry import contacts_on_outline, rotate_vectors, transform_points
 from stablepush.io.pushlog import PushLog
 
 #: While it pushes the tip is at most so far (share of the slider's radius, and m) from where its own radius puts it; largest
@@ -79,12 +79,11 @@ def _aslant(log: PushLog) -> Iterator[str]:
         rows = log.rows(name)
         rows = rows[pushing[rows]]
         local = rotate_vectors(-body[rows, 2], tips[rows] - body[rows, :2])
-        near = nearest_on_outline(vertices, local)[0]
-        inward, away = near - local, np.linalg.norm(near - local, axis=1)
-        # in a notch, and on the outline itself, the normal is not known
+        near, inward, away = contacts_on_outline(vertices, local)
+        # in a notch a finger may touch two edges
         touched = shapely.distance(edges[:, None], shapely.points(local)) < away + _NOTCH
         beside = shapely.distance(edges[:, None], shapely.points(near)) > _NOTCH
-        clear = (away > _ON) & ~shapely.contains_xy(log.rig.slider.polygon, *local.T) & ~(touched & beside).any(axis=0)
+        clear = (away > _ON) & ~(touched & beside).any(axis=0)
         if clear.any():
             cross = inward[:, 0] * forces[rows, 1] - inward[:, 1] * forces[rows, 0]
             turns.append(float(np.median(np.arctan2(cross, (inward * forces[rows]).sum(axis=1))[clear])))
@@ -119,10 +118,8 @@ def _away(log: PushLog) -> Iterator[str]:
     pushing = np.isfinite(body).all(axis=1) & np.isfinite(tips).all(axis=1) & (log.samples["phase"] == "push")
     if not pushing.any() or log.rig.contact_kind == "held":
         return
-    local = shapely.points(rotate_vectors(-body[pushing, 2], tips[pushing] - body[pushing, :2]))
-    outside = shapely.distance(slider.polygon, local)
-    inside = shapely.distance(slider.polygon.exterior, local) * (outside == 0)
-    place = float(np.median(outside - inside))
+    local = rotate_vectors(-body[pushing, 2], tips[pushing] - body[pushing, :2])
+    place = float(np.median(contacts_on_outline(slider.vertices, local)[2]))
     off = max(_OFF * slider.radius, _OFF_LEAST)
     low, high = (0.0, _WIDEST) if radius is None else (radius, radius)
     if not low - off <= place <= high + off:
@@ -151,9 +148,7 @@ def _apart(log: PushLog) -> Iterator[str]:
         rows = rows[pushing[rows]]
         if len(rows):
             local = rotate_vectors(-body[rows, 2], tips[rows] - body[rows, :2])
-            away = shapely.distance(slider.polygon.exterior, shapely.points(local))
-            inside = shapely.contains_xy(slider.polygon, *local.T)
-            off.append(float(np.median(np.where(inside, -away, away))) - radius)
+            off.append(float(np.median(contacts_on_outline(slider.vertices, local)[2])) - radius)
     far = [value for value in off if abs(value) > _SEEN_OFF]
     if 2 * len(far) > len(off):
         most = max(far, key=abs)

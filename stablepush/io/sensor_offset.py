@@ -84,11 +84,12 @@ def zeroed(
     if not turns:
         words = "readings at rest show that the offset of the force sensor does not turn with the tool: it is taken as fixed in W"
         warnings.warn(StablepushWarning(words), stacklevel=3)
+    headings = turned if turns else np.full(len(readings), np.nan)
     for spell, rows in zip(spells, trials, strict=False):
         before = [other for other in found if other.row <= spell.row]
         for other in [spell] if spell in found else (before or found[:1])[-1:]:
             # a moment that no rest shows is not taken off
-            result[rows] -= np.nan_to_num(_turned(other, turned[rows] if turns else np.full(len(rows), np.nan)))
+            result[rows] -= np.nan_to_num(_turned(other, headings[rows]))
     return result
 
 

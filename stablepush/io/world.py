@@ -21,7 +21,7 @@ from stablepush.core import (
     check_number,
     note_mounting,
 )
-from stablepush.geometry import compose, nearest_on_outline, rotate_vectors
+from stablepush.geometry import compose, contacts_on_outline, nearest_on_outline, rotate_vectors
 from stablepush.identify import SlipPairs
 from stablepush.io.doubts import doubts, largest_step
 from stablepush.io.pushlog import PushLog, Rig
@@ -381,7 +381,7 @@ def _touched(
     points, gaps = np.empty((len(body), 2, 2)), np.empty((len(body), 2))
     for k, side in enumerate((-0.5, 0.5)):
         local = _into(body, compose(pusher, (0.0, side * distance, 0.0))[:, :2])
-        points[:, k], away = _nearest(rig.slider, local)
+        points[:, k], _, away = contacts_on_outline(rig.slider.vertices, local)
         gaps[:, k] = away - (rig.finger_radius or 0.0)
     for name in dict.fromkeys(trials):
         rows = np.flatnonzero((trials == name) & pushed & np.isfinite(gaps).all(axis=1))
@@ -411,7 +411,7 @@ def _outside(slider: Slider, body: FloatArray, tips: FloatArray, distance: float
         centers = [tips[:, :2] + side, tips[:, :2] - side]
     elif distance:
         reach = 0.5 * distance
-    nearer = np.min([_nearest(slider, _into(body, center))[1] for center in centers], axis=0)
+    nearer = np.min([contacts_on_outline(slider.vertices, _into(body, center))[2] for center in centers], axis=0)
     return np.maximum(nearer - reach, np.minimum(nearer, 0.0))
 
 
@@ -435,14 +435,6 @@ def _pushers(slider: Slider, body: FloatArray, tips: FloatArray, phases: np.ndar
     heading = float(_faced(slider, body[first : first + 1], tips[first : first + 1, :2])[0])
     found[:, 2] = heading + (tips[:, 2] - tips[first, 2] if tips.shape[1] == 3 else 0.0)
     return found
-
-
-def _nearest(slider: Slider, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points (n, 2) of the outline that are nearest to points (n, 2) in B, and how far (n,) in m those are outside; inside is
-    negative."""
-    near, _ = nearest_on_outline(slider.vertices, points)
-    away = np.linalg.norm(points - near, axis=1)
-    return near, np.where(shapely.contains_xy(slider.polygon, *points.T), -away, away)
 
 
 def _faced(slider: Slider, body: FloatArray, tips: FloatArray) -> FloatArray:

@@ -27,12 +27,22 @@ _TIMES, _AT_LEAST = 3.0, 1.0
 _SLACK = 1e-4
 
 
+#: What a plan that may touch obstacles says, where there was none that keeps away.
+NO_ROOM = (
+    f"no plan was found that keeps {1000 * APART:g} mm away, is as sure, and takes at most {100 * (_LONGER - 1):.0f} % longer"
+)
+
+
 class Found(NamedTuple):
-    """A result and what is doubtful of it. ``held``: share of scenarios that it holds in, at most the level asked for."""
+    """A result, what is doubtful of it, and what else its message says.
+
+    ``held``: share of scenarios that it holds in, at most the level asked for.
+    """
 
     result: PlanResult
     held: float
     doubts: tuple[str, ...] = ()
+    remark: str = ""
 
 
 class Search(Protocol):
@@ -51,18 +61,19 @@ def keep_away(problem: PlanningProblem, search: Search, deadline: Deadline) -> F
     near = clearance_of(problem, touching.result) if touching.result.solved else None
     if near is None or near.distance >= APART or deadline.passed():
         return touching
+    without = touching._replace(remark=NO_ROOM)
     larger = problem.with_clearance(_growth(problem, touching.result))
     most = max(_AT_LEAST, _TIMES * (time.perf_counter() - began))
     try:
         apart = search(larger, deadline.reserving(max(0.0, deadline.left() - most)), search_budget=_STEPS)
     except StablepushError:
         # it has made a plan all the same
-        return touching
+        return without
     good = apart.result.solved and apart.held >= touching.held
     if good and apart.result.duration <= _LONGER * touching.result.duration and check_plan(larger, apart.result).valid:
         # a bound of the problem itself holds for these plans as well
         return apart._replace(result=replace(apart.result, lower_bound=touching.result.lower_bound))
-    return touching
+    return without
 
 
 def _growth(problem: PlanningProblem, plan: PlanResult) -> FloatArray:

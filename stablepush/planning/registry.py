@@ -191,9 +191,9 @@ def plan(
 
     with within(limit, stop) as deadline:
         if clearance is None and level and refinement_budget and problem.obstacles:
-            result, held_in, doubtful = keep_away(problem, search, deadline)
+            result, held_in, doubtful, remark = keep_away(problem, search, deadline)
         else:
-            result, held_in, doubtful = search(problem, deadline, search_budget=math.inf)
+            result, held_in, doubtful, remark = search(problem, deadline, search_budget=math.inf)
         if deadline.stopped and not result.solved:
             result = PlanResult("interrupted", planner, seed=number, message="stopped before a path was found")
     doubts = list(doubtful)
@@ -214,8 +214,9 @@ def plan(
     if result.lower_bound is not None and clearance:
         # it is that of the larger obstacles
         result = replace(result, lower_bound=None)
-    if result.solved and region != "model":
-        result = replace(result, message="; ".join(filter(None, (result.message, _assumptions(problem)))))
+    if result.solved:
+        assumed = _assumptions(problem) if region != "model" else ""
+        result = replace(result, message="; ".join(filter(None, (result.message, remark, assumed))))
     if result.solved:
         doubts += _unaligned(problem, result) + _near_ends(problem, result)
     if result.solved and doubts:

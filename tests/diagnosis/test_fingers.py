@@ -192,8 +192,8 @@ def test_a_slip_that_cannot_be_named_makes_the_next_plan_safe():
 def test_friction_is_suspected_where_few_fingers_move(slips, creeps, ratio, suspected):
     order = np.linspace(0, 1, 3)
     of = FingerForces(np.arange(3), order, np.array(slips, bool), np.array(creeps, bool), np.array(ratio), np.full(3, 0.01))
-    assert of.suspected_friction(0.5) == suspected
-    assert of.suspected_friction(None) is None
+    assert of.held_by_few(0.5) == suspected
+    assert of.held_by_few(None) is None
 
 
 @pytest.mark.parametrize(
