@@ -132,11 +132,6 @@ def note_if_invalid(problem: PlanningProblem, result: PlanResult | None, path: P
     print(f"{path}: note: {words}", file=sys.stderr)
 
 
-def counted(number: int, what: str) -> str:
-    """A number of things: "1 push", "2 pushes"."""
-    return f"{number} {what}{('es' if what.endswith('sh') else 's') if number != 1 else ''}"
-
-
 def also_written(*paths: Path | None) -> None:
     """Say which files were written beside the one that the summary names; None for those that were not asked for, or not made."""
     made = [str(path) for path in paths if path is not None]

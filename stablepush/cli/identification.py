@@ -13,7 +13,6 @@ from stablepush.cli.common import (
     Progress,
     about,
     also_written,
-    counted,
     number,
     options_of,
     require_files,
@@ -22,7 +21,7 @@ from stablepush.cli.common import (
     told,
     whole_number,
 )
-from stablepush.core import InputError
+from stablepush.core import InputError, counted
 
 #: Acceleration of gravity (m/s²).
 _GRAVITY = 9.81

@@ -79,7 +79,7 @@ def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
     except StablepushError as error:
         code = _complain(str(error))
     except usage_error as error:
-        words = error.format_message()  # type: ignore[attr-defined]
+        words = _short_of_values(error, sys.argv[1:] if arguments is None else arguments) or error.format_message()  # type: ignore[attr-defined]
         if words.partition(": ")[2].split(" ")[0].rstrip(".") in ("--quiet", "-q", "--json"):
             words = f"{words.rstrip('.')}: it comes before the command"
         code = _complain(words)
@@ -117,6 +117,19 @@ def _require_values(arguments: list[str]) -> None:
         if argument == "" or (name.startswith("--") and equals and value == ""):
             place = name or (before if before.startswith("-") else "arguments")
             raise InputError(place, "expected a value", '""')
+
+
+def _short_of_values(error: Any, arguments: list[str]) -> str:
+    """Say which option of several numbers took the next option's name for one of them, if any did."""
+    for option in error.ctx.command.params if getattr(error, "ctx", None) else ():
+        for k, argument in enumerate(arguments):
+            if option.nargs < 2 or argument not in option.opts:
+                continue
+            values = arguments[k + 1 : k + 1 + option.nargs]
+            given = next((i for i, value in enumerate(values) if re.match("--?[A-Za-z]", value)), len(values))
+            if given < option.nargs:
+                return f"{argument}: expected {option.nargs} numbers, {option.metavar}, got {given}"
+    return ""
 
 
 @contextmanager

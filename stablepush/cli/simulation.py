@@ -14,7 +14,6 @@ from stablepush.cli.common import (
     Progress,
     about,
     also_written,
-    counted,
     is_quiet,
     note_if_invalid,
     number,
@@ -27,7 +26,7 @@ from stablepush.cli.common import (
     told,
     whole_number,
 )
-from stablepush.core import InputError
+from stablepush.core import InputError, counted
 
 #: How deep (m) a slider is in an obstacle that it does not only touch.
 _ROUNDING = 1e-6

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import math
 import warnings
@@ -14,6 +13,7 @@ import numpy as np
 
 from stablepush.core.arrays import FloatArray, check_array, check_number, check_zero_or_positive
 from stablepush.core.errors import InputError, PlausibilityWarning
+from stablepush.core.words import closest, misspelt
 
 _T = TypeVar("_T")
 
@@ -64,10 +64,8 @@ class Node:
         for key in self.object():
             if key in known or key in kept:
                 continue
-            lacking = {_plain(k): k for k in known if k not in self.value}
-            close = difflib.get_close_matches(_plain(key), lacking, 1, _CLOSE)
-            if close:
-                meant = lacking[close[0]]
+            meant = closest(key, (k for k in known if k not in self.value), _CLOSE)
+            if meant:
                 self._child(key, None).fail(f'unknown key, did you mean "{meant}"?')
             warnings.warn(PlausibilityWarning(self._child(key, None).place, "unknown key, ignored", file=self.file), stacklevel=3)
 
@@ -88,7 +86,7 @@ class Node:
         if not isinstance(self.value, str):
             self.fail("expected a string", describe(self.value))
         if choices and self.value not in choices:
-            self.fail(f"expected {' or '.join(json.dumps(c) for c in choices)}", describe(self.value))
+            self.fail(f"expected {' or '.join(json.dumps(c) for c in choices)}", misspelt(self.value, choices))
         return self.value  # type: ignore[no-any-return]
 
     def number(self, *, at_least: float | None = None, positive: bool = False) -> float:
@@ -155,11 +153,6 @@ class Node:
             key = place.removeprefix(f"{name}.")
             return f"{self.place}.{key}" if self.place else key
         return ": ".join(filter(None, (self.place, place)))
-
-
-def _plain(key: str) -> str:
-    """A key as it is compared: in small letters, words joined by an underscore."""
-    return key.strip().lower().replace("-", "_").replace(" ", "_")
 
 
 def describe(value: Any) -> str:

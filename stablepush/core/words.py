@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
 from enum import StrEnum
 from typing import Self
 
@@ -16,3 +18,24 @@ class Word(StrEnum):
         member._value_ = word
         member.advice = advice
         return member
+
+
+def counted(number: int, what: str) -> str:
+    """A number of things: "1 push", "2 pushes"."""
+    return f"{number} {what}{('es' if what.endswith('sh') else 's') if number != 1 else ''}"
+
+
+def closest(given: str, words: Iterable[str], likeness: float = 0.6) -> str | None:
+    """The word that may be meant by one that is in no vocabulary, if any is as like as ``likeness``, 0 to 1."""
+    plain = {_plain(word): word for word in words}
+    return next((plain[found] for found in difflib.get_close_matches(_plain(given), plain, 1, likeness)), None)
+
+
+def misspelt(given: object, words: Iterable[str]) -> str:
+    """A word that is in no vocabulary, as a message names it: with the one that may be meant."""
+    meant = closest(str(given), words)
+    return f"{given!r}{f'; did you mean {meant}?' if meant else ''}"
+
+
+def _plain(word: str) -> str:
+    return word.strip().lower().replace("-", "_").replace(" ", "_")

@@ -7,6 +7,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
+from scipy.stats import chi2
 
 from stablepush.core import InputError, one_blas_thread
 from stablepush.diagnosis.attribution import Attribution, attribute
@@ -22,7 +23,7 @@ from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import Replay, replays
 from stablepush.diagnosis.report import GapReport, without_causes
-from stablepush.diagnosis.results import GapReduction, NextExperiment, RankedEffect, Verdict
+from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict
 from stablepush.diagnosis.signatures import estimates, signatures
 from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
 from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
@@ -44,6 +45,8 @@ from stablepush.io import PushLog, Rig
 
 #: Forces are turned round if this share of pushes has forces that oppose the motion, of so many at least.
 _OPPOSED, _FEWEST = 0.8, 3
+#: p-value below which a single push ends elsewhere than simulated.
+_ONE_PUSH_OFF = 1e-3
 #: A share below this goes without saying.
 _TOLD_SHARE = 0.05
 
@@ -142,7 +145,7 @@ def _diagnose(
         log = comparison.log
     observations = observe(log) if number is None else observe_each(log, number)
     if len(np.unique(observations.trial)) < 2:
-        return _too_little(log, name) if comparison is None else _only_compared(log, name, comparison)
+        return _of_one_push(log, name, observations) if comparison is None else _only_compared(log, name, comparison)
     turned = _turned_round(observations)
     if turned:
         return without_causes(log, name, Verdict.UNKNOWN, [], [], f"{turned[0].upper()}{turned[1:]}.", [turned], UNSEEN)
@@ -316,8 +319,21 @@ def _turned_round(observations: Observations) -> str:
     )
 
 
-def _too_little(log: PushLog, name: str) -> GapReport:
-    """The answer to a log that can show nothing."""
+def _of_one_push(log: PushLog, name: str, observations: Observations) -> GapReport:
+    """The answer to a log in which one push moves, or none: how far it ends from simulation, where it can be simulated."""
+    replayed = replays(log, observations)
+    system = System(observations, log.rig) if len(replayed) == 1 and len(observations.trial) else None
+    pushes, noise = ([], np.zeros((0, 3))) if system is None else system.predictable(replayed)
+    if system is not None and pushes:
+        errors = system.simulated_errors(pushes, system.nominal, {})
+        far, floor = float(np.linalg.norm(errors)), float(np.linalg.norm(noise))
+        p = float(chi2.sf(((errors / noise) ** 2).sum(), 3))
+        verdict = Verdict.UNKNOWN if p < _ONE_PUSH_OFF else Verdict.NONE
+        sentence = f"The push ends {1000 * far:.3g} mm from where the simulation carries it (noise {1000 * floor:.2g} mm)"
+        why = "one push cannot tell causes apart"
+        gap = ChannelGap("pose", "m", far, far, floor, p)
+        reduced = GapReduction("pose", "m", 1, far, far, min(floor, far), 0.0, [0.0, 0.0], floor)
+        return without_causes(log, name, verdict, [gap], [reduced], f"{sentence}: {why}.", [], dict.fromkeys(CATALOGUE, why))
     words = "the log has fewer than two pushes in which the slider is seen to move: it cannot be diagnosed"
     return without_causes(log, name, Verdict.NONE, [], [], f"{words[0].upper()}{words[1:]}.", [words], UNSEEN)
 

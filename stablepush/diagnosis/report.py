@@ -119,6 +119,9 @@ class GapReport:
                 return [_NO_NEARER, *plan]
             if self.verdict == "absorbed" and self.reductions and all(e.before <= e.after for e in self.reductions):
                 return [_NOT_PREDICTED, *plan]
+            if self.verdict == "unknown":
+                after = self.next_experiment
+                return [self.verdict.advice, "--pushes writes pushes to try next" if after.pushes else after.why, *plan]
             return plan if plan and self.verdict == "none" else [self.verdict.advice, *plan]
         remedies = [f"{id}: {self._remedy(id)}" for id in self.named]
         far = [] if _OF_IMPORTS.issuperset(self.named) else self._predicted_worse()

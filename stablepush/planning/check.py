@@ -127,8 +127,9 @@ def _check_chain(problem: PlanningProblem, result: PlanResult) -> list[str]:
             found.append(f"{place}: pushes at contact {segment.contact}, the pusher is at {contact}")
             contact = segment.contact
         if _pose_difference(segment.start, pose) > TOLERANCE:
-            expected = "the start of the problem" if index == 0 else "where the slider stands"
-            found.append(f"{place}: its start is not {expected}: {_pose_difference(segment.start, pose):.2g} m or rad off")
+            apart = np.hypot(*(segment.start[:2] - pose[:2])), np.rad2deg(abs(wrap_angle(segment.start[2] - pose[2])))
+            there = "the scene's start: was the plan made for another scene?" if index == 0 else "where the slider stands then"
+            found.append(f"{place}: starts {1000 * apart[0]:.3g} mm and {apart[1]:.3g} deg from {there}")
         pose = segment.end
     return found
 

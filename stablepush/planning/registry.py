@@ -23,6 +23,7 @@ from stablepush.core import (
     check_seed,
     check_share,
     load_plugin,
+    misspelt,
     plugin_names,
     renamed,
     what_failed,
@@ -146,7 +147,8 @@ def plan(
     try:
         run: Planner = load_plugin(_GROUP, planner)
     except LookupError:
-        raise InputError("planner", f"expected one of {', '.join(planner_names()) or 'none installed'}", repr(planner)) from None
+        names = planner_names()
+        raise InputError("planner", f"expected one of {', '.join(names) or 'none installed'}", misspelt(planner, names)) from None
 
     _require_signature(run, planner)
     problem = problem.with_clearance(clearance or 0.0)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import BoolArray, FloatArray
+from stablepush.core import BoolArray, FloatArray, counted
 from stablepush.diagnosis import (
     ChannelGap,
     Estimates,
@@ -37,6 +37,7 @@ from stablepush.views.plot.gaps import (
     plot_residuals,
     plot_residuals_against,
     plot_signatures,
+    simulations,
     view_limits,
 )
 
@@ -74,11 +75,18 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         kinds = [entry.effect == "contact-friction" for entry in drawn_forms(report)]
         of_table = (
             "Friction of the table, over the nominal one, which is the level grey line. Blue: as found; grey beside it: without "
-            "the further terms that this log needs."
+            "the further terms that this log needs. Dots: pushes, each as far off the curve as its measured load is off the "
+            "corrected simulation."
         )
         of_fingers = (
             "Friction of the fingers: the tangential over the normal force of each push, less what named effects of sensors do."
         )
+        pressed = 0 if report.fingers is None else len(report.fingers.trial)
+        if pressed < report.trials:
+            of_fingers += (
+                f" {pressed} of {counted(report.trials, 'push')}: in the others no finger is seen on a face, or none presses "
+                "with more than three times the noise."
+            )
         words = " ".join([of_table] * (not all(kinds)) + [of_fingers] * any(kinds))
         found = [] if report.signatures else [(entry.effect, _numbers(entry)) for entry in drawn_forms(report)]
         sections.append(Section.with_picture("What was found", figure_png(plot_forms(report)), words, found))
@@ -86,12 +94,16 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     if report.gap:
         sections.append(Section("How large the gap is", size, [(entry.channel, _gap(entry)) for entry in report.gap]))
     left_out = "Root mean squares on held-out trials. Floor: what the noise, and the give of fingers and table, leave."
-    reductions = [(e.channel, f"{e.sizes}; {e.explained}, {e.held_out_trials} held-out trials") for e in report.reductions]
+    reductions = [
+        (e.channel, f"{e.sizes}; {e.explained}, {counted(e.held_out_trials, 'held-out trial')}") for e in report.reductions
+    ]
     sections.append(Section("Gap reduction", left_out, reductions))
     if report.residuals:
         sections.append(Section.with_picture("Where: over the table", figure_png(plot_residuals(report))))
-        text = "Residuals of the nominal simulation and of the corrected one."
-        sections.append(Section.with_picture("Where: heading and order", figure_png(plot_residuals_against(report)), text))
+        text = " and ".join(f"of the {word} simulation" for word in simulations(report).values())
+        sections.append(
+            Section.with_picture("Where: heading and order", figure_png(plot_residuals_against(report)), f"Residuals {text}.")
+        )
     if report.where:
         found = [
             (
@@ -147,14 +159,21 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         words = "Correlation of the errors of parameters that were fitted together: near 1 or -1, the log hardly separates them."
         sections.append(Section("Estimated parameters", words, _correlations(report.estimates), folded=True))
     sections.append(Section("How it was computed", how, folded=True))
-    lead = ", ".join(filter(None, (report.log, f"{report.trials} pushes")))
+    lead = ", ".join(filter(None, (report.log, counted(report.trials, "push"))))
     # what convinces comes before what can be looked at row by row
     values = {"title": title, "lead": lead, "sections": sections, "first": first}
     seen = _rows_of_loads(report) if report.residuals else _rows_of_final_poses(report)
     if not seen.rows:
         return render("report.html", **values)
     about, label = seen.about, "the slider on the table with what the simulations leave, as arrows"
-    return render("diagnosis.html", **values, about=about, label=label, data=seen.data(report.rig.slider))
+    return render(
+        "diagnosis.html",
+        **values,
+        mended=simulations(report).get("after", "refitted"),
+        about=about,
+        label=label,
+        data=seen.data(report.rig.slider, simulations(report)),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +190,7 @@ class _Seen:
     scale: float
     behind: bool
 
-    def data(self, slider: Slider) -> str:
+    def data(self, slider: Slider, words: Mapping[str, str]) -> str:
         """The JSON that the page's script reads."""
         places = np.array([row["at"][:2] for row in self.rows])
         arrows = np.array([[row["arrow"][key] for key in row["arrow"]] for row in self.rows])
@@ -185,6 +204,7 @@ class _Seen:
                 "frame": [*low.tolist(), *high.tolist()],
                 "scale": self.scale,
                 "behind": int(self.behind),
+                "words": list(words.values()),
                 "slider": slider.vertices.tolist(),
             }
         )

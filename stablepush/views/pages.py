@@ -19,6 +19,7 @@ from stablepush.objects import PushContact, Slider
 from stablepush.planning import PlanningProblem, PlanResult, Push, pusher_in_transfer
 from stablepush.stability import StabilityOracle, StableRegion
 from stablepush.surfaces import LimitSurface
+from stablepush.views.plot.canvas import PNG_DPI
 
 #: Poses of the pusher that the page has for a change of contact.
 _TRANSFER_POSES = 121
@@ -32,6 +33,10 @@ _LATITUDES, _LONGITUDES = 37, 72
 _PUSH_PLACES = 21
 #: Rows that each push of several has, at least.
 _FEWEST_ROWS = 12
+
+
+#: Share of its size to which a picture may shrink: small letters are 9 points, 12 px of a page.
+_LEAST_SIZE = 0.85
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +57,13 @@ class Section:
     def with_picture(cls, title: str, png: bytes, text: str = "", rows: Sequence[tuple[str, str]] = ()) -> Section:
         """Return a section whose picture stands in the page itself."""
         return cls(title, text, rows, base64.b64encode(png).decode())
+
+    @property
+    def least_width(self) -> int:
+        """Width (px of a page) below which letters of the picture are too small to read."""
+        # a PNG has its width in its bytes 16 to 19
+        width = int.from_bytes(base64.b64decode(self.picture[:32])[16:20], "big")
+        return round(_LEAST_SIZE * width * 96 / PNG_DPI)
 
 
 def report_html(title: str, lead: str, sections: Sequence[Section]) -> str:

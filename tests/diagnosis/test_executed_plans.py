@@ -77,6 +77,25 @@ def test_the_model_of_a_rig_is_written_and_read(executed, tmp_path):
         sp.read_pushlog(tmp_path / "log")
 
 
+def only(log, number):
+    """The log of one of its pushes."""
+    name = log.trials["trial"][number]
+    chosen = np.asarray(log.samples["trial"]) == name
+    trials = {key: np.asarray(value)[[number]] for key, value in log.trials.items()}
+    return sp.PushLog(log.rig, trials, {key: np.asarray(value)[chosen] for key, value in log.samples.items()})
+
+
+def test_a_log_of_one_push_tells_how_far_it_ends_from_simulation(executed):
+    clean = sp.diagnose(only(log_of(executed), 0))
+    assert clean.verdict == "none" and clean.channels == ["pose"] and clean.gap[0].nominal < 2 * clean.gap[0].noise_floor
+    slipped = sp.diagnose(only(log_of(executed, "contact-friction:mu=0.1"), 0))
+    assert slipped.verdict == "unknown" and not slipped.named and slipped.to_json()["shrink"][0]["held_out_trials"] == 1
+    assert slipped.gap[0].nominal > 10 * slipped.gap[0].noise_floor
+    assert re.match(r"The push ends [\d.]+ mm from where .*: one push cannot tell causes apart\.", slipped.sentence)
+    assert slipped.to_do[1].startswith("make more pushes")
+    assert "1 push<" in gap_html(slipped)
+
+
 def test_the_nominal_prediction_is_that_of_the_model(executed):
     """Without noise nothing is left of the wrenches of an executed plan."""
     problem, result = executed

@@ -20,7 +20,7 @@ from stablepush.effects import (
     friction_over_speed,
 )
 from stablepush.views import gap_html
-from stablepush.views.plot import plot_forms
+from stablepush.views.plot import plot_forms, plot_residuals_against
 
 SLIDER = sp.Slider.centered([(0.0, 0.0), (0.15, 0.0), (0.0, 0.15)], mass=1.5)
 FEET = sp.SupportDistribution([(-0.03, -0.03), (0.07, -0.03), (-0.03, 0.07)], [1, 1, 1])
@@ -116,6 +116,10 @@ def test_a_drift_that_no_catalogue_has_is_named_and_drawn(log):
     (drawn,) = plot_forms(report)
     highest = drawn.lines[1].get_ydata()
     assert drawn.get_title() == "drift" and highest.max() == pytest.approx(1.3, abs=0.04)
+    # a mark for each push whose rows tell its load, near the curve
+    places, marks = next(line.get_data() for line in drawn.lines if line.get_marker() == "o")
+    assert 30 < len(places) <= len(log)
+    np.testing.assert_allclose(marks, np.interp(places, drawn.lines[1].get_xdata(), highest), atol=0.1)
     page = gap_html(report)
     assert "What was found" in page and "4o(1-o)" in page
 
@@ -150,6 +154,10 @@ def test_a_clean_log_opens_no_form(log):
     assert report.verdict == "none" and all(entry.form is None for entry in report.ranking)
     with pytest.raises(sp.InputError, match="expected a named effect"):
         plot_forms(report)
+    # what fits is not drawn beside a refit
+    labels = [line.get_label() for line in plot_residuals_against(report)[0, 0].lines]
+    assert "nominal" in labels and not {"corrected", "refitted"} & set(labels)
+    assert '"words": ["nominal"]' in gap_html(report)
 
 
 def read_by(log, matrix):

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
-from stablepush.core import InputError, StablepushWarning, load_plugin, plugin_names
+from stablepush.core import InputError, StablepushWarning, load_plugin, misspelt, plugin_names
 from stablepush.io.pushlog import PushLog
 from stablepush.objects import Slider
 
@@ -60,7 +60,7 @@ def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path 
     """
     root = Path(path)
     if kind is not None and kind not in importers():
-        raise InputError("kind", f"expected {' or '.join(importers())}", repr(kind))
+        raise InputError("kind", f"expected {' or '.join(importers())}", misspelt(kind, importers()))
     if not root.exists():
         raise InputError("", "cannot read: no such file or folder", file=root)
     wanted = importers() if kind is None else [kind]

@@ -25,6 +25,8 @@ COUNTER_CLOCKWISE, CLOCKWISE = "#0072B2", "#E69F00"
 SLIDER, PUSHER, OBSTACLE, START, GOAL, LOST = "#999999", "#D55E00", "#4D4D4D", "#0072B2", "#009E73", "#CC3311"
 #: Projections that no flat picture is drawn in.
 _OTHER = ("3d", "polar")
+#: Pixels an inch of PNG pictures.
+PNG_DPI = 150
 SENSES = ((1, "counter-clockwise", COUNTER_CLOCKWISE), (-1, "clockwise", CLOCKWISE))
 
 
@@ -36,7 +38,7 @@ def save_figure(drawn: Drawn, path: str | Path) -> None:
 def figure_png(drawn: Drawn) -> bytes:
     """Return a figure, or that of axes, as PNG bytes, the same for the same figure."""
     stream = io.BytesIO()
-    figure_of(drawn).savefig(stream, format="png", dpi=150, metadata={"Software": None})
+    figure_of(drawn).savefig(stream, format="png", dpi=PNG_DPI, metadata={"Software": None})
     return stream.getvalue()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -43,6 +44,12 @@ _FAINT = 0.2
 _SHORT = 4
 
 
+def simulations(report: GapReport) -> dict[str, str]:
+    """Return what pictures call the simulations that they show, by the report's keys: only the nominal one where it fits."""
+    words = {"before": "nominal", "after": "corrected" if report.named else "refitted"}
+    return {"before": "nominal"} if report.verdict == "none" else words
+
+
 def plot_residuals(report: GapReport, ax: Axes | None = None) -> Axes:
     """Draw the forces that the nominal simulation lacks, as arrows over the table, and what remains after the correction."""
     good = np.isfinite([report.residuals[key] for key in ("before", "after")]).all(axis=(0, 2))
@@ -50,7 +57,7 @@ def plot_residuals(report: GapReport, ax: Axes | None = None) -> Axes:
     forces = [rotate_vectors(report.poses[good][:, 2], report.residuals[key][good][:, :2]) for key in ("before", "after")]
     scale = arrow_scale(places, forces)
     title = f"Measured less predicted force, 1 N {1000 * scale:.3g} mm long"
-    axes = _draw_over_table(places, np.stack((places, places)), scale * np.stack(forces), title, ax)
+    axes = _draw_over_table(report, places, np.stack((places, places)), scale * np.stack(forces), title, ax)
     tilt = next((entry for entry in report.ranking if entry.effect == "tilt" and "tilt" in report.named), None)
     if tilt is not None and tilt.form is None:
         _draw_downhill(axes, np.asarray(tilt.estimates["slope"]))
@@ -102,12 +109,14 @@ def view_limits(places: FloatArray, tips: FloatArray, room: float = 0.0) -> tupl
     return np.minimum(low, np.maximum(ends.min(axis=0), low - most)), np.maximum(high, np.minimum(ends.max(axis=0), high + most))
 
 
-def _draw_over_table(places: FloatArray, tails: FloatArray, arrows: FloatArray, title: str, ax: Axes | None) -> Axes:
+def _draw_over_table(
+    report: GapReport, places: FloatArray, tails: FloatArray, arrows: FloatArray, title: str, ax: Axes | None
+) -> Axes:
     """Draw places (n, 2), and arrows (2, n, 2) before and after the correction. The picture is as high as that needs."""
     low, high = view_limits(places, np.stack((tails, tails + arrows)), 0.02) if len(places) else (np.zeros(2), np.ones(2))
     low, high = low - 0.02 * (high - low), high + 0.02 * (high - low)
     axes = canvas((6.2, float(np.clip(5.5 * (high - low)[1] / (high - low)[0] + 1.1, 2.8, 7.4))), ax=ax)
-    for tail, arrow, word, color in zip(tails, arrows, ("nominal", "corrected"), (PUSHER, COUNTER_CLOCKWISE), strict=True):
+    for tail, arrow, word, color in zip(tails, arrows, simulations(report).values(), (PUSHER, COUNTER_CLOCKWISE), strict=False):
         style = {"color": color, "width": 0.0025 if len(places) > _MANY else 0.005, "label": word}
         axes.quiver(*tail.T, *arrow.T, angles="xy", scale_units="xy", scale=1.0, **style)
     axes.plot(*places.T, linestyle="none", marker=".", markersize=3 if len(places) > _MANY else 6, color=OBSTACLE)
@@ -136,9 +145,10 @@ def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np
             ((np.degrees(report.headings), "heading of the motion in W [deg]"), (report.orders, ""))
         ):
             axes = shown[row, column]
-            for key, color, marker in (("before", PUSHER, "o"), ("after", COUNTER_CLOCKWISE, ".")):
+            for (key, word), color, marker in zip(
+                simulations(report).items(), (PUSHER, COUNTER_CLOCKWISE), ("o", "."), strict=False
+            ):
                 residual = rotate_vectors(-direction, report.residuals[key][:, :2])[:, row]
-                word = "nominal" if key == "before" else "corrected"
                 style = {"linestyle": "none", "marker": marker, "markersize": 3, "color": color}
                 for chosen, look in ((report.determined, {"label": word}), (~report.determined, {"alpha": _FAINT})):
                     axes.plot(values[chosen], residual[chosen], **style, **look)
@@ -162,7 +172,7 @@ def plot_final_poses(report: GapReport, ax: Axes | None = None) -> Axes:
     longer = f", {times:.0f} times as long" if times > 1 else ""
     arrows = times * np.stack(errors)
     # to the measured end
-    return _draw_over_table(places, places - arrows, arrows, f"Final position, simulated to measured{longer}", ax)
+    return _draw_over_table(report, places, places - arrows, arrows, f"Final position, simulated to measured{longer}", ax)
 
 
 def plot_effects(report: GapReport, ax: Axes | None = None) -> Axes:
@@ -191,7 +201,8 @@ def drawn_forms(report: GapReport) -> list[RankedEffect]:
 def plot_forms(report: GapReport, ax: ArrayLike | None = None) -> np.ndarray:
     """Draw the form of the named effects of friction that follow something: friction against direction, against speed, over the
     log, and as a map of the table; into axes, one for each of :func:`drawn_forms`, which are returned. Grey: the effect's own
-    form, without the terms of its family. For friction of the fingers: what the force of each push shows of it, the friction
+    form, without the terms of its family. Dots: pushes, each as far off the curve as the
+    corrected simulation leaves of its load. For friction of the fingers: what the force of each push shows of it, the friction
     that was found (blue) and the one that was assumed (black).
 
     Raises :class:`InputError` if no effect is named that has such a form.
@@ -256,6 +267,28 @@ def _curve(axes: Axes, entry: RankedEffect, x: FloatArray, share: Callable[[list
     axes.set_ylabel("friction over nominal")
 
 
+def _of_pushes(
+    axes: Axes, report: GapReport, at: FloatArray, share: Callable[[FloatArray], FloatArray], scale: float = 1.0
+) -> None:
+    """Mark pushes beside a curve: its value at each, and what the corrected simulation leaves of the load, over that load.
+
+    ``at`` (n,): where rows are on the curve; complex numbers of that direction for half turns.
+    """
+    if "after" not in report.residuals:
+        return
+    good = report.determined & np.isfinite(report.residuals["after"]).all(axis=1)
+    if not good.any():
+        return
+    left = report.residuals["after"][good] / (1.0, 1.0, report.rig.slider.characteristic_length)
+    load = report.loads[good] / (1.0, 1.0, report.rig.slider.characteristic_length) - left
+    _, push = np.unique(np.asarray(report.row_names)[good], return_inverse=True)
+    over = np.bincount(push, (left * load).sum(axis=1)) / np.bincount(push, (load**2).sum(axis=1))
+    means = np.bincount(push, at[good].real) + 1j * np.bincount(push, at[good].imag)
+    places = 0.5 * np.angle(means) % np.pi if np.iscomplexobj(at) else means.real / np.bincount(push)
+    style = {"linestyle": "none", "marker": "o", "markersize": 3.5, "color": PUSHER, "alpha": 0.6}
+    axes.plot(scale * places, share(places) * (1 + over), **style, zorder=3)
+
+
 def _name_pushes(axes: Axes, report: GapReport, told: bool = True) -> None:
     """Name pushes on an axis of places in the log, 0 to 1; of several logs the places themselves."""
     if told:
@@ -274,6 +307,9 @@ def _over_direction(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     angles = np.linspace(0.0, np.pi, 361)
     label = f"direction of motion [deg in {'W' if entry.effect.endswith('world') else 'B'}]"
     _curve(axes, entry, np.degrees(angles), lambda terms: friction_over_direction(ratio, direction, terms, angles), label)
+    turned = report.headings - (0.0 if entry.effect.endswith("world") else report.poses[:, 2])
+    over = partial(friction_over_direction, ratio, direction, _terms(entry))
+    _of_pushes(axes, report, np.exp(2j * turned), over, 180 / np.pi)
 
 
 def _over_speed(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
@@ -283,6 +319,8 @@ def _over_speed(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     low, high = np.quantile(seen, (0.02, 0.98)) if len(seen) else (0.5 * REFERENCE_SPEED, 2 * REFERENCE_SPEED)
     speeds = np.geomspace(low, max(high, 1.01 * low), 200)
     _curve(axes, entry, 1000 * speeds, lambda terms: friction_over_speed(slope, terms, speeds, REFERENCE_SPEED), "speed [mm/s]")
+    over = partial(friction_over_speed, slope, _terms(entry), reference=REFERENCE_SPEED)
+    _of_pushes(axes, report, report.speeds, over, 1000.0)
 
 
 def _over_log(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
@@ -291,6 +329,8 @@ def _over_log(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     # one for each of several logs
     for each in rate if isinstance(rate, list) else [rate]:
         _curve(axes, entry, orders, lambda terms, each=each: friction_over_log(each, terms, orders), "")  # type: ignore[misc]
+    if not isinstance(rate, list):
+        _of_pushes(axes, report, report.orders, partial(friction_over_log, rate, _terms(entry)))
     _name_pushes(axes, report)
 
 
