@@ -6,18 +6,15 @@ import inspect
 import math
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
 from stablepush.core import (
     LARGEST_MAGNITUDE,
-    Deadline,
     InputError,
     PlanWarning,
-    StablepushError,
     UnavailableError,
     check_number,
     check_seed,
@@ -26,23 +23,18 @@ from stablepush.core import (
     misspelt,
     plugin_names,
     renamed,
-    what_failed,
     within,
 )
 from stablepush.geometry import wrap_angle
 from stablepush.planning.alignment import aligns
 from stablepush.planning.check import check_plan
-from stablepush.planning.collision import SweptBody
-from stablepush.planning.feasibility import infeasibility
-from stablepush.planning.keep_away import Found, keep_away
-from stablepush.planning.likely import likely_plan
+from stablepush.planning.keep_away import keep_away
 from stablepush.planning.loads import require_loads
-from stablepush.planning.options import PlanOptions, PushSet, promised_region
+from stablepush.planning.options import PlanOptions
 from stablepush.planning.problem import PlanningProblem
-from stablepush.planning.result import PlanResult, Push, Transfer
-from stablepush.planning.scenarios import alignment_push
+from stablepush.planning.result import PlanResult, Transfer
+from stablepush.planning.search import Planner, Search
 from stablepush.planning.success import estimate_success
-from stablepush.stability import StableRegion
 
 #: Probability of success that is looked for by default: the quickest plans lie on the edge of the stable set, and the least error
 #: of surface or friction makes them lose the object.
@@ -50,24 +42,6 @@ DEFAULT_SUCCESS = 0.98
 _GROUP = "stablepush.planners"
 #: A vertex is a corner if the outline turns there by more than this (rad).
 _CORNER = math.radians(20)
-
-
-class Planner(Protocol):
-    """What a package registers under the entry point group ``stablepush.planners``.
-
-    A planner asks ``deadline`` now and then whether it has passed, and reports its first path to it
-    (:meth:`Deadline.path_found`); ``progress`` takes short words on the state of the search.
-    """
-
-    def __call__(
-        self,
-        problem: PlanningProblem,
-        *,
-        deadline: Deadline,
-        seed: int,
-        options: PlanOptions,
-        progress: Callable[[str], None] | None,
-    ) -> PlanResult: ...
 
 
 def planner_names() -> list[str]:
@@ -144,14 +118,44 @@ def plan(
     options = PlanOptions(region, probability, margin_weight, max_twist_rate, refinement_budget)
     if probability:
         warnings.warn("plan(probability=) is deprecated: success= counts all that is uncertain", DeprecationWarning, stacklevel=3)
+    run = _planner(planner)
+    problem = problem.with_clearance(clearance or 0.0)
+    _require_known(problem, region, probability)
+    number = 0 if seed is None else check_seed(seed)
+    search = Search(planner, run, options, level, clearance or 0.0, number, progress)
+    with within(limit, stop) as deadline:
+        if clearance is None and level and refinement_budget and problem.obstacles:
+            result, held_in, doubtful, remark = keep_away(problem, search, deadline)
+        else:
+            result, held_in, doubtful, remark = search(problem, deadline, search_budget=math.inf)
+        if deadline.stopped and not result.solved:
+            result = PlanResult("interrupted", planner, seed=number, message="stopped before a path was found")
+    result, doubts = _judged(problem, result, level, least, held_in)
+    if result.lower_bound is not None and clearance:
+        # it is that of the larger obstacles
+        result = replace(result, lower_bound=None)
+    if result.solved:
+        assumed = _assumptions(problem) if region != "model" else ""
+        doubts = [*doubtful, *doubts, *_unaligned(problem, result), *_near_ends(problem, result)]
+        if doubts:
+            warnings.warn(PlanWarning("; ".join(doubts)), stacklevel=3)
+        result = replace(result, message="; ".join(filter(None, (result.message, remark, assumed, *doubts))))
+    return replace(result, planning_time=time.perf_counter() - started)
+
+
+def _planner(name: str) -> Planner:
+    """Return the planner of that name, which another package may have registered."""
     try:
-        run: Planner = load_plugin(_GROUP, planner)
+        run: Planner = load_plugin(_GROUP, name)
     except LookupError:
         names = planner_names()
-        raise InputError("planner", f"expected one of {', '.join(names) or 'none installed'}", misspelt(planner, names)) from None
+        raise InputError("planner", f"expected one of {', '.join(names) or 'none installed'}", misspelt(name, names)) from None
+    _require_signature(run, name)
+    return run
 
-    _require_signature(run, planner)
-    problem = problem.with_clearance(clearance or 0.0)
+
+def _require_known(problem: PlanningProblem, region: str, probability: float) -> None:
+    """Refuse what no plan can take into account, and guarantees that are not known for what acts."""
     problem.require_plannable()
     require_loads(problem)
     for name, value, plain in (("region", region, "model"), ("probability", probability, 0.0)):
@@ -160,71 +164,32 @@ def plan(
             raise InputError(name, f"expected {plain}: no guarantee is known under the effect {acting}", repr(value))
     if problem.alternatives and region != "model":
         raise InputError("region", "expected model: a guarantee knows no alternatives of the rig", repr(region))
-    number = 0 if seed is None else check_seed(seed)
 
-    def search(asked: PlanningProblem, until: Deadline, *, search_budget: float) -> Found:
-        reason = infeasibility(asked)
-        if reason and clearance:
-            reason += f" (of obstacles that are larger by the clearance of {1000 * clearance:.3g} mm)"
-        aligning, impossible, doubt = (None, reason, "") if reason else _alignment(asked, region)
-        if impossible:
-            return Found(PlanResult("no-path", planner, seed=number, message=impossible), 0.0)
-        alone = asked if aligning is None else asked.starting_at(aligning.end)
 
-        def attempt(regions: Sequence[StableRegion | PushSet], until: Deadline, effort: float) -> PlanResult:
-            wanted = replace(options, regions=tuple(regions), refinement_budget=effort, search_budget=search_budget)
-            try:
-                found = run(alone, deadline=until, seed=number, options=wanted, progress=progress)
-            except StablepushError:
-                raise
-            except Exception as error:
-                raise UnavailableError(f"planner {planner}: it failed by {what_failed(error)}") from error
-            if not isinstance(found, PlanResult):
-                raise UnavailableError(f"planner {planner}: expected it to return a PlanResult, got {type(found).__name__}")
-            # also where that planner asked another one, the result names the planner that was asked
-            found = replace(found, planner=planner)
-            return found if aligning is None or not found.solved else _preceded(found, aligning)
+def _judged(
+    problem: PlanningProblem, result: PlanResult, level: float, least: float, held: float
+) -> tuple[PlanResult, list[str]]:
+    """A plan as the check and scenarios that no choice was made on judge it, and what is doubtful of it.
 
-        if level and asked.surface.is_dual:
-            result, held = likely_plan(asked, level, attempt, until, until.left(), refinement_budget, number)
-        else:
-            result, held = attempt((), until, refinement_budget), level
-        return Found(result, min(held, level), (doubt,) if doubt else ())
-
-    with within(limit, stop) as deadline:
-        if clearance is None and level and refinement_budget and problem.obstacles:
-            result, held_in, doubtful, remark = keep_away(problem, search, deadline)
-        else:
-            result, held_in, doubtful, remark = search(problem, deadline, search_budget=math.inf)
-        if deadline.stopped and not result.solved:
-            result = PlanResult("interrupted", planner, seed=number, message="stopped before a path was found")
-    doubts = list(doubtful)
-    if result.solved:
-        objection = _objection(problem, result)
-        if objection:
-            result = PlanResult("rejected", planner, seed=result.seed, message=objection)
-    if result.solved and problem.surface.is_dual:
-        result = _with_success(problem, result)
-        held = result.success_probability or 0.0
-        # rounded down: 0.9998 is not 1
-        stated = f"{math.floor(1e4 * held) / 1e4:g}"
-        if held < least:
-            words = f"the most probable plan found succeeds with probability {stated}, {least:g} is required"
-            result = PlanResult("no-path", planner, seed=number, message=words)
-        elif held_in < level and held < level:
-            doubts.append(f"no plan was found that succeeds with probability {level:g}; this one does with {stated}")
-    if result.lower_bound is not None and clearance:
-        # it is that of the larger obstacles
-        result = replace(result, lower_bound=None)
-    if result.solved:
-        assumed = _assumptions(problem) if region != "model" else ""
-        result = replace(result, message="; ".join(filter(None, (result.message, remark, assumed))))
-    if result.solved:
-        doubts += _unaligned(problem, result) + _near_ends(problem, result)
-    if result.solved and doubts:
-        warnings.warn(PlanWarning("; ".join(doubts)), stacklevel=3)
-        result = replace(result, message="; ".join(filter(None, (result.message, *doubts))))
-    return replace(result, planning_time=time.perf_counter() - started)
+    ``level``, ``least``: the probabilities of success that are looked for and required; ``held``: what the search held.
+    """
+    if not result.solved:
+        return result, []
+    objection = _objection(problem, result)
+    if objection:
+        return PlanResult("rejected", result.planner, seed=result.seed, message=objection), []
+    if not problem.surface.is_dual:
+        return result, []
+    result = _with_success(problem, result)
+    probability = result.success_probability or 0.0
+    # rounded down: 0.9998 is not 1
+    stated = f"{math.floor(1e4 * probability) / 1e4:g}"
+    if probability < least:
+        words = f"the most probable plan found succeeds with probability {stated}, {least:g} is required"
+        return PlanResult("no-path", result.planner, seed=result.seed, message=words), []
+    if max(held, probability) < level:
+        return result, [f"no plan was found that succeeds with probability {level:g}; this one does with {stated}"]
+    return result, []
 
 
 def _require_signature(run: Planner, name: str) -> None:
@@ -234,23 +199,6 @@ def _require_signature(run: Planner, name: str) -> None:
     except (TypeError, ValueError):
         words = "expected a function f(problem, *, deadline, seed, options, progress)"
         raise UnavailableError(f"planner {name}: {words}, got {getattr(run, '__name__', type(run).__name__)}") from None
-
-
-def _alignment(problem: PlanningProblem, region: str) -> tuple[Push | None, str, str]:
-    """Return the push that aligns a slider whose start is uncertain, if any, the reason for infeasibility, and a warning."""
-    if not any(problem.uncertainty.start):
-        return None, "", ""
-    contact, push = problem.contacts[0], alignment_push(problem)
-    if push is None:
-        why = "its straight pushes are not stable" if aligns(contact) else "it does not have two fingers on one normal"
-        return None, "", f"the start is uncertain, and contact 0 does not align the slider: {why}"
-    words = f"the straight push of {1000 * push.length:.3g} mm that aligns the slider"
-    if not SweptBody(problem, contact).push_is_free(push.start, push.twist, push.duration):
-        return None, f"start: obstacles or bounds block {words}", ""
-    promised = promised_region(problem, 0, region)
-    if promised is not None and not promised.contains_twists(push.twist[None])[0]:
-        return None, f"start: {words} is not stable for every pressure, contact friction and finger position", ""
-    return push, "", ""
 
 
 def _unaligned(problem: PlanningProblem, result: PlanResult) -> list[str]:
@@ -279,13 +227,6 @@ def _near_ends(problem: PlanningProblem, result: PlanResult) -> list[str]:
                 f"{1000 * problem.uncertainty.contact_place:.2g} mm aside; the success holds if it stays on its edge"
             )
     return found
-
-
-def _preceded(result: PlanResult, push: Push) -> PlanResult:
-    """A plan with a push before it, without a lower bound: that of the rest does not hold for plans without the push."""
-    return PlanResult.from_segments(
-        [push, *result.segments], planner=result.planner, seed=result.seed, message=result.message, lower_bound=None
-    )
 
 
 def _assumptions(problem: PlanningProblem) -> str:
