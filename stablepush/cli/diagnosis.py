@@ -137,13 +137,12 @@ def correct(
     Its surface, fingers and effects are the corrected ones, each with its uncertainty.
     """
     from stablepush.effects import CATALOGUE
-    from stablepush.io import read_json
-    from stablepush.planning import correct as corrected, load_corrections, load_scene, require_loads, save_scene
+    from stablepush.planning import correct as corrected, load_diagnosis, load_scene, require_loads, save_scene
 
     require_files(output, read=(scene, diagnosis))
-    problem, corrections = load_scene(scene), load_corrections(diagnosis)
+    problem, saved = load_scene(scene), load_diagnosis(diagnosis)
     with about(scene):
-        found = corrected(problem, diagnosis)
+        found = corrected(problem, saved)
     save_scene(found, output)
     before, after = problem.contacts[0].mu, found.contacts[0].mu
     changes = ["limit surface as the diagnosis has it"] if found.surface is not problem.surface else []
@@ -153,7 +152,7 @@ def correct(
     changes += [f"finger radius {1000 * found.finger_radius:.3g} mm"] if found.finger_radius != problem.finger_radius else []
     aside = any((a.points != b.points).any() for a, b in zip(found.contacts, problem.contacts, strict=True))
     changes += ["contacts elsewhere"] if aside else []
-    offset = corrections[0].tracker_offset
+    offset = saved.corrected[0].tracker_offset
     if (found.goal != problem.goal).any() and offset is not None:
         by = ", ".join(f"{1000 * value:.3g}" for value in (-offset[0], -offset[1]))
         changes += [f"start and goal are of the centre of mass, at ({by}) mm of the tracked frame"]
@@ -162,8 +161,7 @@ def correct(
     told(
         output=output, changes=changes, effects=[entry.effect.id for entry in found.effects], alternatives=len(found.alternatives)
     )
-    named = read_json(diagnosis, "diagnosis/1").get("effects")
-    left = [] if named is None else [node.text() for node in named.items() if node.text() not in CATALOGUE]
+    left = [id for id in saved.named if id not in CATALOGUE]
     without = f": {', '.join(left)} is the lab's own, which no scene can hold" if left else ""
     print(f"{output}: {'; '.join(changes) or 'nothing to correct'}{without}")
     try:

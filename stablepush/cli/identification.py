@@ -150,7 +150,8 @@ def fit(
 
     source = slider if log is None else log
     if source is None or None not in (log, slider):
-        raise InputError("LOG", "expected a log of pokes, or --slider without a log", "neither" if source is None else "both")
+        words = "expected a log of pokes, whose rig.json has the slider, or --slider without a log"
+        raise InputError("LOG", words, "neither" if source is None else "both")
     if model == "support" or support_mu is not None:
         if support_mu is None or log is not None or model not in ("support", None):
             raise InputError(

@@ -19,6 +19,8 @@ from stablepush.core.errors import PlausibilityWarning
 _LARGEST_RADIUS = 3.0
 #: Farthest that an object is pushed, in its radii, and largest coordinates (m) of a place to push in.
 _FARTHEST, _LARGEST_SCENE = 200.0, 500.0
+#: A tolerance of the position is no more than this, in radii of the slider.
+_LOOSE = 5.0
 #: Parts that belong to an object (pusher, support, contacts) are no farther from its origin than this, in its radii.
 _NEAR = 10.0
 #: Largest mass (kg/m²) over an area: 0.4 m of steel has 3,100.
@@ -32,7 +34,7 @@ _LARGEST_TOLERANCE, _LARGEST_MARGIN = 1.0, math.pi / 2
 #: Share of the slider's radius that the centre of pressure may be from the centre of mass: feet are never quite even.
 _ASIDE = 0.2
 #: Largest standard deviations of a row: position (m), angle (rad); longest trial (s).
-_NOISY_POSITION, _NOISY_ANGLE, _LONGEST_TRIAL = 0.02, 0.3, 3600.0
+_NOISY_POSITION, _NOISY_ANGLE, _LONGEST_TRIAL = 0.02, 0.1, 3600.0
 #: Largest coefficient of friction; beyond, it is an angle.
 _LARGEST_FRICTION = 5.0
 #: Largest radius (m) of a finger.
@@ -118,8 +120,12 @@ def note_mounting(angle: float, place: str) -> None:
         _note_degrees(angle, place)
 
 
-def note_tolerance(angle: float, place: str) -> None:
-    """Doubt a tolerance of the heading (rad): degrees are mostly whole."""
+def note_tolerance(distance: float, angle: float, radius: float, place: str) -> None:
+    """Doubt tolerances of the position (m) of a slider of a radius (m), and of its heading (rad): degrees are mostly whole."""
+    if distance > _LOOSE * radius:
+        words = f"{distance:.4g} m, {distance / radius:.3g} radii of the slider, looks like millimetres ({distance / 1000:.4g} m)"
+        _note(f"{place}[0]", words)
+    place = f"{place}[1]"
     if angle > _LARGEST_TOLERANCE and _is_whole(angle):
         _note_degrees(angle, place)
 

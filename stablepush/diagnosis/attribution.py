@@ -12,7 +12,7 @@ import numpy as np
 from stablepush.core import FloatArray, first_least, order_with_ties
 from stablepush.diagnosis.contact_friction import P_SLIP, ContactFriction, slip_friction
 from stablepush.diagnosis.equations import OF_PRESSURE, SIZES, Fitted, ScoreTest, Values
-from stablepush.diagnosis.folds import folds_of, halves_of, held_out
+from stablepush.diagnosis.folds import folds_of, halves_of, held_out, held_out_square
 from stablepush.diagnosis.plausibility import exceeds_model_error, identifiable, possible
 from stablepush.diagnosis.reshaping import held_out_of_body, reshaping
 from stablepush.diagnosis.system import IN_CLEARANCES, System
@@ -105,8 +105,8 @@ class Attribution:
 
 
 def beyond_pressure(system: System) -> tuple[str, ...]:
-    """Effects that a refitted pressure cannot take in, those of the lab's own behind the catalogue's."""
-    return (*BEYOND_PRESSURE, *system.own)
+    """Effects that a refitted pressure cannot take in, those of the lab's own behind the catalogue's; none that was set aside."""
+    return tuple(id for id in (*BEYOND_PRESSURE, *system.own) if id not in system.aside)
 
 
 def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
@@ -136,6 +136,9 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
         certain = system.significantly_better(scores["free"], scores["scaled"])
         # which base the rest is judged on matters less than what is said: one standard error is enough
         free = system.significantly_better(scores["free"], scores["scaled"], 1.0)
+        if free and chosen and system.has_wrench:
+            # nor may a pressure that few pushes determine be far off in some rows, which a density of heavy tails forgives
+            free = held_out_square(system, chosen, True, folds) < held_out_square(system, chosen, False, folds)
         recalibrated = certain or system.significantly_better(scores["scaled"], scores["nominal"])
         # beside a surface that was fitted to pokes no change of its shape exceeds_model_error: a refit absorbs that
         if not chosen and not system.open_modes.size and (certain or system.rig.model is None):
@@ -307,7 +310,7 @@ def _in_other_forms(
     # what a nominal surface that was fitted to pokes cannot take, many terms of some family can
     if not system.has_wrench or system.rig.model is not None:
         return [], {}
-    asked = [id for id in FAMILIES if id not in chosen and id not in system.nuisance and id in BEYOND_PRESSURE]
+    asked = [id for id in FAMILIES if id not in chosen and id not in system.nuisance and id in beyond_pressure(system)]
     tests = system.tests(current, True, asked, whole=True)
     family_wise_p = family_wise_p_values(tests)
     passed = [
@@ -339,7 +342,8 @@ def _masked(system: System, chosen: list[str], current: Fitted) -> list[tuple[Fi
     if len(chosen) + 2 > _MOST or system.rig.noise is None or system.clearance_lack_of_fit(current) < _LACK:
         return []
     found = []
-    for pair in combinations([id for id in IN_CLEARANCES if id not in chosen and id not in system.nuisance], 2):
+    asked = [id for id in IN_CLEARANCES if id not in chosen and id not in system.nuisance and id not in system.aside]
+    for pair in combinations(asked, 2):
         both = system.fit([*chosen, *pair], True)
         makes_sense = all(possible(system, id, both.values[id]) for id in pair)
         if makes_sense and system.significantly_better(both.density, current.density, times=_TWO):

@@ -192,6 +192,7 @@ class Equations(ABC):
     steps, few, tolerance = 12, 12, 1e-7
     about: Fitted | None = None
     opened: frozenset[str] = frozenset()
+    aside: frozenset[str] = frozenset()
     own: Mapping[str, LabEffect] = MappingProxyType({})
     demands = Demands(18.0, 6.0, 2.0, 0.01)
     least_scale = _ROUNDING

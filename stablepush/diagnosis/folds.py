@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from stablepush.core import FloatArray
+from stablepush.diagnosis.determined import determined_rows, size
+from stablepush.diagnosis.equations import Fitted
 from stablepush.diagnosis.system import System
 
 #: Parts into which trials fall for held-out judgements.
@@ -29,10 +31,25 @@ def halves_of(system: System) -> np.ndarray:
 
 def held_out(system: System, effects: Sequence[str], free: bool, folds: np.ndarray) -> FloatArray:
     """Log density (trials,) of each trial by a fit to the other folds."""
-    result, full = np.zeros(len(folds)), system.fit(effects, free)
+    result = np.zeros(len(folds))
+    for test, fit in _fits(system, effects, free, folds):
+        result[: len(fit.density)][test[: len(fit.density)]] = fit.density[test[: len(fit.density)]]
+    return result
+
+
+def held_out_square(system: System, effects: Sequence[str], free: bool, folds: np.ndarray) -> float:
+    """Mean square (N²) that fits to the other folds leave of the wrenches of each, on rows whose motion determines the load."""
+    trial, left = system.observations.trial, np.zeros(len(system.observations.trial))
+    for test, fit in _fits(system, effects, free, folds):
+        predicted = system.model.predict(fit.loads, system.of_wrench(fit.values))
+        left[test[trial]] = size(system, system.observations.wrench - predicted)[test[trial]]
+    return float(left[determined_rows(system)].mean())
+
+
+def _fits(system: System, effects: Sequence[str], free: bool, folds: np.ndarray) -> Iterator[tuple[np.ndarray, Fitted]]:
+    """The trials of each fold, and a fit to the others."""
+    full = system.fit(effects, free)
     for k in range(FOLDS):
         test = folds == k
         if test.any() and not test.all():
-            density = system.fit(effects, free, ~test, full).density
-            result[: len(density)][test[: len(density)]] = density[test[: len(density)]]
-    return result
+            yield test, system.fit(effects, free, ~test, full)

@@ -17,7 +17,7 @@ from stablepush.diagnosis.determined import determined_rows
 from stablepush.diagnosis.equations import SIZES
 from stablepush.diagnosis.evidence import evidence
 from stablepush.diagnosis.finger_forces import finger_forces
-from stablepush.diagnosis.gap_reduction import hold_out, reductions
+from stablepush.diagnosis.gap_reduction import HeldOut, hold_out, reductions
 from stablepush.diagnosis.motions import Motions, motions_of
 from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.ranking import UNSEEN, rank
@@ -29,7 +29,14 @@ from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
 from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
 from stablepush.diagnosis.system import System, log_rows, system_of
 from stablepush.diagnosis.together import join, observe_each, together_of
-from stablepush.diagnosis.verdicts import judge, refit_leaves_noise, stands_clear
+from stablepush.diagnosis.verdicts import (
+    NEXT_TO_NOTHING,
+    changes_nothing,
+    judge,
+    reduction_beside,
+    refit_leaves_noise,
+    stands_clear,
+)
 from stablepush.diagnosis.where import localise, residuals
 from stablepush.diagnosis.wording import (
     notes_on,
@@ -45,6 +52,11 @@ from stablepush.io import PushLog, Rig
 
 #: Forces are turned round if this share of pushes has forces that oppose the motion, of so many at least.
 _OPPOSED, _FEWEST = 0.8, 3
+#: What is said of forces whose power over all rows is that of a motor.
+_DRIVEN = (
+    "on the whole the forces oppose the motion, as no friction does, and no cause is looked for: look at the signs, axes and "
+    "units of forces and poses"
+)
 #: p-value below which a single push ends elsewhere than simulated.
 _ONE_PUSH_OFF = 1e-3
 #: A share below this goes without saying.
@@ -154,12 +166,15 @@ def _diagnose(
     system, pushes, left_out = _equations(log, observations, own, comparison, number)
     if comparison is not None and not system.has_wrench and not pushes:
         return _only_compared(log, name, comparison)
-    found = attribute(system, progress)
-    found = without_contradiction(system, found, pushes)
-    if "contact-friction" not in found.named:
-        found = replace(found, contact=friction_from_poses(system, found, pushes) or found.contact)
-    progress("gap reduction")
-    held = hold_out(system, found, log, pushes)
+    if system.has_wrench and not float(system.nominal.sum()) > 0:
+        return without_causes(log, name, Verdict.UNKNOWN, [], [], f"{_DRIVEN[0].upper()}{_DRIVEN[1:]}.", [_DRIVEN], UNSEEN)
+    found, held = _found(system, log, pushes, progress)
+    trivial = _trivial(system, found, held, log, pushes)
+    if trivial:
+        # what it took may be the shape of the surface, which is judged where no other effect acts
+        system.aside, first = frozenset(trivial), found
+        found, held = _found(system, log, pushes, progress)
+        found = replace(found, screened={**first.screened, **found.screened})
     judged = judge(system, found, held, log, pushes, comparison is not None and comparison.is_off)
     verdict, reported = judged.verdict, judged.effects
     # a change of all friction alike leaves the surface's shape as it is
@@ -185,6 +200,8 @@ def _diagnose(
     if not system.has_wrench:
         untested = dict.fromkeys(of_lab, "forces")
     notes += [f"{id} was not tested: it needs {needs}" for id, needs in untested.items()]
+    if trivial:
+        notes.append(f"not named: {' or '.join(trivial)}, for it changes loads and poses by next to nothing")
     if comparison is not None:
         notes = [*comparison.notes(), *notes]
     if verdict == "absorbed" and system.has_wrench and not refit_leaves_noise(system, held):
@@ -202,17 +219,7 @@ def _diagnose(
     sentence = (
         unexplained(judged.clear, ranking, len(judged.slipping), len(log), bool(after.pushes), lost, few)
         if verdict == "unknown"
-        else sentence_of(
-            system,
-            verdict,
-            reported,
-            ranking,
-            judged.reductions,
-            judged.touch,
-            log.rig.noise is not None,
-            judged.gaps,
-            found.final.loads,
-        )
+        else sentence_of(system, judged, ranking, found.final.loads)
     )
     if verdict == "unknown" and judged.unnamed and found.named:
         sentence += f" Not named: {', '.join(found.named)}, for {judged.unnamed}."
@@ -269,6 +276,7 @@ def _diagnose(
         determined=determined,
         times=system.observations.time,
         suspected_friction=None if suspected is None else suspected[0],
+        apart=judged.apart,
         untested=untested,
     )
 
@@ -303,6 +311,38 @@ def _equations(
     system = system_of(observations, log.rig, own) if number is None else together_of(observations, log.rig, number, own)
     pushes, system.final_pose_noise = system.predictable(replayed)
     return system, pushes, len(replayed) - len(pushes)
+
+
+def _found(system: System, log: PushLog, pushes: list[Replay], progress: Callable[[str], None]) -> tuple[Attribution, HeldOut]:
+    """What acts on a log, and every push as fits to the others predict it."""
+    found = attribute(system, progress)
+    found = without_contradiction(system, found, pushes)
+    if "contact-friction" not in found.named:
+        found = replace(found, contact=friction_from_poses(system, found, pushes) or found.contact)
+    progress("gap reduction")
+    return found, hold_out(system, found, log, pushes)
+
+
+def _trivial(system: System, found: Attribution, held: HeldOut, log: PushLog, pushes: list[Replay]) -> list[str]:
+    """A chosen effect, with those that it is confounded with, without which pushes are predicted all but as well; of several the
+    one that does least."""
+    if changes_nothing(system, found, held):
+        return [*found.chosen, *found.confounded]
+    least: tuple[float, list[str]] = (NEXT_TO_NOTHING, [])
+    for id in found.chosen if len(found.named) > 1 and system.has_wrench and system.logs == 1 else ():
+        others = [e for e in found.chosen if e != id]
+        apart = found.confounded if found.confounded_with == id else []
+        without = replace(
+            found,
+            chosen=others,
+            confounded=[] if apart else found.confounded,
+            confounded_with="" if apart else found.confounded_with,
+            final=system.fit(others, found.free),
+        )
+        share = reduction_beside(held, hold_out(system, without, log, pushes))
+        if share < least[0]:
+            least = share, [id, *apart]
+    return least[1]
 
 
 def _turned_round(observations: Observations) -> str:

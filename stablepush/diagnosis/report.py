@@ -101,6 +101,8 @@ class GapReport:
     times: FloatArray = field(default_factory=lambda: np.zeros(0), repr=False)
     #: friction of the fingers for a corrected scene; too few pushes show it to name it as the cause
     suspected_friction: float | None = None
+    #: named effects that the log cannot tell apart; the others are certain
+    apart: list[str] = field(default_factory=list, repr=False)
     #: effects of the lab's own that were not tested, and what the log lacks for them
     untested: dict[str, str] = field(default_factory=dict, repr=False)
 
@@ -119,6 +121,9 @@ class GapReport:
                 return [_NO_NEARER, *plan]
             if self.verdict == "absorbed" and self.reductions and all(e.before <= e.after for e in self.reductions):
                 return [_NOT_PREDICTED, *plan]
+            if self.verdict == "ambiguous":
+                certain = [id for id in self.named if id not in self.apart]
+                return [*(f"{id}: {self._remedy(id)}" for id in certain), self.verdict.advice]
             if self.verdict == "unknown":
                 after = self.next_experiment
                 return [self.verdict.advice, "--pushes writes pushes to try next" if after.pushes else after.why, *plan]

@@ -32,6 +32,8 @@ from stablepush.io import PushLog
 #: Share of the gap of some channel that named effects must explain on left-out pushes. On 75 logs of simulated rigs those that
 #: acted explained 0.84 at least, 0.46 where the stated noise is too small; stand-ins for a wrong scale of the tracker 0.39.
 _LITTLE = 0.4
+#: Residuals count up to so many times their noise.
+_MOST_OVER_NOISE = 10.0
 #: Mean square of a channel over its floor from which a share of the gap is known.
 _WELL = 2.0
 #: The verdict is "unknown" if place, heading, order or speed explain so much of the residuals, with so small a p-value, and the
@@ -51,6 +53,9 @@ _SPOILT, _SURELY_WORSE = 1.4, -1.0
 _FAR = 3.0
 #: A refit that leaves so many times the noise is no fit; nor one that leaves this share of the mean square gap of the wrench.
 _MISFIT, _LEFT_OF_GAP = 1.5, 0.25
+#: Share of the mean square of every channel below which a reduction is none. Effects that acted reduced that of some channel by
+#: 3 % at least on 112 logs of simulated rigs.
+NEXT_TO_NOTHING = 0.015
 #: Shares of a gap that effects may leave of what a refit without them leaves, and of what the nominal simulation leaves.
 _LEAVES_OF_REFIT, _LEAVES = 0.5, 0.1
 
@@ -59,15 +64,16 @@ _LEAVES_OF_REFIT, _LEAVES = 0.5, 0.1
 class Judgement:
     """A verdict, and what it rests on.
 
-    ``effects`` that are named or confounded; ``gaps`` by channel, ``clear``: those that stand clear of their floor;
-    ``reductions``: how far the correction reduces them, ``touch``: in how fingers touch; ``lost``: pushes that ended far from
-    where the nominal simulation has them, by trial, and how far (m); ``slipping``: trials whose fingers slipped though they
-    should not; ``share`` of the residuals that place, heading, order and speed could explain, with its p-value; ``unnamed``: why
-    what was found is not named, blank if it is.
+    ``effects`` that are named or confounded; ``apart``: those of them that the log cannot tell apart; ``gaps`` by channel,
+    ``clear``: those that stand clear of their floor; ``reductions``: how far the correction reduces them, ``touch``: in how
+    fingers touch; ``lost``: pushes that ended far from where the nominal simulation has them, by trial, and how far (m);
+    ``slipping``: trials whose fingers slipped though they should not; ``share`` of the residuals that place, heading, order and
+    speed could explain, with its p-value; ``unnamed``: why what was found is not named, blank if it is.
     """
 
     verdict: Verdict
     effects: list[str]
+    apart: list[str]
     gaps: list[ChannelGap]
     clear: list[ChannelGap]
     reductions: list[GapReduction]
@@ -88,29 +94,37 @@ def judge(
     clear = [entry for entry in gaps if stands_clear(entry)]
     lost, slipping = lost_pushes(system, pushes), slipping_unexpectedly(system, held, log)
     worse = _explains_too_little(system, found, held, clear) or _brings_nothing_nearer(system, found, reduced, touch)
-    negligible = not (clear or lost or len(slipping) >= _SLIPPING) and _changes_nothing(system, found, held)
+    trivial = changes_nothing(system, found, held)
     effects: list[str] = []
+    apart: list[str] = []
     unnamed = ""
+
+    def nameless() -> Verdict:
+        no_fit = _fits_nothing(system, held, size, shared) or bool(lost)
+        beyond = len(slipping) >= _SLIPPING or (simulator_is_off and not pushes)
+        return _without_names(system, found, held, pushes, no_fit, beyond, clear)
+
     patterned = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
-    if worse:
+    if trivial:
+        off = bool(clear or lost) or len(slipping) >= _SLIPPING
+        verdict = nameless() if off else Verdict.NONE
+        unnamed = "it changes loads and poses by next to nothing"
+    elif worse:
         verdict, unnamed = Verdict.UNKNOWN, "it does not reduce the residuals of held-out pushes"
     elif found.named and not system.opened and _spoils_poses(held, reduced):
         # a form that the catalogue does not have cannot be simulated
         verdict, unnamed = Verdict.UNKNOWN, "its correction would throw off final poses that the nominal simulation has right"
     elif patterned and not explains_most(held, found.named):
         verdict, unnamed = Verdict.UNKNOWN, "the remaining residuals still depend on place, heading, order or speed"
-    elif negligible:
-        verdict, unnamed = Verdict.NONE, "it changes loads and poses by less than rigid bodies err by themselves, 1 %"
     elif found.confounded:
         verdict = Verdict.AMBIGUOUS
-        effects = [found.confounded_with, *found.confounded, *(id for id in found.named if id != found.confounded_with)]
+        apart = [found.confounded_with, *found.confounded]
+        effects = [*(id for id in found.named if id != found.confounded_with), *apart]
     elif found.named:
         verdict, effects = Verdict.NAMED, found.named
     else:
-        no_fit = _fits_nothing(system, held, size, shared) or bool(lost)
-        beyond = len(slipping) >= _SLIPPING or (simulator_is_off and not pushes)
-        verdict = _without_names(system, found, held, pushes, no_fit, beyond, clear)
-    return Judgement(verdict, effects, gaps, clear, reduced, touch, lost, slipping, share, p_share, unnamed)
+        verdict = nameless()
+    return Judgement(verdict, effects, apart, gaps, clear, reduced, touch, lost, slipping, share, p_share, unnamed)
 
 
 def _fits_nothing(system: System, held: HeldOut, size: float, shared: bool) -> bool:
@@ -165,29 +179,53 @@ def _explains_too_little(system: System, found: Attribution, held: HeldOut, clea
     """
     if system.logs > 1 or not found.named:
         return False
+    gaps = [
+        (*(float(held.squares[channel][key].mean()) for key in FITS), held.floors[channel])
+        for channel in ("touch", *(entry.channel for entry in clear))
+        if channel in held.squares
+    ]
+    # few rows of slow motions, whose loads noise leaves open, may be most of a mean square: so each row by its own noise, too
+    if any(entry.channel == "wrench" and entry.nominal**2 > _WELL * entry.noise_floor**2 for entry in clear):
+        gaps.append((*(_over_noise(system, held.wrenches[key]) for key in FITS), 1.0))
     shares = []
-    for channel in ("touch", *(entry.channel for entry in clear)):
-        if channel not in held.squares:
-            continue
-        before, refit, after = (float(held.squares[channel][key].mean()) for key in FITS)
-        floor = held.floors[channel]
-        # a gap near its floor has no share that says anything; a refit that predicts worse is no measure
-        shares += [(base - after) / (base - floor) for base in (before, min(refit, before)) if base > _WELL * floor > 0]
+    for before, refit, after, floor in gaps:
+        # a refit that predicts worse is no measure of what is not fitted beside one
+        bases = (before, refit if found.free and after < before else min(refit, before))
+        # a gap near its floor has no share that says anything
+        shares += [(base - after) / (base - floor) for base in bases if base > _WELL * floor > 0]
     return bool(shares) and max(shares) < _LITTLE
 
 
-def _changes_nothing(system: System, found: Attribution, held: HeldOut) -> bool:
-    """Whether what was found changes each channel, on trials that it was not fitted to, by less than rigid bodies err themselves.
+def _over_noise(system: System, wrenches: FloatArray) -> float:
+    """Mean square of what predicted wrenches (n, 3) leave of the rows, over the noise; a component counts up to ten times it."""
+    left = system.white(system.observations.wrench - wrenches)
+    return float(np.minimum(left**2, _MOST_OVER_NOISE**2).mean())
 
-    It may be significant: noise that is not quite as stated looks like an effect as small. Friction of the fingers and clearances
-    are judged by other things. Several logs together show effects as small: noise would have to be alike in each.
+
+def changes_nothing(system: System, found: Attribution, held: HeldOut) -> bool:
+    """Return whether what was found changes each channel, on trials that it was not fitted to, by less than rigid bodies err,
+    or explains next to nothing of what a surface that was fitted alike leaves.
+
+    It may be significant: noise that is not quite as stated looks like an effect as small, and means over rows show the impact of
+    a finger as inertia. Friction of the fingers and clearances are judged by other things. Several logs together show effects as
+    small: noise would have to be alike in each.
     """
     if system.logs > 1 or not found.named or "contact-friction" in found.named or "wrench" not in held.rigid:
         return False
+    base = "refit" if found.free else "before"
+    means = [(s[base].mean(), s["after"].mean()) for s in held.squares.values()]
+    if all(abs(1 - after / before) < NEXT_TO_NOTHING for before, after in means if before > 0):
+        return True
     changes = {k: float(s["before"].mean() - s["after"].mean()) for k, s in held.squares.items()}
     if changes.pop("touch", 0.0) > 0.0:
         return False
     return abs(changes["wrench"]) < held.rigid["wrench"] and all(change < held.rigid[k] for k, change in changes.items())
+
+
+def reduction_beside(held: HeldOut, other: HeldOut) -> float:
+    """Return the largest share, over the channels, by which one correction leaves less on left-out pushes than another does."""
+    left = [(held.squares[k]["after"].mean(), other.squares[k]["after"].mean()) for k in held.squares if k in other.squares]
+    return max((float(1 - mine / theirs) for mine, theirs in left if theirs > 0), default=0.0)
 
 
 def _brings_nothing_nearer(system: System, found: Attribution, reduced: Sequence[GapReduction], touch: float) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
-from stablepush.diagnosis.equations import robust_variance
+from stablepush.diagnosis.equations import OF_PRESSURE, robust_variance
 from stablepush.diagnosis.force_axes import uneven_axes
 from stablepush.diagnosis.results import (
     ChannelGap,
@@ -20,6 +20,7 @@ from stablepush.diagnosis.results import (
     size_in_words,
 )
 from stablepush.diagnosis.system import System
+from stablepush.diagnosis.verdicts import Judgement
 from stablepush.effects import CATALOGUE, Parameter, friction_over_place, slope_over_place
 from stablepush.io import PushLog
 
@@ -31,6 +32,8 @@ _LISTED, _LIKELY = 3, 0.005
 _LARGER = 1.2
 #: Whitened residuals of a row that is an outlier, and the share of rows that may be outliers.
 _OUTLIER, _FEW = 6.0, 0.1
+#: Share of the pushes that may hold outliers of the sensor.
+_FEW_PUSHES = 0.25
 #: Pushes are named if there are no more.
 _NAMED_PUSHES = 3
 #: Rows that tell what a push has in common.
@@ -64,46 +67,40 @@ _SHOWN = {
 }  # fmt: skip
 
 
-def sentence_of(
-    system: System,
-    verdict: str,
-    effects: list[str],
-    ranking: list[RankedEffect],
-    reductions: list[GapReduction],
-    touch: float,
-    noise: bool,
-    gaps: Sequence[ChannelGap],
-    loads: FloatArray,
-) -> str:
+def sentence_of(system: System, judged: Judgement, ranking: list[RankedEffect], loads: FloatArray) -> str:
     """The answer in a sentence: which cause is present, with its numbers, and how far the gap falls once that is corrected.
 
     ``loads`` (k,): friction loads (N) of the points, refitted.
     """
-    refitted = {gap.channel: gap.refitted for gap in gaps} if effects else {}
-    forces, nearer = system.has_wrench, _nearer(effects, reductions, touch, refitted)
-    known = {entry.effect: entry for entry in ranking}
-    causes = [_cause(system, known[id]) for id in effects]
+    verdict, known = judged.verdict, {entry.effect: entry for entry in ranking}
+    refitted = {gap.channel: gap.refitted for gap in judged.gaps} if judged.effects else {}
+    nearer = _nearer(judged.effects, judged.reductions, judged.touch, refitted)
+    causes = {id: _cause(system, known[id]) for id in judged.effects}
     if verdict == "none":
-        if not forces:
-            carried = any(entry.channel in ("stability", "pose") for entry in reductions)
+        if not system.has_wrench:
+            carried = any(entry.channel in ("stability", "pose") for entry in judged.reductions)
             seen = "No cause stands out from the scatter of the poses" if carried else "Nothing stands out"
             return f"{seen}; without forces little more is identifiable."
-        if not noise:
+        if system.rig.noise is None:
             return (
                 "The nominal simulation fits as well as one with a refitted pressure, and no cause stands out from the scatter."
             )
         return "The nominal simulation fits within the noise."
     if verdict == "absorbed":
-        return f"{_friction(system, loads)}, and no other cause stands out{nearer}."
+        return f"{_friction(system, loads, judged.reductions)}, and no other cause stands out{nearer}."
+    certain = "; ".join(words for id, words in causes.items() if id not in judged.apart)
     if verdict == "named":
-        return f"{'; '.join(causes)}{nearer}."
+        return f"{certain}{nearer}."
     if verdict == "ambiguous":
-        numbered = "; ".join(f"({number}) {words}" for number, words in enumerate(causes, 1))
-        return f"This log cannot tell {' from '.join(effects)}; one alone would explain it: {numbered}{nearer}."
+        numbered = "; ".join(f"({number}) {causes[id]}" for number, id in enumerate(judged.apart, 1))
+        apart = f"his log cannot tell {' from '.join(judged.apart)}; one alone would explain"
+        if certain:
+            return f"{certain}. Besides, t{apart} what is left: {numbered}{nearer}."
+        return f"T{apart} it: {numbered}{nearer}."
     raise AssertionError(verdict)
 
 
-def _friction(system: System, loads: FloatArray) -> str:
+def _friction(system: System, loads: FloatArray, reductions: Sequence[GapReduction]) -> str:
     """How the friction of a refitted surface differs from the nominal one."""
     if not system.has_wrench:
         return "The friction under the object differs from the nominal one"
@@ -112,10 +109,13 @@ def _friction(system: System, loads: FloatArray) -> str:
     change = 100 * (total / nominal - 1)
     if not system.known_scale:
         return f"The friction under the object differs from the nominal one ({size})"
-    if abs(change) < _ALIKE:
-        return f"The friction under the object is spread otherwise than the nominal one ({size}, which is as believed)"
     more = f"{abs(change):.2g} % {'more' if change > 0 else 'less'} than believed"
-    return f"The friction under the object differs from the nominal one ({size}, {more})"
+    told = "which is as believed" if abs(change) < _ALIKE else more
+    # what explains the gap is where the friction acts, unless the change of its size is as large as the gap
+    gap = next((math.sqrt(max(0.0, e.before**2 - e.after**2)) for e in reductions if e.channel == "wrench"), 0.0)
+    if abs(change) < _ALIKE or abs(total - nominal) < _MUCH * gap:
+        return f"The friction under the object is spread otherwise than the nominal one ({size}, {told})"
+    return f"The friction under the object differs from the nominal one ({size}, {told})"
 
 
 def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: float, refitted: Mapping[str, float]) -> str:
@@ -142,10 +142,13 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
     alone = refitted.get(channel)
     much = alone is not None and entry.before**2 - alone**2 > _MUCH * (entry.before**2 - entry.after**2)
     if alone is not None and much and alone > entry.after:
-        more += f"; refitting the surface alone would leave {factor * alone:.3g}{unit}"
+        by_refit = 100 * share * (entry.before**2 - alone**2) / (entry.before**2 - entry.after**2)
+        explained, more = explained + " is explained", f", {by_refit:.0f} % by refitting the surface alone{more}"
+    else:
+        explained += " is explained"
     return (
         f"; so corrected, {_ERRORS_OF[channel]} on pushes left out of the fit falls from {before} to {after}{unit} rms "
-        f"({'within the noise' if entry.within_noise else f'floor {floor}{unit}'}): {explained} is explained{more}"
+        f"({'within the noise' if entry.within_noise else f'floor {floor}{unit}'}): {explained}{more}"
     )
 
 
@@ -178,6 +181,8 @@ def _cause(system: System, entry: RankedEffect) -> str:
     if believed is not None:
         factor, unit = _SHOWN[kind.parameters[0].unit.partition(" ")[0]]
         words += f", where {factor * believed:.3g}{unit} was assumed"
+    if id in OF_PRESSURE and system.rig.model is None and system.rig.slider.support is None:
+        words += ", where an even pressure under the outline was assumed"
     if id == "contact-friction" and entry.form is not None:
         words += f"; it changes by {entry.form['coefficients'][0]:+.2g} over the log"
     return f"{id}: {words[0].lower()}{words[1:]}"
@@ -297,10 +302,16 @@ def notes_on(
     far = _outliers(system, found)
     if far.any():
         pushes = [system.observations.names[k] for k in np.unique(system.observations.trial[far])]
+        many = len(pushes) > _FEW_PUSHES * len(log)
+        cause = (
+            "so many pushes are no outliers of the sensor: something acts there that no effect of the catalogue describes"
+            if many
+            else "look at them first, they may be outliers of the sensor"
+        )
         notes.append(
             f"forces of {np.count_nonzero(far)} of {far.size} rows, in {len(pushes)} of {len(log)} pushes{_few(pushes)}, "
             "miss the fit by more than "
-            f"{_OUTLIER:g} times the usual residual: look at them first, they may be outliers of the sensor"
+            f"{_OUTLIER:g} times the usual residual: {cause}"
         )
     if not any(system.observations.group):
         notes.append("no repeated pushes: the repeatability is unknown")

@@ -46,7 +46,8 @@ class Parameter:
             return
         floor = "" if self.least <= -LARGEST_MAGNITUDE else f" {'>' if self.above else '>='} {self.least:g} and"
         kind = "whole number" if self.whole else "number"
-        raise InputError(self.name, f"expected a {kind}{floor} <= {self.most:g}", f"{value:g}")
+        unit = "" if self.unit in ("1", "support", "degree") else f" ({self.unit})"
+        raise InputError(self.name, f"expected a {kind}{floor} <= {self.most:g}{unit}", f"{value:g}")
 
 
 #: Effects of the table that leave the stable pushes as they are: friction that is as much more everywhere.

@@ -252,7 +252,8 @@ def read_pushlog(path: str | Path) -> PushLog:
     """
     folder = Path(path)
     if not folder.is_dir():
-        raise InputError("", "expected a pushlog/1 folder with rig.json, trials.csv and samples.csv", file=folder)
+        made = "; stablepush import makes one of other logs" if folder.is_file() else ""
+        raise InputError("", f"expected a pushlog/1 folder with rig.json, trials.csv and samples.csv{made}", file=folder)
     rig = _rig_from_node(read_json(folder / "rig.json", "pushlog/1"), folder)
     trials, trial_lines = read_table(
         folder / "trials.csv",

@@ -103,7 +103,12 @@ def _number(cell: str, name: str, line: int, column: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputError(f"line {line}: column {column}", "expected a finite number", repr(cell[:40]), file=name)
+        raise InputError(
+            f"line {line}: column {column}",
+            "expected a finite number, or a blank for a missing value",
+            repr(cell[:40]),
+            file=name,
+        )
     if abs(value) > LARGEST_MAGNITUDE:
         raise InputError(
             f"line {line}: column {column}",

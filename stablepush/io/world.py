@@ -164,6 +164,11 @@ def log_from_arrays(
         check_number(finger_distance, "finger_distance", positive=True)
         if rig.contact_kind != "two-point" or rig.finger_radius is None or tips is None:
             raise InputError("finger_distance", "expected a rig of kind two-point with a finger_radius, and tip_positions")
+        if finger_distance > 2 * (rig.slider.radius + rig.finger_radius):
+            most = (
+                f"expected fingers that both reach the slider, at most {2 * (rig.slider.radius + rig.finger_radius):.3g} m apart"
+            )
+            raise InputError("finger_distance", most, f"{finger_distance:g} m")
     if world is not None and tips is None:
         raise InputError("tip_positions", "expected the places of the tip with forces, for their moments", "none")
     if turning is not None and world is None:

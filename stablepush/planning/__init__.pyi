@@ -4,7 +4,7 @@ from .clearance import Clearance as Clearance, clearance_of as clearance_of
 from .collision import SweptBody as SweptBody, body_of as body_of, world_of as world_of
 from .comparison import RegionPlan as RegionPlan, certified_share as certified_share, compare_regions as compare_regions
 from .correct import correct as correct
-from .correction import Correction as Correction, load_corrections as load_corrections
+from .correction import Correction as Correction, load_corrections as load_corrections, load_diagnosis as load_diagnosis
 from .feasibility import infeasibility as infeasibility
 from .keep_away import NO_ROOM as NO_ROOM
 from .loads import (

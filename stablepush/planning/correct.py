@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,17 +12,22 @@ from typing import Protocol
 import numpy as np
 import shapely
 
-from stablepush.core import FloatArray, InputError
+from stablepush.core import FloatArray, InputError, PlanWarning
 from stablepush.effects import CATALOGUE, KnownEffect
 from stablepush.geometry import compose
 from stablepush.io import Rig
 from stablepush.objects import PushContact, Slider
-from stablepush.planning.correction import Correction, likeliest, load_corrections, load_diagnosed_slider
+from stablepush.planning.correction import Correction, SavedDiagnosis, likeliest, load_diagnosis
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.uncertainty import Uncertainty
 
 #: Distance between outlines, over the radius, from which on sliders are not the same.
 _OTHER = 0.1
+#: What is said of a correction by a diagnosis that is "unknown".
+_UNEXPLAINED = (
+    "the diagnosis is unknown: its surface is fitted to the log, but something else is wrong, which no probability of a plan "
+    "counts; settle the cause first, or try a plan's pushes one by one"
+)
 #: What is not drawn of each alternative: the rest is in the uncertainty.
 _NOT_DRAWN = {"finger_radius": None, "contact_offset": None, "tracker_offset": None}
 #: Standard errors on each side of a friction, and the least and most relative half-width that is left uncertain.
@@ -37,7 +43,7 @@ class Diagnosed(Protocol):
     def rig(self) -> Rig: ...
 
 
-def correct(problem: PlanningProblem, report: Diagnosed | Sequence[Correction] | str | Path) -> PlanningProblem:
+def correct(problem: PlanningProblem, report: Diagnosed | SavedDiagnosis | Sequence[Correction] | str | Path) -> PlanningProblem:
     """Return a problem with what a diagnosis found of the rig.
 
     - The limit surface, with its ensemble, takes the place of the problem's. Pressure that has shifted is part of it.
@@ -58,15 +64,20 @@ def correct(problem: PlanningProblem, report: Diagnosed | Sequence[Correction] |
     ----------
     problem : PlanningProblem
     report : GapReport, sequence of Correction, or path of a ``diagnosis/1``
+        A diagnosis that is "unknown" is warned of (:class:`PlanWarning`): what is not explained is in no probability of a plan.
 
     Raises
     ------
     InputError
         If the diagnosis corrects nothing: a log of fewer than two pushes; or if it is of a slider of another outline.
     """
-    corrections, diagnosed = _read(report)
+    if isinstance(report, str | Path):
+        report = load_diagnosis(report)
+    corrections, diagnosed, verdict = _read(report)
+    if verdict == "unknown":
+        warnings.warn(PlanWarning(_UNEXPLAINED), stacklevel=2)
     if diagnosed is not None and _apart(diagnosed, problem.slider) > _OTHER * problem.slider.radius:
-        file = report if isinstance(report, str | Path) else ""
+        file = report.path if isinstance(report, SavedDiagnosis) else ""
         raise InputError("slider", "expected a diagnosis of the scene's slider, its log has one of another outline", file=file)
     best = likeliest(corrections)
     contacts = [_moved(contact, best.contact_offset) for contact in problem.contacts]
@@ -99,14 +110,16 @@ def correct(problem: PlanningProblem, report: Diagnosed | Sequence[Correction] |
     )
 
 
-def _read(report: Diagnosed | Sequence[Correction] | str | Path) -> tuple[Sequence[Correction], Slider | None]:
-    """What is corrected, and the slider of the log, where the report has it."""
-    if isinstance(report, str | Path):
-        return load_corrections(report), load_diagnosed_slider(report)
+def _read(
+    report: Diagnosed | SavedDiagnosis | Sequence[Correction],
+) -> tuple[Sequence[Correction], Slider | None, str]:
+    """What is corrected, the slider of the log and the verdict, where the report has them."""
+    if isinstance(report, SavedDiagnosis):
+        return report.corrected, report.slider, report.verdict
     corrections, rig = getattr(report, "corrected", report), getattr(report, "rig", None)
     if not isinstance(corrections, Sequence):
         raise InputError("report", "expected a diagnosis, corrections or the path of a diagnosis/1", type(report).__name__)
-    return corrections, None if rig is None else rig.slider
+    return corrections, None if rig is None else rig.slider, str(getattr(report, "verdict", ""))
 
 
 def _apart(a: Slider, b: Slider) -> float:

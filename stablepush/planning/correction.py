@@ -99,21 +99,39 @@ def corrections_from_node(node: Node) -> tuple[Correction, ...]:
     return tuple(found)
 
 
-def load_corrections(path: str | Path) -> tuple[Correction, ...]:
-    """Read the ``corrected`` of a ``diagnosis/1`` file."""
+@dataclass(frozen=True, slots=True, eq=False)
+class SavedDiagnosis:
+    """What plans need of a ``diagnosis/1`` file: its verdict, the effects it names, the rigs that it found, most probable first,
+    and the slider of the log, which older files lack."""
+
+    path: str | Path
+    verdict: str
+    named: tuple[str, ...]
+    corrected: tuple[Correction, ...]
+    slider: Slider | None
+
+
+def load_diagnosis(path: str | Path) -> SavedDiagnosis:
+    """Read a ``diagnosis/1`` file that corrects something."""
     root = read_json(path, "diagnosis/1")
     corrections = corrections_from_node(root["corrected"])
     if not corrections:
         root["corrected"].fail(
             "expected at least one entry: a log that could not be diagnosed, or was compared with another simulator's, has none"
         )
-    return corrections
+    slider, effects, verdict = (root.get(key) for key in ("slider", "effects", "verdict"))
+    return SavedDiagnosis(
+        path,
+        "" if verdict is None else verdict.text(),
+        () if effects is None else tuple(node.text() for node in effects.items()),
+        corrections,
+        None if slider is None else slider_from_node(slider),
+    )
 
 
-def load_diagnosed_slider(path: str | Path) -> Slider | None:
-    """Read the slider of the log from a ``diagnosis/1`` file, which older ones lack."""
-    slider = read_json(path, "diagnosis/1").get("slider")
-    return None if slider is None else slider_from_node(slider)
+def load_corrections(path: str | Path) -> tuple[Correction, ...]:
+    """Read the ``corrected`` of a ``diagnosis/1`` file."""
+    return load_diagnosis(path).corrected
 
 
 def likeliest(corrections: Sequence[Correction]) -> Correction:

@@ -203,8 +203,7 @@ class PlanningProblem:
         if self.obstacles:
             note_scene(np.concatenate(self.obstacles), "obstacles")
         note_distance(float(np.hypot(*(self.goal - self.start)[:2])), self.slider.radius, "goal, from the start")
-        note_distance(self.tolerance[0], self.slider.radius, "tolerance[0]")
-        note_tolerance(self.tolerance[1], "tolerance[1]")
+        note_tolerance(*self.tolerance, self.slider.radius, "tolerance")
         note_push_speed(self.speed, "speed")
         note_margin(self.min_margin, "min_margin")
         note_finger(self.finger_radius, "finger_radius")

@@ -146,7 +146,10 @@ class VirtualRig:
             check_number(self.support_friction, "support_friction", positive=True)
         if self.surface.force_unit == "mu*N":
             if self.support_friction is None:
-                raise InputError("support_friction", "expected one: the surface has forces in units of mu*N, a rig needs N")
+                raise InputError(
+                    "support_friction",
+                    "expected the friction of the table: the surface has forces in units of mu*N, a rig needs N",
+                )
             if not self.slider.mass:
                 raise InputError("slider.mass", "expected a mass > 0 in kg, since the forces of the surface are in units of mu*N")
         if "tilt" in by_id and not self.slider.mass:

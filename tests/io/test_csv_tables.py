@@ -77,6 +77,16 @@ def test_what_a_table_cannot_be_is_noted(tmp_path, capsys):
         return [line for line in capsys.readouterr().err.splitlines() if "note: " in line]
 
     assert not notes()
+    # a mapping says that it is a table
+    mapping = mapping_file(tmp_path, columns=COLUMNS, units=UNITS)
+    assert main(["import", str(path), "--mapping", str(mapping), "-o", str(tmp_path / "log")]) == 0
+    assert capsys.readouterr().out.startswith(f"{tmp_path / 'log'}: csv, 3 pushes")
+    assert main(["import", str(path), "-o", str(tmp_path / "other")]) == 2
+    assert "those of kind csv or rosbag need --mapping" in capsys.readouterr().err
+    assert main(["diagnose", str(path)]) == 2
+    assert "stablepush import makes one of other logs" in capsys.readouterr().err
+    (far,) = notes(noise={"force": 0.1, "position": 2e-4, "angle": 0.2})
+    assert "an angle known to 0.2 rad looks like degrees" in far
     (turned,) = notes(forces_on="finger")
     assert (
         "in 3 of 3 pushes the force opposes the motion: is its sign wrong (forces_on), or are its axes those of the tool"
@@ -110,6 +120,10 @@ BAD_TABLES = [
     ({"columns": COLUMNS, "body_pose": [0, 0]}, "mapping.yaml: body_pose: expected 3 numbers, got 2"),
     ({"columns": COLUMNS, "slider": "none.json"}, "none.json: cannot read"),
     ({}, "mapping.yaml: columns: missing key"),
+    (
+        {"columns": COLUMNS, "noise": {"position": 0.2, "angle": 0.0035}},
+        "mapping.yaml: noise.position: expected less than the size of the slider",
+    ),
     ({"columns": {**COLUMNS, "trial": "X"}}, "mapping.yaml: columns.trial: expected a column of its own, got 'X'"),
     (
         {"columns": {**COLUMNS, "trial": "push"}, "trial_columns": {"start_time": "FY"}},
@@ -146,6 +160,15 @@ def test_a_table_of_an_executed_plan(tmp_path, capsys):
     assert log.trials["humidity"].astype(float) == pytest.approx([40, 41, 42])
     apart = np.linalg.norm(log.columns("c1x", "c1y") - log.columns("c2x", "c2y"), axis=1)
     assert np.nanmedian(apart) == pytest.approx(0.02, abs=1e-4)
+    # millimetres for metres, and none at all
+    command = ["import", str(path), "--kind", "csv", "--mapping", str(mapping), "-o", str(tmp_path / "other")]
+    mapping_file(tmp_path, columns={**COLUMNS, "moment": "M"}, units=UNITS, **given | {"finger_distance": 20.0})
+    assert main(command) == 2
+    assert "finger_distance: expected fingers that both reach the slider, at most 0." in capsys.readouterr().err
+    del given["finger_distance"]
+    mapping_file(tmp_path, columns={**COLUMNS, "moment": "M"}, units=UNITS, **given)
+    assert main(command) == 0
+    assert "finger_distance is not given: where the two fingers touch is not known" in capsys.readouterr().err
 
 
 def test_pushes_that_nothing_parts_are_noted(tmp_path, capsys):

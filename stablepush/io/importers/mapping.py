@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from stablepush.core import FloatArray, InputError, Node
+from stablepush.core import FloatArray, InputError, Node, note_noise
 from stablepush.io.formats import load_slider, model_or_path, slider_from_node
 from stablepush.io.importers.registry import Source
 from stablepush.io.json_files import read_text
@@ -30,6 +30,8 @@ _ONE_PUSH = (
     "one push was found. A push ends where the object rests for half a second: if there were more, let it rest between them, or "
     "name them in a column (columns.trial of a table)"
 )
+#: Note on two fingers whose distance is not known.
+_NO_DISTANCE = "finger_distance is not given: where the two fingers touch is not known, and no push of theirs can be simulated"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +60,10 @@ class Mapping:
             zero_forces=self.zero_forces, window=self.window, finger_distance=self.finger_distance, pose_delay=self.pose_delay,
             force_angle=self.force_angle,
         )  # fmt: skip
-        return log, [_ONE_PUSH] if trials is None and len(log) == 1 else []
+        notes = [_ONE_PUSH] if trials is None and len(log) == 1 else []
+        if self.rig.contact_kind == "two-point" and tips is not None and self.finger_distance is None:
+            notes.append(_NO_DISTANCE)
+        return log, notes
 
 
 def mapping_of(source: Source, slider: Slider | None, *own: str) -> Mapping:
@@ -95,6 +100,12 @@ def mapping_of(source: Source, slider: Slider | None, *own: str) -> Mapping:
         extra={"source": {"kind": source.kind, "body_pose": pose.tolist(), "pose_delay": lag, "force_angle": turn}},
         model=None if model is None else model_or_path(model, file.parent),
     )
+    if noise is not None and rig.noise is not None:
+        if rig.noise.position >= rig.slider.radius:
+            noise["position"].fail(
+                f"expected less than the size of the slider, {rig.slider.radius:.3g} m", f"{rig.noise.position:g} m"
+            )
+        note_noise(rig.noise.position, rig.noise.angle, f"{file}: noise")
     return Mapping(
         root, rig, pose, "slider" if on is None else on.text(FORCES_ON),
         True if zero is None else zero.value, number("window", None), number("finger_distance", None),

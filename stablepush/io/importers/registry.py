@@ -56,7 +56,7 @@ def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path 
     """Return the raw logs that a file, a folder or a whole clone holds, ordered by path, with distinct names.
 
     ``mapping``: a YAML file that says what is what, for importers that need one; it becomes the label ``mapping`` of all sources.
-    Those that need one are only asked if they are named by ``kind``, for they take any table or bag.
+    Those that need one are only asked with one, for they take any table or bag.
     """
     root = Path(path)
     if kind is not None and kind not in importers():
@@ -67,7 +67,8 @@ def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path 
     asked = {name: load_plugin(_GROUP, name) for name in wanted}
     mapped = [name for name, one in asked.items() if getattr(one, "needs_mapping", False)]
     if kind is None:
-        asked = {name: one for name, one in asked.items() if name not in mapped}
+        # who gives a mapping has a log that needs one
+        asked = {name: one for name, one in asked.items() if (name in mapped) == (mapping is not None)}
     elif mapping is not None and not getattr(asked[kind], "needs_mapping", False):
         raise InputError("mapping", f"expected none, logs of kind {kind} need no mapping", str(mapping))
     found = (importer.find(root) for importer in asked.values())
@@ -75,7 +76,7 @@ def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path 
     if not sources:
         words = f"expected a raw log of kind {' or '.join(asked)}, found none"
         if kind is None:
-            words += f" (those of kind {' or '.join(mapped)} need --kind and --mapping)"
+            words += "" if mapping is not None else f" (those of kind {' or '.join(mapped)} need --mapping)"
         raise InputError("", words, file=root)
     if mapping is not None:
         sources = [replace(source, labels={**source.labels, "mapping": str(mapping)}) for source in sources]
