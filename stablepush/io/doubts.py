@@ -24,6 +24,8 @@ _FARTHEST, _TURNS = 50.0, 2 * np.pi
 _ASLANT, _TURNED, _FEWEST, _BEYOND, _LIKELY = math.radians(50), math.radians(25), 8, math.radians(10), 0.5
 #: A tip that is nearer (m) to the outline than this has no normal; nor has one that is as near to two edges of a notch.
 _ON, _NOTCH = 1e-4, 1e-3
+#: A rest shows the offset of the force sensor for pushes that begin so many seconds before or after.
+_REST_SERVES = 60.0
 #: A push whose power is a smaller share of the greatest was none.
 _WORKS = 0.01
 #: Nobody pushes so slowly or so fast (m/s).
@@ -102,12 +104,15 @@ def _aslant(log: PushLog) -> Iterator[str]:
 def _restless(log: PushLog) -> Iterator[str]:
     resting = {str(name) for name in log.samples["trial"][log.samples["phase"] == "rest"]}
     pushes = _powers(log)
-    restless = [name for name in pushes if name not in resting]
+    begun = dict(zip(map(str, log.trials["trial"]), np.asarray(log.trials["start_time"], dtype=np.float64), strict=True))
+    rests = np.array([begun[name] for name in resting])
+    # of a rest shortly before nothing need be said: that of a plan serves all its pushes
+    restless = [name for name in pushes if not (np.abs(rests - begun[name]) <= _REST_SERVES).any()]
     if restless:
         named = ", ".join(restless[:3]) + (", …" if len(restless) > 3 else "")
         yield (
-            f"{len(restless)} of {len(pushes)} pushes ({named}) have no rows at rest, which show the offset of the force sensor: "
-            "that of another rest is taken off them, if there is one"
+            f"{len(restless)} of {len(pushes)} pushes ({named}) have no rows at rest within {_REST_SERVES:g} s, which show the "
+            "offset of the force sensor: that of another rest is taken off them, if there is one"
         )
 
 
