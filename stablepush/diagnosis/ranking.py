@@ -150,8 +150,8 @@ def _of_fit(id: str, system: System, found: Attribution, effects: list[str]) -> 
         probability = min(0.99, max(0.5, _logistic((evidence - _EVEN_CHOSEN) / _ODDS_CHOSEN)))
     else:
         probability = _logistic((evidence - _EVEN) / _ODDS)
-        # so that it is not more than what a refit takes in
-        probability = probability if id in effects else min(probability, _MOST - 1e-9)
+        # not more than what a refit takes in, the nearer to it the more evidence there is
+        probability = probability if id in effects else min(probability, _MOST * (1 - 1 / (1 + max(2.0, evidence))))
     return probability, parameters, not blind or (id == "contact-friction" and id in system.nuisance)
 
 

@@ -261,7 +261,9 @@ def unexplained(
             f"{len(lost)} of {pushes} pushes{_few(list(lost))} ended up to {most:.3g} mm from where "
             "the nominal simulation has them"
         )
-    likely = [f"{e.effect} ({e.probability:.2f})" for e in ranking if e.identifiable and e.probability >= _LIKELY][:_LISTED]
+    # that a refit fits better is told elsewhere, and is no cause
+    causes = [e for e in ranking if e.identifiable and e.probability >= _LIKELY and e.effect != "model-capacity"]
+    likely = [f"{e.effect} ({e.probability:.2f})" for e in causes[:_LISTED]]
     if likely:
         words.append(f"most likely {', '.join(likely)}")
     else:
