@@ -67,8 +67,13 @@ def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
 
     code: object
     try:
-        _require_values(sys.argv[1:] if arguments is None else arguments)
-        code = app(args=arguments, prog_name="stablepush", standalone_mode=False)
+        given = sys.argv[1:] if arguments is None else arguments
+        _require_values(given)
+        program: Any = typer.main.get_command(app)
+        chosen = next((program.commands[word] for word in given if word in program.commands), None)
+        if chosen is not None:
+            _require_numbers(chosen, given)
+        code = program(args=arguments, prog_name="stablepush", standalone_mode=False)
         sys.stdout.flush()
     except typer.Exit as stop:
         code = stop.exit_code
@@ -79,7 +84,7 @@ def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
     except StablepushError as error:
         code = _complain(str(error))
     except usage_error as error:
-        words = _short_of_values(error, sys.argv[1:] if arguments is None else arguments) or error.format_message()  # type: ignore[attr-defined]
+        words = error.format_message()  # type: ignore[attr-defined]
         if words.partition(": ")[2].split(" ")[0].rstrip(".") in ("--quiet", "-q", "--json"):
             words = f"{words.rstrip('.')}: it comes before the command"
         code = _complain(words)
@@ -119,17 +124,31 @@ def _require_values(arguments: list[str]) -> None:
             raise InputError(place, "expected a value", '""')
 
 
-def _short_of_values(error: Any, arguments: list[str]) -> str:
-    """Say which option of several numbers took the next option's name for one of them, if any did."""
-    for option in error.ctx.command.params if getattr(error, "ctx", None) else ():
-        for k, argument in enumerate(arguments):
-            if option.nargs < 2 or argument not in option.opts:
-                continue
-            values = arguments[k + 1 : k + 1 + option.nargs]
-            given = next((i for i, value in enumerate(values) if re.match("--?[A-Za-z]", value)), len(values))
-            if given < option.nargs:
-                return f"{argument}: expected {option.nargs} numbers, {option.metavar}, got {given}"
-    return ""
+def _require_numbers(command: Any, arguments: list[str]) -> None:
+    """Refuse an option of several numbers that another option cuts short: the parser would take its name for a number."""
+    from stablepush.core import InputError
+
+    several = {name: option for option in command.params if option.nargs > 1 for name in option.opts}
+    for k, argument in enumerate(arguments):
+        name, equals, first = argument.partition("=")
+        if name not in several:
+            continue
+        option = several[name]
+        values = [first] * bool(equals) + arguments[k + 1 :]
+        count = 0
+        while count < min(option.nargs, len(values)) and not _is_option(values[count]):
+            count += 1
+        if count < option.nargs:
+            got = f"{count}: {' '.join(values[:count])}" if count else "none"
+            raise InputError(name, f"expected {option.nargs} numbers, {option.metavar}", got)
+
+
+def _is_option(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return re.match("--?[A-Za-z]", text) is not None
+    return False
 
 
 @contextmanager

@@ -75,4 +75,4 @@ from .plugins import load_plugin as load_plugin, plugin_names as plugin_names, w
 from .renamed import renamed as renamed, renamed_fields as renamed_fields
 from .rich import shown_as as shown_as
 from .shares import binomial_interval as binomial_interval
-from .words import Word as Word, closest as closest, counted as counted, misspelt as misspelt
+from .words import Word as Word, closest as closest, counted as counted, did_you_mean as did_you_mean

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stablepush.core.errors import InputError
-from stablepush.core.words import misspelt
+from stablepush.core.words import did_you_mean
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -86,7 +86,7 @@ def check_choice(value: Any, name: str, choices: Iterable[str]) -> str:
     """Return ``value``, which must be one of some words."""
     words = tuple(choices)
     if value not in words:
-        raise InputError(name, f"expected one of {', '.join(words)}", misspelt(value, words))
+        raise InputError(name, f"expected one of {', '.join(words)}", f"{value!r}{did_you_mean(value, words)}")
     return str(value)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from stablepush.core.arrays import FloatArray, check_array, check_number, check_zero_or_positive
 from stablepush.core.errors import InputError, PlausibilityWarning
-from stablepush.core.words import closest, misspelt
+from stablepush.core.words import closest, did_you_mean
 
 _T = TypeVar("_T")
 
@@ -86,7 +86,10 @@ class Node:
         if not isinstance(self.value, str):
             self.fail("expected a string", describe(self.value))
         if choices and self.value not in choices:
-            self.fail(f"expected {' or '.join(json.dumps(c) for c in choices)}", misspelt(self.value, choices))
+            self.fail(
+                f"expected {' or '.join(json.dumps(c) for c in choices)}",
+                f"{describe(self.value)}{did_you_mean(self.value, choices)}",
+            )
         return self.value  # type: ignore[no-any-return]
 
     def number(self, *, at_least: float | None = None, positive: bool = False) -> float:

@@ -7,6 +7,9 @@ from collections.abc import Iterable
 from enum import StrEnum
 from typing import Self
 
+#: What has more letters is no misspelt word.
+_LONGEST = 60
+
 
 class Word(StrEnum):
     """A member is its word, as files have it; ``advice``: what it means for whoever reads it."""
@@ -31,10 +34,10 @@ def closest(given: str, words: Iterable[str], likeness: float = 0.6) -> str | No
     return next((plain[found] for found in difflib.get_close_matches(_plain(given), plain, 1, likeness)), None)
 
 
-def misspelt(given: object, words: Iterable[str]) -> str:
-    """A word that is in no vocabulary, as a message names it: with the one that may be meant."""
-    meant = closest(str(given), words)
-    return f"{given!r}{f'; did you mean {meant}?' if meant else ''}"
+def did_you_mean(given: object, words: Iterable[str]) -> str:
+    """What a message adds to a word that is in no vocabulary: the one that may be meant; empty if none is like it."""
+    meant = closest(given, words) if isinstance(given, str) and len(given) <= _LONGEST else None
+    return f"; did you mean {meant}?" if meant else ""
 
 
 def _plain(word: str) -> str:

@@ -140,7 +140,7 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
             # nor may a pressure that few pushes determine be far off in some rows, which a density of heavy tails forgives
             free = held_out_square(system, chosen, True, folds) < held_out_square(system, chosen, False, folds)
         recalibrated = certain or system.significantly_better(scores["scaled"], scores["nominal"])
-        # beside a surface that was fitted to pokes no change of its shape exceeds_model_error: a refit absorbs that
+        # beside a surface that was fitted to pokes no change of its shape is more than its error: a refit absorbs that
         if not chosen and not system.open_modes.size and (certain or system.rig.model is None):
             scores |= held_out_of_body(system, folds, certain)
             named, moved = reshaping(system, scores, certain)

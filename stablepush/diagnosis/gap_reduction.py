@@ -19,7 +19,7 @@ from stablepush.diagnosis.results import ChannelGap, GapReduction
 from stablepush.diagnosis.system import IN_CLEARANCES, System
 from stablepush.geometry import angle_between, twist_from_cor
 from stablepush.io import PushLog
-from stablepush.objects import PushContact
+from stablepush.objects import PushContact, Slider
 from stablepush.stability import StabilityOracle
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
@@ -79,7 +79,7 @@ def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[
         _ends(held, system, folds, pushes)
     elif "touch" in held.squares:
         held.squares["pose"], held.trials["pose"] = held.squares["touch"], held.trials["touch"]
-        held.floors["pose"] = held.floors["touch"] + _rigid(system)
+        held.floors["pose"] = held.floors["touch"] + rigid_square(system.rig.slider)
     labels = _labels(system, log) if system.has_surface and system.rig.contact_friction is not None else {}
     if labels:
         _stability(held, folds, labels, system.rig.model, system)
@@ -151,13 +151,13 @@ def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Re
         held.trials["pose"] = trial[simulated]
         held.squares["pose"] = {k: (held.ends[k][simulated] ** 2).sum(axis=1) for k in FITS}
         noise = float((system.final_pose_noise[simulated] ** 2).sum(axis=1).mean())
-        held.rigid["pose"] = _rigid(system)
+        held.rigid["pose"] = rigid_square(system.rig.slider)
         held.floors["pose"] = noise + held.rigid["pose"]
 
 
-def _rigid(system: System) -> float:
+def rigid_square(slider: Slider) -> float:
     """Mean square (m²) of what poses of simulated pushes err without noise."""
-    return float((_RIGID * system.rig.slider.radius) ** 2)
+    return float((_RIGID * slider.radius) ** 2)
 
 
 def _clearances(held: HeldOut, system: System, folds: list[_Fold]) -> None:

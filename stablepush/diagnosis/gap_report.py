@@ -7,7 +7,6 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-from scipy.stats import chi2
 
 from stablepush.core import InputError, one_blas_thread
 from stablepush.diagnosis.attribution import Attribution, attribute
@@ -20,10 +19,11 @@ from stablepush.diagnosis.finger_forces import finger_forces
 from stablepush.diagnosis.gap_reduction import HeldOut, hold_out, reductions
 from stablepush.diagnosis.motions import Motions, motions_of
 from stablepush.diagnosis.observations import Observations, heading, observe
+from stablepush.diagnosis.one_push import of_one_push
 from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import Replay, replays
 from stablepush.diagnosis.report import GapReport, without_causes
-from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict
+from stablepush.diagnosis.results import GapReduction, NextExperiment, RankedEffect, Verdict
 from stablepush.diagnosis.signatures import estimates, signatures
 from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
 from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
@@ -57,8 +57,6 @@ _DRIVEN = (
     "on the whole the forces oppose the motion, as no friction does, and no cause is looked for: look at the signs, axes and "
     "units of forces and poses"
 )
-#: p-value below which a single push ends elsewhere than simulated.
-_ONE_PUSH_OFF = 1e-3
 #: A share below this goes without saying.
 _TOLD_SHARE = 0.05
 
@@ -157,7 +155,7 @@ def _diagnose(
         log = comparison.log
     observations = observe(log) if number is None else observe_each(log, number)
     if len(np.unique(observations.trial)) < 2:
-        return _of_one_push(log, name, observations) if comparison is None else _only_compared(log, name, comparison)
+        return of_one_push(log, name, observations) if comparison is None else _only_compared(log, name, comparison)
     turned = _turned_round(observations)
     if turned:
         return without_causes(log, name, Verdict.UNKNOWN, [], [], f"{turned[0].upper()}{turned[1:]}.", [turned], UNSEEN)
@@ -166,10 +164,9 @@ def _diagnose(
     system, pushes, left_out = _equations(log, observations, own, comparison, number)
     if comparison is not None and not system.has_wrench and not pushes:
         return _only_compared(log, name, comparison)
-    if system.has_wrench and not float(system.nominal.sum()) > 0:
-        return without_causes(log, name, Verdict.UNKNOWN, [], [], f"{_DRIVEN[0].upper()}{_DRIVEN[1:]}.", [_DRIVEN], UNSEEN)
     found, held = _found(system, log, pushes, progress)
-    trivial = _trivial(system, found, held, log, pushes)
+    nothing = changes_nothing(system, found, held)
+    trivial = [*found.chosen, *found.confounded] if nothing else _least_useful(system, found, held, log, pushes)
     if trivial:
         # what it took may be the shape of the surface, which is judged where no other effect acts
         system.aside, first = frozenset(trivial), found
@@ -323,13 +320,13 @@ def _found(system: System, log: PushLog, pushes: list[Replay], progress: Callabl
     return found, hold_out(system, found, log, pushes)
 
 
-def _trivial(system: System, found: Attribution, held: HeldOut, log: PushLog, pushes: list[Replay]) -> list[str]:
-    """A chosen effect, with those that it is confounded with, without which pushes are predicted all but as well; of several the
-    one that does least."""
-    if changes_nothing(system, found, held):
-        return [*found.chosen, *found.confounded]
+def _least_useful(system: System, found: Attribution, held: HeldOut, log: PushLog, pushes: list[Replay]) -> list[str]:
+    """The one of several chosen effects without which pushes are predicted all but as well, with those that it is confounded
+    with; the one that does least."""
     least: tuple[float, list[str]] = (NEXT_TO_NOTHING, [])
-    for id in found.chosen if len(found.named) > 1 and system.has_wrench and system.logs == 1 else ():
+    if len(found.named) < 2 or system.logs > 1 or not system.has_wrench:
+        return []
+    for id in found.chosen:
         others = [e for e in found.chosen if e != id]
         apart = found.confounded if found.confounded_with == id else []
         without = replace(
@@ -352,30 +349,11 @@ def _turned_round(observations: Observations) -> str:
     names, rows = np.unique(o.trial[o.has_wrench], return_inverse=True)
     against = int((np.bincount(rows, power) < 0).sum()) if len(names) else 0
     if len(names) < _FEWEST or against < _OPPOSED * len(names):
-        return ""
+        return _DRIVEN if float(power.sum()) < 0 else ""
     return (
         f"in {against} of {len(names)} pushes the force opposes the motion, as no push does: the sign of the forces seems to be "
         "turned round (expected: the force on the slider), and no cause is looked for"
     )
-
-
-def _of_one_push(log: PushLog, name: str, observations: Observations) -> GapReport:
-    """The answer to a log in which one push moves, or none: how far it ends from simulation, where it can be simulated."""
-    replayed = replays(log, observations)
-    system = System(observations, log.rig) if len(replayed) == 1 and len(observations.trial) else None
-    pushes, noise = ([], np.zeros((0, 3))) if system is None else system.predictable(replayed)
-    if system is not None and pushes:
-        errors = system.simulated_errors(pushes, system.nominal, {})
-        far, floor = float(np.linalg.norm(errors)), float(np.linalg.norm(noise))
-        p = float(chi2.sf(((errors / noise) ** 2).sum(), 3))
-        verdict = Verdict.UNKNOWN if p < _ONE_PUSH_OFF else Verdict.NONE
-        sentence = f"The push ends {1000 * far:.3g} mm from where the simulation carries it (noise {1000 * floor:.2g} mm)"
-        why = "one push cannot tell causes apart"
-        gap = ChannelGap("pose", "m", far, far, floor, p)
-        reduced = GapReduction("pose", "m", 1, far, far, min(floor, far), 0.0, [0.0, 0.0], floor)
-        return without_causes(log, name, verdict, [gap], [reduced], f"{sentence}: {why}.", [], dict.fromkeys(CATALOGUE, why))
-    words = "the log has fewer than two pushes in which the slider is seen to move: it cannot be diagnosed"
-    return without_causes(log, name, Verdict.NONE, [], [], f"{words[0].upper()}{words[1:]}.", [words], UNSEEN)
 
 
 def _only_compared(log: PushLog, name: str, comparison: Comparison) -> GapReport:

@@ -126,7 +126,9 @@ class GapReport:
                 return [*(f"{id}: {self._remedy(id)}" for id in certain), self.verdict.advice]
             if self.verdict == "unknown":
                 after = self.next_experiment
-                return [self.verdict.advice, "--pushes writes pushes to try next" if after.pushes else after.why, *plan]
+                where = ": --html shows where it lies" if len(self.poses) or len(self.places) else ""
+                pushes = "make the pushes of next_experiment, which --pushes writes" if after.pushes else after.why
+                return [f"{self.verdict.advice}{where}", pushes, *plan]
             return plan if plan and self.verdict == "none" else [self.verdict.advice, *plan]
         remedies = [f"{id}: {self._remedy(id)}" for id in self.named]
         far = [] if _OF_IMPORTS.issuperset(self.named) else self._predicted_worse()

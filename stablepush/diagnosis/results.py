@@ -22,7 +22,7 @@ class Verdict(Word):
     ABSORBED = "absorbed", "a refitted surface and friction fit, no other cause stands out: stablepush correct, then plan again"
     NAMED = "named", "use the corrected simulation, or remove the cause"
     AMBIGUOUS = "ambiguous", "make the pushes of next_experiment: this log cannot separate the causes"
-    UNKNOWN = "unknown", "no effect of the catalogue is shown to explain the gap: --html shows where it lies"
+    UNKNOWN = "unknown", "no effect of the catalogue is shown to explain the gap"
 
 
 class Record(Mapping[str, Any]):

@@ -93,7 +93,7 @@ class System(Equations):
     ) -> None:
         chosen = observations.has_wrench if observations.has_wrench.any() else np.ones(len(observations.time), dtype=bool)
         o = rows_of(observations, chosen)
-        self.noise = _noise(rig, o, noisier)
+        self.noise = noise_of(rig, o, noisier)
         if rig.noise is not None:
             self.least_scale = 1.0
         of_poses = np.array((self.noise.position, self.noise.position, self.noise.angle))
@@ -457,7 +457,7 @@ def system_of(observations: Observations, rig: Rig, own: Mapping[str, LabEffect]
     return system
 
 
-def _noise(rig: Rig, o: Observations, noisier: float) -> Noise:
+def noise_of(rig: Rig, o: Observations, noisier: float) -> Noise:
     """The rig's noise, else what a laboratory of that kind has, times a factor."""
     if rig.noise is not None:
         force = max(rig.noise.force, 1e-6)

@@ -119,7 +119,7 @@ def judge(
     elif found.confounded:
         verdict = Verdict.AMBIGUOUS
         apart = [found.confounded_with, *found.confounded]
-        effects = [*(id for id in found.named if id != found.confounded_with), *apart]
+        effects = [*apart, *(id for id in found.named if id != found.confounded_with)]
     elif found.named:
         verdict, effects = Verdict.NAMED, found.named
     else:

@@ -93,10 +93,10 @@ def sentence_of(system: System, judged: Judgement, ranking: list[RankedEffect], 
         return f"{certain}{nearer}."
     if verdict == "ambiguous":
         numbered = "; ".join(f"({number}) {causes[id]}" for number, id in enumerate(judged.apart, 1))
-        apart = f"his log cannot tell {' from '.join(judged.apart)}; one alone would explain"
+        named = " from ".join(judged.apart)
         if certain:
-            return f"{certain}. Besides, t{apart} what is left: {numbered}{nearer}."
-        return f"T{apart} it: {numbered}{nearer}."
+            return f"{certain}. Besides, this log cannot tell {named}; one alone would explain what is left: {numbered}{nearer}."
+        return f"This log cannot tell {named}; one alone would explain it: {numbered}{nearer}."
     raise AssertionError(verdict)
 
 
@@ -111,7 +111,7 @@ def _friction(system: System, loads: FloatArray, reductions: Sequence[GapReducti
         return f"The friction under the object differs from the nominal one ({size})"
     more = f"{abs(change):.2g} % {'more' if change > 0 else 'less'} than believed"
     told = "which is as believed" if abs(change) < _ALIKE else more
-    # what explains the gap is where the friction acts, unless the change of its size is as large as the gap
+    # what explains the gap is where the friction acts, unless the change of its size is half as large as the gap or more
     gap = next((math.sqrt(max(0.0, e.before**2 - e.after**2)) for e in reductions if e.channel == "wrench"), 0.0)
     if abs(change) < _ALIKE or abs(total - nominal) < _MUCH * gap:
         return f"The friction under the object is spread otherwise than the nominal one ({size}, {told})"
@@ -306,7 +306,7 @@ def notes_on(
         pushes = [system.observations.names[k] for k in np.unique(system.observations.trial[far])]
         many = len(pushes) > _FEW_PUSHES * len(log)
         cause = (
-            "so many pushes are no outliers of the sensor: something acts there that no effect of the catalogue describes"
+            "they may be outliers of the sensor, or something acts there that no effect of the catalogue describes"
             if many
             else "look at them first, they may be outliers of the sensor"
         )

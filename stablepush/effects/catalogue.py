@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from stablepush.core import LARGEST_MAGNITUDE, InputError, check_choice, check_number, misspelt, note_friction, note_quantity
+from stablepush.core import LARGEST_MAGNITUDE, InputError, check_choice, check_number, did_you_mean, note_friction, note_quantity
 
 #: Speed (m/s) at which friction that depends on speed is nominal.
 REFERENCE_SPEED = 0.02
@@ -250,7 +250,9 @@ class Effect:
         checked: dict[str, tuple[float, ...]] = {}
         for name, given in values.items():
             if name not in known:
-                raise InputError(f"effect {id}", f"unknown parameter, expected {' or '.join(known)}", misspelt(name, known))
+                raise InputError(
+                    f"effect {id}", f"unknown parameter, expected {' or '.join(known)}", f"{name!r}{did_you_mean(name, known)}"
+                )
             parameter = known[name]
             several = given if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
             numbers = tuple(check_number(x, f"effect {id}: {name}", largest=math.inf) for x in several)

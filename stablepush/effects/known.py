@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import FloatArray, InputError, Node, check_array, read_only
+from stablepush.core import FloatArray, InputError, Node, check_array, did_you_mean, read_only
 from stablepush.effects.catalogue import CATALOGUE, Effect
 
 #: Rounding of a covariance, over its largest entry.
@@ -85,7 +85,7 @@ def effects_from_node(node: Node | None) -> tuple[KnownEffect, ...]:
         for name in entry["parameters"].object():
             value = entry["parameters"][name]
             if name not in known:
-                value.fail(f"unknown parameter, expected {' or '.join(known)}")
+                value.fail(f"unknown parameter, expected {' or '.join(known)}{did_you_mean(name, known)}")
             size = known[name].size
             values[name] = value.number() if size == 1 else value.array(size).tolist()
         if not values:

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import ConvergenceError, FloatArray, InputError, brief, check_array, check_count, check_number, misspelt
+from stablepush.core import ConvergenceError, FloatArray, InputError, brief, check_array, check_count, check_number, did_you_mean
 from stablepush.geometry import cor_from_twist, unit
 from stablepush.mechanics.kernels.inertia import Body
 from stablepush.objects import Slider
@@ -133,7 +133,7 @@ def simulate_free_sliding(
     from scipy.integrate import solve_ivp
 
     if variant not in VARIANTS:
-        raise InputError("variant", f"expected {' or '.join(VARIANTS)}", misspelt(variant, VARIANTS))
+        raise InputError("variant", f"expected {' or '.join(VARIANTS)}", f"{variant!r}{did_you_mean(variant, VARIANTS)}")
     body = Body(check_surface(surface, "surface"), slider, mu, gravity)
     first = check_array(twist, "twist", (3,))
     start = check_array(pose, "pose", (3,))

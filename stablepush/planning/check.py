@@ -29,6 +29,8 @@ _FINEST = 1e-5
 #: Seed of the check's own scenarios, the level of the interval that a stated probability must lie in, and what is granted to a
 #: number that was itself measured on as many scenarios.
 _SEED, _CERTAINTY, _STATED = 987_654_321, 0.999, 0.02
+#: A plan that starts farther (m) from the scene's start, or a degree, was made for another scene.
+_OTHER_START = 1e-3
 #: What is said of a push whose margin is another than its plan states.
 _OTHER_MARGIN = "states a margin of"
 
@@ -128,8 +130,9 @@ def _check_chain(problem: PlanningProblem, result: PlanResult) -> list[str]:
             contact = segment.contact
         if _pose_difference(segment.start, pose) > TOLERANCE:
             apart = np.hypot(*(segment.start[:2] - pose[:2])), np.rad2deg(abs(wrap_angle(segment.start[2] - pose[2])))
-            there = "the scene's start: was the plan made for another scene?" if index == 0 else "where the slider stands then"
-            found.append(f"{place}: starts {1000 * apart[0]:.3g} mm and {apart[1]:.3g} deg from {there}")
+            there = "the scene's start" if index == 0 else "where the slider stands then"
+            other = ": was the plan made for another scene?" if index == 0 and (apart[0] > _OTHER_START or apart[1] > 1) else ""
+            found.append(f"{place}: starts {1000 * apart[0]:.3g} mm and {apart[1]:.3g} deg from {there}{other}")
         pose = segment.end
     return found
 

@@ -99,6 +99,10 @@ def corrections_from_node(node: Node) -> tuple[Correction, ...]:
     return tuple(found)
 
 
+#: The verdicts of a diagnosis, as its file has them.
+VERDICTS = ("none", "absorbed", "named", "ambiguous", "unknown")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SavedDiagnosis:
     """What plans need of a ``diagnosis/1`` file: its verdict, the effects it names, the rigs that it found, most probable first,
@@ -122,7 +126,7 @@ def load_diagnosis(path: str | Path) -> SavedDiagnosis:
     slider, effects, verdict = (root.get(key) for key in ("slider", "effects", "verdict"))
     return SavedDiagnosis(
         path,
-        "" if verdict is None else verdict.text(),
+        "" if verdict is None else verdict.text(VERDICTS),
         () if effects is None else tuple(node.text() for node in effects.items()),
         corrections,
         None if slider is None else slider_from_node(slider),

@@ -45,13 +45,13 @@ class Found(NamedTuple):
     remark: str = ""
 
 
-class Search(Protocol):
+class Searcher(Protocol):
     """Plan for a problem until a deadline, with so many search steps until there is a first plan."""
 
     def __call__(self, problem: PlanningProblem, until: Deadline, /, *, search_budget: float) -> Found: ...
 
 
-def keep_away(problem: PlanningProblem, search: Search, deadline: Deadline) -> Found:
+def keep_away(problem: PlanningProblem, search: Searcher, deadline: Deadline) -> Found:
     """Return a plan that keeps :data:`APART` from obstacles, or else one that may touch them.
 
     The first is taken if it lasts at most 5 % longer and holds as surely.
@@ -69,6 +69,9 @@ def keep_away(problem: PlanningProblem, search: Search, deadline: Deadline) -> F
     except StablepushError:
         # it has made a plan all the same
         return without
+    if deadline.stopped or deadline.passed():
+        # whether there is room is not known
+        without = touching
     good = apart.result.solved and apart.held >= touching.held
     if good and apart.result.duration <= _LONGER * touching.result.duration and check_plan(larger, apart.result).valid:
         # a bound of the problem itself holds for these plans as well

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from stablepush.core import BoolArray, FloatArray, InputError, check_number, misspelt, renamed_fields
+from stablepush.core import BoolArray, FloatArray, InputError, check_number, did_you_mean, renamed_fields
 from stablepush.planning.problem import PlanningProblem
 from stablepush.stability import StableRegion, all_pressure_region, lynch_mason_region
 
@@ -75,7 +75,7 @@ class PlanOptions:
 
     def __post_init__(self) -> None:
         if self.region not in REGIONS:
-            raise InputError("region", f"expected {' or '.join(REGIONS)}", misspelt(self.region, REGIONS))
+            raise InputError("region", f"expected {' or '.join(REGIONS)}", f"{self.region!r}{did_you_mean(self.region, REGIONS)}")
         if not 0 <= check_number(self.probability, "probability") <= 1:
             raise InputError("probability", "expected a number from 0 to 1", f"{self.probability:g}")
         check_number(self.margin_weight, "margin_weight", at_least=0.0)

@@ -19,8 +19,8 @@ from stablepush.core import (
     check_number,
     check_seed,
     check_share,
+    did_you_mean,
     load_plugin,
-    misspelt,
     plugin_names,
     renamed,
     within,
@@ -149,7 +149,9 @@ def _planner(name: str) -> Planner:
         run: Planner = load_plugin(_GROUP, name)
     except LookupError:
         names = planner_names()
-        raise InputError("planner", f"expected one of {', '.join(names) or 'none installed'}", misspelt(name, names)) from None
+        raise InputError(
+            "planner", f"expected one of {', '.join(names) or 'none installed'}", f"{name!r}{did_you_mean(name, names)}"
+        ) from None
     _require_signature(run, name)
     return run
 

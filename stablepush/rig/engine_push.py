@@ -7,7 +7,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from stablepush.core import EffectError, FloatArray, InputError, UnavailableError, misspelt
+from stablepush.core import EffectError, FloatArray, InputError, UnavailableError, did_you_mean
 from stablepush.effects import Effect
 from stablepush.engines import GRAVITY, Fingers, SliderOnFeet, executor
 from stablepush.geometry import (
@@ -61,7 +61,7 @@ def slider_on_feet(slider: Slider, support: IdealLimitSurface, effects: Mapping[
 def require_engine(engine: str) -> None:
     """Refuse an engine that is not known or not installed."""
     if engine not in ENGINES:
-        raise InputError("engine", f"expected {' or '.join(ENGINES)}", misspelt(engine, ENGINES))
+        raise InputError("engine", f"expected {' or '.join(ENGINES)}", f"{engine!r}{did_you_mean(engine, ENGINES)}")
     module, extra = ENGINES[engine]
     if find_spec(module) is None:
         raise UnavailableError(f"engine {engine}: expected the extra {extra}: pip install 'stablepush[{extra}]'")

@@ -31,6 +31,7 @@ from stablepush.views.plot.gaps import (
     arrow_scale,
     drawn_forms,
     magnification,
+    marks_pushes,
     plot_effects,
     plot_final_poses,
     plot_forms,
@@ -75,9 +76,10 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         kinds = [entry.effect == "contact-friction" for entry in drawn_forms(report)]
         of_table = (
             "Friction of the table, over the nominal one, which is the level grey line. Blue: as found; grey beside it: without "
-            "the further terms that this log needs. Dots: pushes, each as far off the curve as its measured load is off the "
-            "corrected simulation."
+            "the further terms that this log needs."
         )
+        if any(marks_pushes(report, entry) for entry in drawn_forms(report)):
+            of_table += " Orange: pushes, each as far off the curve as its measured load is off the corrected simulation."
         of_fingers = (
             "Friction of the fingers: the tangential over the normal force of each push, less what named effects of sensors do."
         )
@@ -169,10 +171,10 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     return render(
         "diagnosis.html",
         **values,
-        mended=simulations(report).get("after", "refitted"),
+        other=simulations(report).get("after", ""),
         about=about,
         label=label,
-        data=seen.data(report.rig.slider, simulations(report)),
+        data=seen.data(report.rig.slider),
     )
 
 
@@ -190,7 +192,7 @@ class _Seen:
     scale: float
     behind: bool
 
-    def data(self, slider: Slider, words: Mapping[str, str]) -> str:
+    def data(self, slider: Slider) -> str:
         """The JSON that the page's script reads."""
         places = np.array([row["at"][:2] for row in self.rows])
         arrows = np.array([[row["arrow"][key] for key in row["arrow"]] for row in self.rows])
@@ -204,7 +206,6 @@ class _Seen:
                 "frame": [*low.tolist(), *high.tolist()],
                 "scale": self.scale,
                 "behind": int(self.behind),
-                "words": list(words.values()),
                 "slider": slider.vertices.tolist(),
             }
         )

@@ -120,6 +120,11 @@ def test_a_drift_that_no_catalogue_has_is_named_and_drawn(log):
     places, marks = next(line.get_data() for line in drawn.lines if line.get_marker() == "o")
     assert 30 < len(places) <= len(log)
     np.testing.assert_allclose(marks, np.interp(places, drawn.lines[1].get_xdata(), highest), atol=0.1)
+    # as far off the curve as their loads are off the corrected simulation
+    far = replace(report, residuals={**report.residuals, "after": report.residuals["after"] + 0.2 * report.loads})
+    (off,) = plot_forms(far)
+    higher = next(line.get_ydata() for line in off.lines if line.get_marker() == "o")
+    assert np.median(higher / marks) == pytest.approx(1.25, abs=0.03)
     page = gap_html(report)
     assert "What was found" in page and "4o(1-o)" in page
 
@@ -157,7 +162,8 @@ def test_a_clean_log_opens_no_form(log):
     # what fits is not drawn beside a refit
     labels = [line.get_label() for line in plot_residuals_against(report)[0, 0].lines]
     assert "nominal" in labels and not {"corrected", "refitted"} & set(labels)
-    assert '"words": ["nominal"]' in gap_html(report)
+    page = gap_html(report)
+    assert 'words = ["both", "nominal", ""]' in page and "refitted one" not in page
 
 
 def read_by(log, matrix):

@@ -131,7 +131,8 @@ def test_a_bag_of_ros_1_comes_back(tmp_path, capsys, rosbags):
     topics = {"topics": {"pose": "/box", "tip": "/tip", "force": "/plate"}, "frames": {"plate": plate.tolist()}}
     entries = {**topics, "forces_on": "finger", "largest_gap": 20.0, "moment_about": "frame", "contact_kind": "two-point"}
     mapping = mapping_file(tmp_path, **entries)
-    imported(capsys, tmp_path / "push.bag", "--kind", "rosbag", "--mapping", mapping, "-o", tmp_path / "log")
+    # its suffix tells
+    imported(capsys, tmp_path / "push.bag", "--mapping", mapping, "-o", tmp_path / "log")
     log = sp.read_pushlog(tmp_path / "log")
     assert log.columns("x", "y") == pytest.approx(poses[:, :2], abs=1e-8)
     # about the tip nothing is left of the moment: the load in B is that of a force at the tip's centre

@@ -12,7 +12,7 @@ import stablepush as sp
 from stablepush.cli import main
 from stablepush.geometry import transform_points
 from stablepush.planning import clearance_of
-from stablepush.planning.keep_away import Found, keep_away
+from stablepush.planning.keep_away import NO_ROOM, Found, keep_away
 
 SCENES = Path(__file__).parents[2] / "examples" / "scenes"
 #: A square in the way of the straight path.
@@ -180,3 +180,16 @@ def test_a_plan_that_keeps_away_is_no_less_probable():
         lambda plan: sp.core.UnavailableError("it failed"),
     ):
         assert with_apart(refused) is touching
+
+
+@pytest.mark.parametrize(("stopped", "remark"), ((False, NO_ROOM), (True, "")))
+def test_a_search_that_is_stopped_does_not_say_that_there_is_no_room(stopped, remark):
+    problem = sp.load_scene(SCENES / "walls.json")
+    touching, asked = sp.plan(problem, clearance=0.0), []
+
+    def search(one, until, /, *, search_budget):
+        asked.append(one)
+        return Found(touching if one is problem else sp.PlanResult("timeout", ""), 0.98)
+
+    found = keep_away(problem, search, sp.core.Deadline(60.0, lambda: stopped and len(asked) > 1))
+    assert found.result is touching and found.remark == remark and len(asked) == 2

@@ -165,7 +165,7 @@ def test_a_diagnosis_without_corrections_is_refused(tmp_path, capsys):
     with pytest.raises(sp.InputError, match="at least one correction"):
         sp.correct(small_scene(), [])
     diagnosis.write_text(json.dumps({"format": "diagnosis/1", "verdict": "unknown", "corrected": [{"probability": 1}]}))
-    with pytest.warns(sp.PlanWarning, match="no probability of a plan counts|which no probability"):
+    with pytest.warns(sp.PlanWarning, match="something else is wrong, which no probability of a plan counts"):
         sp.correct(small_scene(pusher=None), diagnosis)
     assert main(["correct", str(tmp_path / "scene.json"), str(diagnosis), "-o", str(tmp_path / "out.json")]) == 0
     assert "warning: the diagnosis is unknown" in capsys.readouterr().err

@@ -39,6 +39,7 @@ class CsvTables:
     """Importer of tables in the world frame: kind ``csv``."""
 
     needs_mapping = True
+    suffixes = (".csv",)
 
     def find(self, root: Path) -> Iterator[Source]:
         files = [root] if root.is_file() else sorted(root.glob("*.csv"))

@@ -15,7 +15,7 @@ from stablepush.io.formats import load_slider, model_or_path, slider_from_node
 from stablepush.io.importers.registry import Source
 from stablepush.io.json_files import read_text
 from stablepush.io.pushlog import CONTACT_KINDS, Noise, PushLog, Rig
-from stablepush.io.world import FORCES_ON, log_from_arrays
+from stablepush.io.world import FORCES_ON, TOO_FAR_APART, log_from_arrays, most_apart
 from stablepush.objects import Slider
 
 #: Keys that all mappings may have.
@@ -106,6 +106,9 @@ def mapping_of(source: Source, slider: Slider | None, *own: str) -> Mapping:
                 f"expected less than the size of the slider, {rig.slider.radius:.3g} m", f"{rig.noise.position:g} m"
             )
         note_noise(rig.noise.position, rig.noise.angle, f"{file}: noise")
+    apart = root.get("finger_distance")
+    if apart is not None and rig.finger_radius is not None and apart.number(positive=True) > most_apart(rig):
+        apart.fail(TOO_FAR_APART.format(most_apart(rig)), f"{apart.value:g} m")
     return Mapping(
         root, rig, pose, "slider" if on is None else on.text(FORCES_ON),
         True if zero is None else zero.value, number("window", None), number("finger_distance", None),

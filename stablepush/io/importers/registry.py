@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
-from stablepush.core import InputError, StablepushWarning, load_plugin, misspelt, plugin_names
+from stablepush.core import InputError, StablepushWarning, did_you_mean, load_plugin, plugin_names
 from stablepush.io.pushlog import PushLog
 from stablepush.objects import Slider
 
@@ -56,19 +56,21 @@ def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path 
     """Return the raw logs that a file, a folder or a whole clone holds, ordered by path, with distinct names.
 
     ``mapping``: a YAML file that says what is what, for importers that need one; it becomes the label ``mapping`` of all sources.
-    Those that need one are only asked with one, for they take any table or bag.
+    Those that need one are only asked if they are named by ``kind``, for they take any table or bag; or with a mapping, by the
+    suffixes that they have.
     """
     root = Path(path)
     if kind is not None and kind not in importers():
-        raise InputError("kind", f"expected {' or '.join(importers())}", misspelt(kind, importers()))
+        raise InputError("kind", f"expected {' or '.join(importers())}", f"{kind!r}{did_you_mean(kind, importers())}")
     if not root.exists():
         raise InputError("", "cannot read: no such file or folder", file=root)
     wanted = importers() if kind is None else [kind]
     asked = {name: load_plugin(_GROUP, name) for name in wanted}
     mapped = [name for name, one in asked.items() if getattr(one, "needs_mapping", False)]
     if kind is None:
-        # who gives a mapping has a log that needs one
-        asked = {name: one for name, one in asked.items() if (name in mapped) == (mapping is not None)}
+        # who gives a mapping with a file may have one that its suffix tells
+        told = [name for name in mapped if mapping is not None and root.suffix in getattr(asked[name], "suffixes", ())]
+        asked = {name: one for name, one in asked.items() if (name in told if told else name not in mapped)}
     elif mapping is not None and not getattr(asked[kind], "needs_mapping", False):
         raise InputError("mapping", f"expected none, logs of kind {kind} need no mapping", str(mapping))
     found = (importer.find(root) for importer in asked.values())
@@ -76,7 +78,7 @@ def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path 
     if not sources:
         words = f"expected a raw log of kind {' or '.join(asked)}, found none"
         if kind is None:
-            words += "" if mapping is not None else f" (those of kind {' or '.join(mapped)} need --mapping)"
+            words += f" (those of kind {' or '.join(mapped)} need --kind and --mapping)"
         raise InputError("", words, file=root)
     if mapping is not None:
         sources = [replace(source, labels={**source.labels, "mapping": str(mapping)}) for source in sources]

@@ -52,6 +52,7 @@ class RosBags:
     """Importer of ROS bags: kind ``rosbag``. Those of ROS 2 are folders, those of ROS 1 files that end in ``.bag``."""
 
     needs_mapping = True
+    suffixes = (".bag",)
 
     def find(self, root: Path) -> Iterator[Source]:
         if root.is_file():

@@ -44,6 +44,13 @@ _FAINT = 0.2
 _SHORT = 4
 
 
+def marks_pushes(report: GapReport, entry: RankedEffect) -> bool:
+    """Return whether :func:`plot_forms` marks pushes beside the curve of an effect: where there are forces, and one curve."""
+    if entry.effect in ("anisotropy-world", "anisotropy-object", "speed-dependence"):
+        return "after" in report.residuals
+    return entry.effect == "drift" and "after" in report.residuals and not isinstance(entry.parameters["rate"].estimate, list)
+
+
 def simulations(report: GapReport) -> dict[str, str]:
     """Return what pictures call the simulations that they show, by the report's keys: only the nominal one where it fits."""
     words = {"before": "nominal", "after": "corrected" if report.named else "refitted"}
@@ -274,8 +281,6 @@ def _of_pushes(
 
     ``at`` (n,): where rows are on the curve; complex numbers of that direction for half turns.
     """
-    if "after" not in report.residuals:
-        return
     good = report.determined & np.isfinite(report.residuals["after"]).all(axis=1)
     if not good.any():
         return
@@ -309,7 +314,8 @@ def _over_direction(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     _curve(axes, entry, np.degrees(angles), lambda terms: friction_over_direction(ratio, direction, terms, angles), label)
     turned = report.headings - (0.0 if entry.effect.endswith("world") else report.poses[:, 2])
     over = partial(friction_over_direction, ratio, direction, _terms(entry))
-    _of_pushes(axes, report, np.exp(2j * turned), over, 180 / np.pi)
+    if marks_pushes(report, entry):
+        _of_pushes(axes, report, np.exp(2j * turned), over, 180 / np.pi)
 
 
 def _over_speed(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
@@ -320,7 +326,8 @@ def _over_speed(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     speeds = np.geomspace(low, max(high, 1.01 * low), 200)
     _curve(axes, entry, 1000 * speeds, lambda terms: friction_over_speed(slope, terms, speeds, REFERENCE_SPEED), "speed [mm/s]")
     over = partial(friction_over_speed, slope, _terms(entry), reference=REFERENCE_SPEED)
-    _of_pushes(axes, report, report.speeds, over, 1000.0)
+    if marks_pushes(report, entry):
+        _of_pushes(axes, report, report.speeds, over, 1000.0)
 
 
 def _over_log(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
@@ -329,7 +336,8 @@ def _over_log(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     # one for each of several logs
     for each in rate if isinstance(rate, list) else [rate]:
         _curve(axes, entry, orders, lambda terms, each=each: friction_over_log(each, terms, orders), "")  # type: ignore[misc]
-    if not isinstance(rate, list):
+    if marks_pushes(report, entry):
+        assert isinstance(rate, float)
         _of_pushes(axes, report, report.orders, partial(friction_over_log, rate, _terms(entry)))
     _name_pushes(axes, report)
 
