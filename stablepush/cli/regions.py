@@ -128,7 +128,10 @@ def draw_map(
 
     By the model, for every pressure under the slider (all-pressure), and by the test STABLE (conservative).
     """
-    from stablepush.core import check_number
+    import numpy as np
+
+    from stablepush.core import check_number, note_off_outline
+    from stablepush.geometry import nearest_on_outline
     from stablepush.io import load_contact, load_model, load_slider, write_atomically, write_json
     from stablepush.stability import (
         all_pressure_region,
@@ -152,6 +155,9 @@ def draw_map(
     require_files(output, regions_file, margins, sphere, view, read=(model, contact, slider))
     surface, fingers = load_model(model), load_contact(contact, number_in_scene)
     body = None if slider is None else load_slider(slider)
+    if body is not None:
+        near, _ = nearest_on_outline(body.vertices, fingers.points)
+        note_off_outline(float(np.linalg.norm(near - fingers.points, axis=1).max()), f"{contact}: points")
     shading, rho = None, surface.characteristic_length
     given = options_of("probability", "com_tolerance", mu="least-mu")
     with about(model, contact, given):

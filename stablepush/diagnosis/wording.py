@@ -128,6 +128,9 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
     shares.sort(key=lambda entry: (entry[0] not in certain, -round(entry[1], 1)))
     # but the one that the causes act on, where that is known to be nearer
     shares.sort(key=lambda entry: entry[0] != _acts_on(effects) or entry[0] not in certain)
+    # a gap within the noise is none, if there is another
+    gaps = {e.channel for e in reductions if e.before > e.noise_floor} | {"touch"}
+    shares.sort(key=lambda entry: entry[0] not in gaps)
     if not shares:
         return ""
     channel, share = shares[0]

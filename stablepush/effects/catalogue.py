@@ -47,7 +47,7 @@ class Parameter:
         floor = "" if self.least <= -LARGEST_MAGNITUDE else f" {'>' if self.above else '>='} {self.least:g} and"
         kind = "whole number" if self.whole else "number"
         unit = "" if self.unit in ("1", "support", "degree") else f" ({self.unit})"
-        raise InputError(self.name, f"expected a {kind}{floor} <= {self.most:g}{unit}", f"{value:g}")
+        raise InputError(self.name, f"expected a {kind}{unit}{floor} <= {self.most:g}", f"{value:g}")
 
 
 #: Effects of the table that leave the stable pushes as they are: friction that is as much more everywhere.
@@ -291,6 +291,8 @@ def parse_effect(text: str) -> Effect:
     if not isinstance(text, str):
         raise InputError("effect", "expected a text like drift:rate=-0.1", repr(text))
     id, _, rest = text.partition(":")
+    if "=" in id:
+        raise InputError("effect", "expected ID:PARAM=VALUE, like drift:rate=-0.1", repr(text))
     values: dict[str, tuple[float, ...]] = {}
     for part in filter(None, rest.split(",")):
         name, equals, numbers = part.partition("=")

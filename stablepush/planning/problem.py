@@ -19,6 +19,7 @@ from stablepush.core import (
     check_number,
     note_distance,
     note_finger,
+    note_friction,
     note_heading,
     note_margin,
     note_off_outline,
@@ -207,6 +208,7 @@ class PlanningProblem:
         note_push_speed(self.speed, "speed")
         note_margin(self.min_margin, "min_margin")
         note_finger(self.finger_radius, "finger_radius")
+        note_friction(self.support_friction or 0.0, "support_friction")
         for i, contact in enumerate(self.contacts):
             note_part(contact.points, self.slider.radius, f"contacts[{i}].points")
             edge = self.slider.polygon.exterior

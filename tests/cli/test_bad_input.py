@@ -194,6 +194,7 @@ def test_faults_in_cors_are_named(rig, tmp_path, capsys, text, words):
         (["simulate", "{scene}", "{plan}", "-o", "{out}", "--noise", "0.1", "--seed", "3"], ("N M RAD, got 1: 0.1",)),
         (["simulate", "{scene}", "{plan}", "-o", "{out}", "--noise"], ("--noise: expected 3 numbers, N M RAD, got none",)),
         (["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "latncy:delay=0.1"], ("did you mean latency?",)),
+        (["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "contact-friction=0.2"], ("expected ID:PARAM=VALUE",)),
         (["simulate", "{scene}", "{plan}", "-o", "{out}", "--effect", "latency:dely=0.1"], ("did you mean delay?",)),
         (["plan", "{scene}", "-o", "{out}", "--planner", "cor_latice"], ("did you mean cor-lattice?",)),
         (["plan", "{scene}", "-o", "{out}", "--region", "all_pressure"], ("did you mean all-pressure?",)),

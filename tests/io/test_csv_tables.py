@@ -82,7 +82,7 @@ def test_what_a_table_cannot_be_is_noted(tmp_path, capsys):
     assert main(["import", str(path), "--mapping", str(mapping), "-o", str(tmp_path / "log")]) == 0
     assert capsys.readouterr().out.startswith(f"{tmp_path / 'log'}: csv, 3 pushes")
     assert main(["import", str(path), "-o", str(tmp_path / "other")]) == 2
-    assert "those of kind csv or rosbag need --kind and --mapping" in capsys.readouterr().err
+    assert "those of kind csv or rosbag need --mapping, and --kind where no suffix tells" in capsys.readouterr().err
     assert main(["diagnose", str(path)]) == 2
     assert "stablepush import makes one of other logs" in capsys.readouterr().err
     (far,) = notes(noise={"force": 0.1, "position": 2e-4, "angle": 0.2})

@@ -78,7 +78,7 @@ def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path 
     if not sources:
         words = f"expected a raw log of kind {' or '.join(asked)}, found none"
         if kind is None:
-            words += f" (those of kind {' or '.join(mapped)} need --kind and --mapping)"
+            words += f" (those of kind {' or '.join(mapped)} need --mapping, and --kind where no suffix tells)"
         raise InputError("", words, file=root)
     if mapping is not None:
         sources = [replace(source, labels={**source.labels, "mapping": str(mapping)}) for source in sources]
