@@ -2,10 +2,10 @@
 From the limit surface to a stable push
 =======================================
 
-Above, left: loads without a force along x. Friction can balance the loads inside the limit surface. While the object slides, its
-load lies on the surface, and its twist (arrow) along the outward normal. The fingers can give the loads of the shaded cone. The
-load of motion A lies in it: A is stable, B is not. Above, right: the same two motions as rotation centres. Below: of all
-pressures with that centre of mass, the one that does most to break motion A.
+In the upper left panel: loads without a force along x. Friction can balance the loads inside the limit surface. While the
+object slides, its load lies on the surface, and its twist (arrow) along the outward normal. The fingers can exert the loads
+of the shaded cone. The load of motion A lies in it: A is stable, B is not. In the upper right panel: the same two motions as
+rotation centres. In the lower panel: of all pressures with that centre of mass, the one that does most to break motion A.
 """
 
 import numpy as np
