@@ -12,7 +12,7 @@ import numpy as np
 from stablepush.core import FloatArray, first_least, order_with_ties
 from stablepush.diagnosis.contact_friction import P_SLIP, ContactFriction, slip_friction
 from stablepush.diagnosis.equations import OF_PRESSURE, SIZES, Fitted, ScoreTest, Values
-from stablepush.diagnosis.folds import folds_of, halves_of, held_out, held_out_square
+from stablepush.diagnosis.folds import folds_of, halves_of, predicted
 from stablepush.diagnosis.plausibility import exceeds_model_error, identifiable, possible
 from stablepush.diagnosis.reshaping import held_out_of_body, reshaping
 from stablepush.diagnosis.system import IN_CLEARANCES, System
@@ -128,17 +128,14 @@ def attribute(system: System, progress: Callable[[str], None]) -> Attribution:
     if system.has_surface:
         progress("held-out trials")
         folds = folds_of(system)
-        scores = {
-            "nominal": _nominal_density(system, chosen),
-            "scaled": held_out(system, chosen, False, folds),
-            "free": held_out(system, chosen, True, folds),
-        }
+        scaled, refitted = (predicted(system, chosen, freely, folds) for freely in (False, True))
+        scores = {"nominal": _nominal_density(system, chosen), "scaled": scaled.density, "free": refitted.density}
         certain = system.significantly_better(scores["free"], scores["scaled"])
         # which base the rest is judged on matters less than what is said: one standard error is enough
         free = system.significantly_better(scores["free"], scores["scaled"], 1.0)
         if free and chosen and system.has_wrench:
             # nor may a pressure that few pushes determine be far off in some rows, which a density of heavy tails forgives
-            free = held_out_square(system, chosen, True, folds) < held_out_square(system, chosen, False, folds)
+            free = refitted.square < scaled.square
         recalibrated = certain or system.significantly_better(scores["scaled"], scores["nominal"])
         # beside a surface that was fitted to pokes no change of its shape is more than its error: a refit absorbs that
         if not chosen and not system.open_modes.size and (certain or system.rig.model is None):

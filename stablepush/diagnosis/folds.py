@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.determined import determined_rows, size
-from stablepush.diagnosis.equations import Fitted
 from stablepush.diagnosis.system import System
 
 #: Parts into which trials fall for held-out judgements.
@@ -29,27 +30,27 @@ def halves_of(system: System) -> np.ndarray:
     return (order % 2)[system.push]
 
 
-def held_out(system: System, effects: Sequence[str], free: bool, folds: np.ndarray) -> FloatArray:
-    """Log density (trials,) of each trial by a fit to the other folds."""
-    result = np.zeros(len(folds))
-    for test, fit in _fits(system, effects, free, folds):
-        result[: len(fit.density)][test[: len(fit.density)]] = fit.density[test[: len(fit.density)]]
-    return result
+class Predicted(NamedTuple):
+    """How fits to the other folds predict each: the log ``density`` (trials,), and the mean ``square`` (N²) that they leave of
+    the wrench on rows whose motion determines the load, not a number without forces."""
+
+    density: FloatArray
+    square: float
 
 
-def held_out_square(system: System, effects: Sequence[str], free: bool, folds: np.ndarray) -> float:
-    """Mean square (N²) that fits to the other folds leave of the wrenches of each, on rows whose motion determines the load."""
-    trial, left = system.observations.trial, np.zeros(len(system.observations.trial))
-    for test, fit in _fits(system, effects, free, folds):
-        predicted = system.model.predict(fit.loads, system.of_wrench(fit.values))
-        left[test[trial]] = size(system, system.observations.wrench - predicted)[test[trial]]
-    return float(left[determined_rows(system)].mean())
-
-
-def _fits(system: System, effects: Sequence[str], free: bool, folds: np.ndarray) -> Iterator[tuple[np.ndarray, Fitted]]:
-    """The trials of each fold, and a fit to the others."""
+def predicted(system: System, effects: Sequence[str], free: bool, folds: np.ndarray) -> Predicted:
+    """Return how fits to the other folds predict the trials of each."""
+    trial = system.observations.trial
+    density, left = np.zeros(len(folds)), np.zeros(len(trial))
     full = system.fit(effects, free)
     for k in range(FOLDS):
         test = folds == k
-        if test.any() and not test.all():
-            yield test, system.fit(effects, free, ~test, full)
+        if not test.any() or test.all():
+            continue
+        fit = system.fit(effects, free, ~test, full)
+        n = len(fit.density)
+        density[:n][test[:n]] = fit.density[test[:n]]
+        if system.has_wrench:
+            wrench = system.model.predict(fit.loads, system.of_wrench(fit.values))
+            left[test[trial]] = size(system, system.observations.wrench - wrench)[test[trial]]
+    return Predicted(density, float(left[determined_rows(system)].mean()) if system.has_wrench else math.nan)

@@ -18,6 +18,7 @@ from stablepush.diagnosis.evidence import evidence
 from stablepush.diagnosis.finger_forces import finger_forces
 from stablepush.diagnosis.gap_reduction import HeldOut, hold_out, reductions
 from stablepush.diagnosis.motions import Motions, motions_of
+from stablepush.diagnosis.negligible import negligible_causes
 from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.one_push import of_one_push
 from stablepush.diagnosis.ranking import UNSEEN, rank
@@ -29,14 +30,7 @@ from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
 from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
 from stablepush.diagnosis.system import System, log_rows, system_of
 from stablepush.diagnosis.together import join, observe_each, together_of
-from stablepush.diagnosis.verdicts import (
-    NEXT_TO_NOTHING,
-    changes_nothing,
-    judge,
-    reduction_beside,
-    refit_leaves_noise,
-    stands_clear,
-)
+from stablepush.diagnosis.verdicts import judge, refit_leaves_noise, stands_clear
 from stablepush.diagnosis.where import localise, residuals
 from stablepush.diagnosis.wording import (
     notes_on,
@@ -52,7 +46,7 @@ from stablepush.io import PushLog, Rig
 
 #: Forces are turned round if this share of pushes has forces that oppose the motion, of so many at least.
 _OPPOSED, _FEWEST = 0.8, 3
-#: What is said of forces whose power over all rows is that of a motor.
+#: The note on forces that, over all rows, do work like those of a motor.
 _DRIVEN = (
     "on the whole the forces oppose the motion, as no friction does, and no cause is looked for: look at the signs, axes and "
     "units of forces and poses"
@@ -165,8 +159,7 @@ def _diagnose(
     if comparison is not None and not system.has_wrench and not pushes:
         return _only_compared(log, name, comparison)
     found, held = _found(system, log, pushes, progress)
-    nothing = changes_nothing(system, found, held)
-    trivial = [*found.chosen, *found.confounded] if nothing else _least_useful(system, found, held, log, pushes)
+    trivial = negligible_causes(system, found, held, log, pushes)
     if trivial:
         # what it took may be the shape of the surface, which is judged where no other effect acts
         system.aside, first = frozenset(trivial), found
@@ -318,28 +311,6 @@ def _found(system: System, log: PushLog, pushes: list[Replay], progress: Callabl
         found = replace(found, contact=friction_from_poses(system, found, pushes) or found.contact)
     progress("gap reduction")
     return found, hold_out(system, found, log, pushes)
-
-
-def _least_useful(system: System, found: Attribution, held: HeldOut, log: PushLog, pushes: list[Replay]) -> list[str]:
-    """The one of several chosen effects without which pushes are predicted all but as well, with those that it is confounded
-    with; the one that does least."""
-    least: tuple[float, list[str]] = (NEXT_TO_NOTHING, [])
-    if len(found.named) < 2 or system.logs > 1 or not system.has_wrench:
-        return []
-    for id in found.chosen:
-        others = [e for e in found.chosen if e != id]
-        apart = found.confounded if found.confounded_with == id else []
-        without = replace(
-            found,
-            chosen=others,
-            confounded=[] if apart else found.confounded,
-            confounded_with="" if apart else found.confounded_with,
-            final=system.fit(others, found.free),
-        )
-        share = reduction_beside(held, hold_out(system, without, log, pushes))
-        if share < least[0]:
-            least = share, [id, *apart]
-    return least[1]
 
 
 def _turned_round(observations: Observations) -> str:

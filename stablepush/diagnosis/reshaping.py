@@ -8,11 +8,11 @@ import numpy as np
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.equations import OF_BODY, OF_PRESSURE
-from stablepush.diagnosis.folds import held_out
+from stablepush.diagnosis.folds import predicted
 from stablepush.diagnosis.plausibility import exceeds_model_error, possible
 from stablepush.diagnosis.system import System
 
-#: An effect in the body frame does all but as well as the free surface with this share of its gain. A change of the pressure in
+#: An effect in the body frame does nearly as well as the free surface with this share of its gain. A change of the pressure in
 #: another form than the catalogue's has the second and more, a surface that the nominal pressure cannot have leaves half or less.
 #: Beside a nominal surface that was fitted to pokes, whose errors look alike, and for a grain it is the first.
 _ALL_BUT, _ALL_BUT_OF_PRESSURE = 0.9, 0.75
@@ -29,7 +29,7 @@ def held_out_of_body(system: System, folds: np.ndarray, certain: bool) -> dict[s
     if not certain:
         tests = system.tests(system.fit([], False), False, OF_BODY)
         tried = [id for id, test in tests.items() if test.gain > _ALONE * system.demands.density]
-    return {id: held_out(system, [id], False, folds) for id in tried}
+    return {id: predicted(system, [id], False, folds).density for id in tried}
 
 
 def reshaping(system: System, scores: Mapping[str, FloatArray], certain: bool) -> tuple[list[str], bool]:

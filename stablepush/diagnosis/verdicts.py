@@ -10,7 +10,7 @@ import numpy as np
 from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import OF_PRESSURE, robust_variance
-from stablepush.diagnosis.folds import folds_of, held_out
+from stablepush.diagnosis.folds import folds_of, predicted
 from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.gap_reduction import (
     FITS,
@@ -21,6 +21,7 @@ from stablepush.diagnosis.gap_reduction import (
     reductions,
     wrenches_lack_of_fit,
 )
+from stablepush.diagnosis.negligible import changes_nothing
 from stablepush.diagnosis.replay import Replay
 from stablepush.diagnosis.results import ChannelGap, GapReduction, Verdict
 from stablepush.diagnosis.slip import lost_pushes
@@ -53,9 +54,6 @@ _SPOILT, _SURELY_WORSE = 1.4, -1.0
 _FAR = 3.0
 #: A refit that leaves so many times the noise is no fit; nor one that leaves this share of the mean square gap of the wrench.
 _MISFIT, _LEFT_OF_GAP = 1.5, 0.25
-#: Share of the mean square of every channel below which a reduction is none. Effects that acted reduced that of some channel by
-#: 3 % at least on 112 logs of simulated rigs.
-NEXT_TO_NOTHING = 0.015
 #: Shares of a gap that effects may leave of what a refit without them leaves, and of what the nominal simulation leaves.
 _LEAVES_OF_REFIT, _LEAVES = 0.5, 0.1
 
@@ -132,7 +130,7 @@ def _fits_nothing(system: System, held: HeldOut, size: float, shared: bool) -> b
     if many pushes end far off."""
     if not system.has_wrench:
         return pose_errors_are_significant(held)
-    # precise sensors see what a simulation of rigid bodies errs by itself: that is no gap
+    # precise sensors see what a simulation of rigid bodies errs alone: that is no gap
     return (size > _NO_FIT or shared) and correction_leaves_more(system, held)
 
 
@@ -202,32 +200,6 @@ def _over_noise(system: System, wrenches: FloatArray) -> float:
     return float(np.minimum(left**2, _MOST_OVER_NOISE**2).mean())
 
 
-def changes_nothing(system: System, found: Attribution, held: HeldOut) -> bool:
-    """Return whether what was found changes each channel, on trials that it was not fitted to, by less than rigid bodies err,
-    or explains next to nothing of what a surface that was fitted alike leaves.
-
-    It may be significant: noise that is not quite as stated looks like an effect as small, and means over rows show the impact of
-    a finger as inertia. Friction of the fingers and clearances are judged by other things. Several logs together show effects as
-    small: noise would have to be alike in each.
-    """
-    if system.logs > 1 or not found.named or "contact-friction" in found.named or "wrench" not in held.rigid:
-        return False
-    base = "refit" if found.free else "before"
-    means = [(s[base].mean(), s["after"].mean()) for s in held.squares.values()]
-    if all(abs(1 - after / before) < NEXT_TO_NOTHING for before, after in means if before > 0):
-        return True
-    changes = {k: float(s["before"].mean() - s["after"].mean()) for k, s in held.squares.items()}
-    if changes.pop("touch", 0.0) > 0.0:
-        return False
-    return abs(changes["wrench"]) < held.rigid["wrench"] and all(change < held.rigid[k] for k, change in changes.items())
-
-
-def reduction_beside(held: HeldOut, other: HeldOut) -> float:
-    """Return the largest share, over the channels, by which one correction leaves less on left-out pushes than another does."""
-    left = [(held.squares[k]["after"].mean(), other.squares[k]["after"].mean()) for k in held.squares if k in other.squares]
-    return max((float(1 - mine / theirs) for mine, theirs in left if theirs > 0), default=0.0)
-
-
 def _brings_nothing_nearer(system: System, found: Attribution, reduced: Sequence[GapReduction], touch: float) -> bool:
     """Whether what was found reduces no channel on trials that it was not fitted to: then it explains nothing."""
     if not (found.named and reduced) or max(touch, *(entry.closed for entry in reduced)) > 0:
@@ -236,9 +208,8 @@ def _brings_nothing_nearer(system: System, found: Attribution, reduced: Sequence
         return True
     # a few uninformative rows may hide it from the mean square
     folds = folds_of(system)
-    return not system.significantly_better(
-        held_out(system, found.chosen, found.free, folds), held_out(system, [], found.free, folds)
-    )
+    with_them, without = (predicted(system, effects, found.free, folds).density for effects in (found.chosen, []))
+    return not system.significantly_better(with_them, without)
 
 
 def _spoils_poses(held: HeldOut, reduced: Sequence[GapReduction]) -> bool:

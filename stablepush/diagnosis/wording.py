@@ -120,7 +120,7 @@ def _friction(system: System, loads: FloatArray, reductions: Sequence[GapReducti
 
 def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: float, refitted: Mapping[str, float]) -> str:
     """How far the correction reduces the gap, of the channel that the causes act on, or else in which it shows best. What a
-    refitted surface leaves by itself (by channel) is told where it does much of that."""
+    refitted surface leaves alone (by channel) is told where it does much of that."""
     certain = {e.channel for e in reductions if e.ci95[0] > 0} | {"touch"}
     shares = [(e.channel, e.closed) for e in reductions if e.before > _NEARER * e.after] + [("touch", touch)]
     shares = [(channel, share) for channel, share in shares if share > _REPORTED]
@@ -400,7 +400,7 @@ def turning_note(turning: int, rows: int) -> str:
 
 
 def suspicion_note(friction: float, nominal: float) -> str:
-    """What is said of fingers that moved in too few pushes for their friction to be named."""
+    """The note on fingers that moved in too few pushes for their friction to be named."""
     return (
         f"fingers slipped or crept at a tangential force of {friction:.3g} of the normal one, where friction of {nominal:.3g} "
         f"would hold them. Too few pushes show it for a name, but a corrected scene takes {friction:.3g}: "

@@ -42,7 +42,7 @@ from stablepush.io.sensor_offset import zeroed
 from stablepush.io.tracker_glitches import without_glitches
 from stablepush.objects import Slider
 
-#: What is said of two fingers that cannot both touch the slider.
+#: The refusal of two fingers that cannot both touch the slider.
 TOO_FAR_APART = "expected fingers that both reach the slider, at most {:.3g} m apart"
 #: What a force acts on: the slider, the finger (its reaction), or whichever makes the power of the pushes positive.
 FORCES_ON = ("slider", "finger", "power")

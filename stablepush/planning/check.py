@@ -31,7 +31,7 @@ _FINEST = 1e-5
 _SEED, _CERTAINTY, _STATED = 987_654_321, 0.999, 0.02
 #: A plan that starts farther (m) from the scene's start, or a degree, was made for another scene.
 _OTHER_START = 1e-3
-#: What is said of a push whose margin is another than its plan states.
+#: Said of a push whose margin is not the one that its plan states.
 _OTHER_MARGIN = "states a margin of"
 
 

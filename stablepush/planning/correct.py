@@ -23,7 +23,7 @@ from stablepush.planning.uncertainty import Uncertainty
 
 #: Distance between outlines, over the radius, from which on sliders are not the same.
 _OTHER = 0.1
-#: What is said of a correction by a diagnosis that is "unknown".
+#: The warning of a correction by a diagnosis that is "unknown".
 _UNEXPLAINED = (
     "the diagnosis is unknown: its surface is fitted to the log, but something else is wrong, which no probability of a plan "
     "counts; settle the cause first, or try a plan's pushes one by one"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
-from typing import NamedTuple, Protocol
 
 import numpy as np
 import shapely
@@ -16,6 +15,7 @@ from stablepush.planning.check import check_plan
 from stablepush.planning.clearance import clearance_of
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult
+from stablepush.planning.search import Found, Search
 
 #: Distance (m) that plans keep from obstacles if none is asked for. They may take so many times as long for it.
 APART, _LONGER = 0.005, 1.05
@@ -33,25 +33,7 @@ NO_ROOM = (
 )
 
 
-class Found(NamedTuple):
-    """A result, what is doubtful of it, and what else its message says.
-
-    ``held``: share of scenarios that it holds in, at most the level asked for.
-    """
-
-    result: PlanResult
-    held: float
-    doubts: tuple[str, ...] = ()
-    remark: str = ""
-
-
-class Searcher(Protocol):
-    """Plan for a problem until a deadline, with so many search steps until there is a first plan."""
-
-    def __call__(self, problem: PlanningProblem, until: Deadline, /, *, search_budget: float) -> Found: ...
-
-
-def keep_away(problem: PlanningProblem, search: Searcher, deadline: Deadline) -> Found:
+def keep_away(problem: PlanningProblem, search: Search, deadline: Deadline) -> Found:
     """Return a plan that keeps :data:`APART` from obstacles, or else one that may touch them.
 
     The first is taken if it lasts at most 5 % longer and holds as surely.

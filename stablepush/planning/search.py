@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from stablepush.core import Deadline, StablepushError, UnavailableError, what_failed
 from stablepush.planning.alignment import aligns
 from stablepush.planning.collision import SweptBody
 from stablepush.planning.feasibility import infeasibility
-from stablepush.planning.keep_away import Found
 from stablepush.planning.likely import likely_plan
 from stablepush.planning.options import PlanOptions, PushSet, promised_region
 from stablepush.planning.problem import PlanningProblem
@@ -35,6 +34,18 @@ class Planner(Protocol):
         options: PlanOptions,
         progress: Callable[[str], None] | None,
     ) -> PlanResult: ...
+
+
+class Found(NamedTuple):
+    """A result, what is doubtful of it, and what else its message says.
+
+    ``held``: share of scenarios that it holds in, at most the level asked for.
+    """
+
+    result: PlanResult
+    held: float
+    doubts: tuple[str, ...] = ()
+    remark: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,8 @@ from conftest import edited, make_log
 import stablepush as sp
 from stablepush.diagnosis import gap_reduction
 from stablepush.diagnosis.gap_reduction import HeldOut
-from stablepush.diagnosis.verdicts import _spoils_poses, changes_nothing, reduction_beside, stands_clear
+from stablepush.diagnosis.negligible import _reduction_beside, changes_nothing
+from stablepush.diagnosis.verdicts import _spoils_poses, stands_clear
 
 NOISE = sp.Noise(0.05, 5e-5, 5e-4)
 
@@ -134,8 +135,8 @@ def test_a_significant_cause_that_changes_nothing_is_not_named():
     # beside a large gap what explains a hundredth of it is nothing, though rigid bodies err by less
     wide = replace(held(1.0, 0.996), rigid={"wrench": 0.01**2, "twist": 1e-6})
     assert changes_nothing(One, Found, wide)
-    assert reduction_beside(held(1.0, 0.9), held(1.0, 0.95)) == pytest.approx(1 - 0.81 / 0.9025)
-    assert reduction_beside(held(1.0, 0.9), held(1.0, 0.9)) == 0.0
+    assert _reduction_beside(held(1.0, 0.9), held(1.0, 0.95)) == pytest.approx(1 - 0.81 / 0.9025)
+    assert _reduction_beside(held(1.0, 0.9), held(1.0, 0.9)) == 0.0
 
 
 def test_a_correction_that_spoils_final_poses_is_of_another_cause():

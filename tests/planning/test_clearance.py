@@ -12,7 +12,8 @@ import stablepush as sp
 from stablepush.cli import main
 from stablepush.geometry import transform_points
 from stablepush.planning import clearance_of
-from stablepush.planning.keep_away import NO_ROOM, Found, keep_away
+from stablepush.planning.keep_away import NO_ROOM, keep_away
+from stablepush.planning.search import Found
 
 SCENES = Path(__file__).parents[2] / "examples" / "scenes"
 #: A square in the way of the straight path.

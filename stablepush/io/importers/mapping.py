@@ -15,7 +15,7 @@ from stablepush.io.formats import load_slider, model_or_path, slider_from_node
 from stablepush.io.importers.registry import Source
 from stablepush.io.json_files import read_text
 from stablepush.io.pushlog import CONTACT_KINDS, Noise, PushLog, Rig
-from stablepush.io.world import FORCES_ON, TOO_FAR_APART, log_from_arrays, most_apart
+from stablepush.io.world import FORCES_ON, log_from_arrays
 from stablepush.objects import Slider
 
 #: Keys that all mappings may have.
@@ -55,11 +55,15 @@ class Mapping:
         trials: list[str] | None = None, moments: FloatArray | None = None,
     ) -> tuple[PushLog, list[str]]:  # fmt: skip
         """Make a log of rows in the world, as :func:`log_from_arrays` does, and notes on it."""
-        log = log_from_arrays(
-            self.rig, times, poses, forces, tips, trials, body_pose=self.body_pose, forces_on=self.forces_on, moments=moments,
-            zero_forces=self.zero_forces, window=self.window, finger_distance=self.finger_distance, pose_delay=self.pose_delay,
-            force_angle=self.force_angle,
-        )  # fmt: skip
+        try:
+            log = log_from_arrays(
+                self.rig, times, poses, forces, tips, trials, body_pose=self.body_pose, forces_on=self.forces_on, moments=moments,
+                zero_forces=self.zero_forces, window=self.window, finger_distance=self.finger_distance,
+                pose_delay=self.pose_delay, force_angle=self.force_angle,
+            )  # fmt: skip
+        except InputError as error:
+            # what this file says is wrong in it, the rest in the records
+            raise error.within(file=self.root.file) if error.place in KEYS else error from None
         notes = [_ONE_PUSH] if trials is None and len(log) == 1 else []
         if self.rig.contact_kind == "two-point" and tips is not None and self.finger_distance is None:
             notes.append(_NO_DISTANCE)
@@ -106,9 +110,6 @@ def mapping_of(source: Source, slider: Slider | None, *own: str) -> Mapping:
                 f"expected less than the size of the slider, {rig.slider.radius:.3g} m", f"{rig.noise.position:g} m"
             )
         note_noise(rig.noise.position, rig.noise.angle, f"{file}: noise")
-    apart = root.get("finger_distance")
-    if apart is not None and rig.finger_radius is not None and apart.number(positive=True) > most_apart(rig):
-        apart.fail(TOO_FAR_APART.format(most_apart(rig)), f"{apart.value:g} m")
     return Mapping(
         root, rig, pose, "slider" if on is None else on.text(FORCES_ON),
         True if zero is None else zero.value, number("window", None), number("finger_distance", None),
