@@ -84,7 +84,9 @@ def beside(task: str, size: str, count: float, ours: Task, other: str, theirs: T
     ours()
     if ALONE:
         return Row(task, size, count, seconds(ours), 0, other, 0.0, 0)
-    theirs()
+    answer = theirs()
+    if isinstance(answer, sp.PlanResult) and not answer.solved:
+        other += " (no path found)"
     # memory of a part says nothing of the whole
     held = peak(theirs) if share == 1.0 else 0
     return Row(task, size, count, seconds(ours), peak(ours), other, seconds(theirs) / share, held)
@@ -104,7 +106,7 @@ def inversion() -> Iterator[Row]:
         part = directions[:30_000]
         twists = directions / (1, 1, surface.characteristic_length)
         yield beside(
-            "H_inv", f"{count} motions", count, lambda t=twists: surface.wrench(t),
+            "wrench of a motion (H_inv)", f"{count} motions", count, lambda t=twists: surface.wrench(t),
             "Newton on numpy batches", lambda p=part: h_inv.numpy_newton(surface, p), len(part) / count,
         )  # fmt: skip
 
@@ -369,12 +371,17 @@ def times(row: Row) -> str:
     return f"{ratio:.0f}" if ratio >= 100 else f"{ratio:.3g}"
 
 
+def memory(row: Row) -> str:
+    """Peaks of ours and of the other (MB), blank if they are not known."""
+    ours, theirs = (f"{m / 2**20:.2g}" if m < 100 * 2**20 else f"{m / 2**20:.0f}" for m in (row.memory, row.other_memory))
+    return f"{ours} / {theirs}" if row.memory and row.other_memory else ours if row.memory else ""
+
+
 def markdown(rows: list[Row]) -> str:
-    lines = ["| task | size | here | memory | instead | takes | memory | times |", "|---|---|---|---|---|---|---|---|"]
+    lines = ["| task | time | instead | times as fast | peak memory, MB |", "|---|---|---|---|---|"]
     for r in rows:
-        held, other = (f"{m / 2**20:.3g}\N{NO-BREAK SPACE}MB" if m else "" for m in (r.memory, r.other_memory))
-        cells = (r.task, r.size, amount(r.ours), held, r.other, amount(r.theirs), other, times(r))
-        lines.append(f"| {' | '.join(cells)} |")
+        task = ", ".join(filter(None, (r.task, r.size)))
+        lines.append(f"| {task} | {amount(r.ours)} | {r.other}: {amount(r.theirs)} | {times(r)} | {memory(r)} |")
     return "\n".join(lines) + "\n"
 
 
@@ -411,11 +418,12 @@ def draw(rows: list[Row], path: Path) -> None:
 def compared(rows: list[Row], before: list[Row]) -> str:
     """Rows of both versions as a table."""
     was = {(r.task, r.size): r.ours for r in before}
-    lines = ["| task | size | before | now | times as fast |", "|---|---|---|---|---|"]
+    lines = ["| task | before | now | times as fast |", "|---|---|---|---|"]
     for r in rows:
         old = was.get((r.task, r.size))
         if old is not None:
-            lines.append(f"| {r.task} | {r.size} | {amount(old)} | {amount(r.ours)} | {old / r.ours:.3g} |")
+            task = ", ".join(filter(None, (r.task, r.size)))
+            lines.append(f"| {task} | {amount(old)} | {amount(r.ours)} | {old / r.ours:.3g} |")
     return "\n".join(lines) + "\n"
 
 

@@ -4,6 +4,9 @@ import re
 import sys
 from pathlib import Path
 
+import latex2mathml.converter
+from docutils import nodes
+
 import stablepush
 from stablepush.core import Word
 
@@ -14,7 +17,7 @@ author = "the stablepush developers"
 version = release = stablepush.__version__
 html_title = f"stablepush {release}"
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinx_gallery.gen_gallery"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery"]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
 # notebooks are kept without outputs and run when the pages are built
@@ -24,6 +27,8 @@ nb_execution_raise_on_error = True
 nb_execution_in_temp = True
 # commands are no Python
 highlight_language = "none"
+# formulas are MathML, which browsers draw themselves: pages need no network
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_static_path = ["_static"]
 html_css_files = ["pages.css"]
@@ -82,8 +87,19 @@ def _list_words(app, what, name, thing, options, lines):
         lines += ["", *(f"* ``{word.value}``: {word.advice}" for word in thing), ""]
 
 
+def _formula(display):
+    """What Sphinx calls for a formula, in a line or in a block of its own."""
+
+    def visit(writer, node):
+        writer.body.append(latex2mathml.converter.convert(node.astext(), display=display))
+        raise nodes.SkipNode
+
+    return visit, None
+
+
 def setup(app):
     """Called by Sphinx."""
+    app.add_html_math_renderer("mathml", _formula("inline"), _formula("block"))
     app.connect("autodoc-process-docstring", _list_words)
     app.connect("source-read", _keep_together)
     app.connect("source-read", _link_names)

@@ -2,10 +2,11 @@
 From the limit surface to a stable push
 =======================================
 
-In the upper left panel: loads without a force along x. Friction can balance the loads inside the limit surface. While the
-object slides, its load lies on the surface, and its twist (arrow) along the outward normal. The fingers can exert the loads
-of the shaded cone. The load of motion A lies in it: A is stable, B is not. In the upper right panel: the same two motions as
-rotation centres. In the lower panel: of all pressures with that centre of mass, the one that does most to break motion A.
+In the upper left panel: the section fx = 0 of the limit surface. Friction can balance the loads inside the
+limit surface. While the object slides, its load lies on the surface, and its twist (arrow) along the
+outward normal. The fingers can exert the loads of the shaded cone. The load of motion A lies in it: A is
+stable, B is not. In the upper right panel: the same two motions as rotation centres. In the lower panel: of
+all pressures with that centre of mass, the one that does most to break motion A.
 """
 
 import numpy as np
@@ -42,7 +43,13 @@ for (name, (load, twist)), color in zip(motions.items(), ("#009E73", "#CC79A7"),
     at, along = np.array((load[1], load[2] / rho)), np.array((twist[1], twist[2] * rho))
     end = at + 1.6 * along / np.linalg.norm(along)
     section.annotate("", end, at, arrowprops={"arrowstyle": "->", "color": color, "linewidth": 2})
-    section.plot(*at, marker="o", color=color, linestyle="none", label=f"load and twist, rotation centre of motion {name}")
+    section.plot(
+        *at,
+        marker="o",
+        color=color,
+        linestyle="none",
+        label=f"load and twist, rotation centre of motion {name}",
+    )
     section.annotate(name, at, xytext=(-12, 4), textcoords="offset points", ha="center", fontweight="bold")
 section.set_aspect("equal")
 section.set_xlabel("fy [N]")
@@ -73,11 +80,16 @@ worst.set_ylabel("y in B [m]")
 worst.set_xticks([-0.05, 0.0, 0.05, 0.1])
 worst.set_title("Worst pressure for A\n(area: share of the weight)", fontsize=11)
 words.axis("off")
-named = {label: handle for axes in (section, worst) for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+named = {
+    label: handle
+    for axes in (section, worst)
+    for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+}
 words.legend(named.values(), named.keys(), frameon=False, loc="center")
 
 for name, (load, twist) in motions.items():
     margin = np.degrees(sp.StabilityOracle(even, contact).margin(twist))
     print(f"motion {name}: load {load[1]:.2f} N, {1000 * load[2]:.0f} N·mm; margin {margin:.1f} deg")
-print(f"worst pressure for A: height {found.height:.3f} (stable for every pressure if at least 0), {len(found.points)} points")
+words = f"{found.height:.3f} (stable for every pressure if at least 0), {len(found.points)} points"
+print(f"worst pressure for A: height {words}")
 save_figure(figure, "load_and_cone.png")

@@ -2,8 +2,9 @@
 A limit surface in three dimensions
 ===================================
 
-Loads ``(fx, fy, tau/rho)`` that make the triangle of the built-in rig slide: the surface that 15 pokes identify, with the
-pokes on it. Arrows are the measured slip twists; on the true surface they stand upright.
+Loads ``(fx, fy, tau/rho)`` that make the triangle of the built-in rig slide: the surface that 15 pokes
+identify, with the pokes on it. Arrows are the measured slip twists; to the true surface they would be
+normal.
 """
 
 import stablepush as sp

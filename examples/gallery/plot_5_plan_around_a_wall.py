@@ -2,9 +2,9 @@
 Plan round a wall
 =================
 
-A path of stable pushes among obstacles: the slider sticks to two fingers throughout, so that nothing has to be watched.
-Every push has a load that is 0.03 rad or more inside the friction cone; with ``region="all-pressure"`` it would hold for every
-pressure distribution.
+A path of stable pushes around an obstacle: the slider sticks to two fingers throughout, so no feedback is
+needed. Every push has a load that is 0.03 rad or more inside the friction cone; with
+``region="all-pressure"`` it would hold for every pressure distribution.
 """
 
 import stablepush as sp

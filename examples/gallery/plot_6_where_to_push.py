@@ -2,8 +2,8 @@
 Where to push?
 ==============
 
-Contacts along the edges, with several spacings of the fingers, ranked by how tight a turn they can make, whatever the
-pressure.
+Contacts along the edges, with several spacings of the fingers, ranked by how tight a turn they can make,
+whatever the pressure.
 """
 
 import stablepush as sp

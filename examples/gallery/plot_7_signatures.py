@@ -2,9 +2,9 @@
 How does each effect show?
 ==========================
 
-The same sixty pushes of a simulated rig: as its operator believes it to be (grey), and with one effect (orange). Each picture
-draws what gives that effect away. A dot is a push, in the last picture a row of one push. Forces and moments are compared with
-the nominal simulation.
+The same sixty pushes of a simulated rig: as its operator believes it to be (grey), and with one effect
+(orange). Each picture draws what gives that effect away. A dot is a push, in the last picture a row of one
+push. Forces and moments are compared with the nominal simulation.
 """
 
 import matplotlib.pyplot as plt
@@ -29,7 +29,14 @@ class Seen:
     """What the log of the pushes shows of each of them."""
 
     def __init__(self, *effects):
-        rig = sp.VirtualRig(slider, surface, MU, sp.Pusher.finger(RADIUS), [sp.parse_effect(words) for words in effects], noise)
+        rig = sp.VirtualRig(
+            slider,
+            surface,
+            MU,
+            sp.Pusher.finger(RADIUS),
+            [sp.parse_effect(words) for words in effects],
+            noise,
+        )
         log = rig.execute(pushes, seed=3).log
         self.loads, self.twists, names = log.pairs()
         self.number = np.array([int(name) for name in names])
@@ -54,7 +61,9 @@ class Seen:
             self.rest.append(rotate_vectors(turn, np.nan_to_num(log.columns("fx", "fy")[still]).mean(axis=0)))
             x, y, theta, px, py = log.columns("x", "y", "theta", "px", "py")[rows[name]].T
             tips = shapely.points(rotate_vectors(-theta, np.column_stack((px - x, py - y))))
-            gaps = np.where(shapely.contains(slider.polygon, tips), -1, 1) * shapely.distance(slider.polygon.exterior, tips)
+            gaps = np.where(shapely.contains(slider.polygon, tips), -1, 1) * shapely.distance(
+                slider.polygon.exterior, tips
+            )
             self.depth.append(1000 * np.median(gaps - RADIUS))
             normal = pushes[int(name) - 1].normal
             force = self.loads[len(self.slant)]
@@ -70,12 +79,27 @@ def turned(seen):
 
 FRICTION, MOMENT = "friction over nominal", "moment less nominal [N mm]"
 pictures = (
-    ("anisotropy-world:ratio=1.4,direction=0.5", "heading in W [deg]", FRICTION, lambda s: (s.heading, s.ratio)),
-    ("anisotropy-object:ratio=1.4,direction=0.5", "heading in B [deg]", FRICTION, lambda s: (s.heading_in_b, s.ratio)),
+    (
+        "anisotropy-world:ratio=1.4,direction=0.5",
+        "heading in W [deg]",
+        FRICTION,
+        lambda s: (s.heading, s.ratio),
+    ),
+    (
+        "anisotropy-object:ratio=1.4,direction=0.5",
+        "heading in B [deg]",
+        FRICTION,
+        lambda s: (s.heading_in_b, s.ratio),
+    ),
     ("speed-dependence:slope=0.15", "speed [mm/s]", FRICTION, lambda s: (s.speed, s.ratio)),
     ("spatial-variation:gradient=1.0/0", "x on the table [m]", FRICTION, lambda s: (s.poses[:, 0], s.ratio)),
     ("drift:rate=-0.3", "number of the push", FRICTION, lambda s: (s.number, s.ratio)),
-    ("pressure-shift:offset=0.008/0", "heading in B [deg]", MOMENT, lambda s: (s.heading_in_b, 1000 * s.left[:, 2])),
+    (
+        "pressure-shift:offset=0.008/0",
+        "heading in B [deg]",
+        MOMENT,
+        lambda s: (s.heading_in_b, 1000 * s.left[:, 2]),
+    ),
     (
         "pressure-spread:scale=1.4",
         "nominal moment [N mm]",
@@ -84,10 +108,20 @@ pictures = (
     ),
     ("tilt:slope=0.05/0.02", "force in W less nominal: x [N]", "y [N]", lambda s: s.left_in_w.T),
     ("force-bias:force=0.5/0.2", "force in W less nominal: x [N]", "y [N]", lambda s: s.left_in_w.T),
-    ("force-rotation:angle=0.15", "number of the push", "force turned by [deg]", lambda s: (s.number, turned(s))),
+    (
+        "force-rotation:angle=0.15",
+        "number of the push",
+        "force turned by [deg]",
+        lambda s: (s.number, turned(s)),
+    ),
     ("frame-offset:offset=0.008/0", "fy [N]", MOMENT, lambda s: (s.loads[:, 1], 1000 * s.left[:, 2])),
     ("latency:delay=0.1", "speed [mm/s]", "clearance of the finger [mm]", lambda s: (s.speed, s.depth)),
-    ("contact-geometry:radius=0.006", "number of the push", "clearance of the finger [mm]", lambda s: (s.number, s.depth)),
+    (
+        "contact-geometry:radius=0.006",
+        "number of the push",
+        "clearance of the finger [mm]",
+        lambda s: (s.number, s.depth),
+    ),
     (
         "contact-friction:mu=0.3",
         "direction off the normal [deg]",

@@ -2,9 +2,9 @@
 Stable pushes on a slope
 ========================
 
-The table slopes by 4 degrees. The pusher supplies the friction load less the weight's pull along the slope, so which rotation
-centres are stable depends on the slider's heading. Filled is what is stable at a heading, dashed what would be on a level table.
-A plan is stable all along its arcs, whose headings change.
+The table slopes by 4 degrees. The pusher supplies the friction load less the weight's pull along the slope,
+so which rotation centres are stable depends on the slider's heading. Filled is what is stable at a heading,
+dashed what would be on a level table. A plan is stable all along its arcs, whose headings change.
 """
 
 import math
@@ -18,10 +18,19 @@ surface = sp.IdealLimitSurface(feet, friction_load=0.3 * 1.2 * 9.81)
 contact = sp.PushContact.on_edge(slider, edge=0, center=0.075, width=0.06, mu=0.5)
 slope = sp.parse_effect(f"tilt:slope={math.tan(math.radians(4)):.4f}/0")
 problem = sp.PlanningProblem(
-    slider, surface, [contact], start=(0.3, 0.3, 0.0), goal=(1.0, 0.6, 1.0), bounds=(0, 0, 1.5, 1.0), effects=[slope]
+    slider,
+    surface,
+    [contact],
+    start=(0.3, 0.3, 0.0),
+    goal=(1.0, 0.6, 1.0),
+    bounds=(0, 0, 1.5, 1.0),
+    effects=[slope],
 )
 figure = plot_headings(problem, headings=4)[0, 0].figure
 save_figure(figure, "slope.png")
 
 result = sp.plan(problem)
-print(result.status, f"{result.duration:.1f} s, stable throughout with probability {result.success_probability:.3f}")
+print(
+    result.status,
+    f"{result.duration:.1f} s, stable throughout with probability {result.success_probability:.3f}",
+)

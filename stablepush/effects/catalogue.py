@@ -83,7 +83,8 @@ def _kinds() -> tuple[EffectKind, ...]:
             "support friction depends on direction over the table",
             "support",
             "headings of the slider over the table that vary, and forces, or pushes that slip",
-            "stablepush correct, then plan again: plans reckon with it at every heading; or plan along the grain of the table",
+            "stablepush correct, then plan again: plans reckon with it at every heading; or plan along one principal direction "
+            "of the friction",
             "Support friction is {ratio} times as large along {direction} of the table as across it",
             (ratio, Parameter("direction", "rad in W", 0.0, -half, half)),
         ),
@@ -127,7 +128,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "pressure-shift",
             "centre of pressure away from the nominal",
             "support",
-            "pushes beside the centre of mass, with forces or motions of the slider",
+            "pushes whose line of force misses the centre of mass, with forces or motions of the slider",
             "stablepush correct, then plan again: the corrected surface has it",
             "The centre of pressure lies {offset} along x and y of the slider from the nominal one",
             (Parameter("offset", "m in B", 0.0, -0.01, 0.01, 2),),
@@ -201,8 +202,8 @@ def _kinds() -> tuple[EffectKind, ...]:
             "origin of the tracked frame away from the centre of mass",
             "sensing",
             "forces with moments, or poses of a slider that turns",
-            "move body_pose of the import back by the offset, along the axes of the slider; or plan with stablepush correct, "
-            "which moves start and goal; not both",
+            "either move body_pose in the mapping of the import back by the offset, along the axes of the slider, and import "
+            "again; or plan with the scene that stablepush correct writes, which moves start and goal; not both",
             "The tracked origin lies {offset} along x and y of the slider from the centre of mass",
             (Parameter("offset", "m in B", 0.0, -0.01, 0.01, 2),),
         ),

@@ -166,7 +166,8 @@ def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np
             if column == 1:
                 _name_pushes(axes, report, told=row == 1)
         shown[row, 0].set_ylabel(name)
-    shown[0, 0].legend(frameon=False, fontsize=9)
+    # above the axes: not over rows
+    shown[0, 0].legend(frameon=False, fontsize=9, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return shown
 
 
