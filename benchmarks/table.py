@@ -1,6 +1,6 @@
 """All benchmarks in one run: each task beside what one would otherwise use, as it grows, with the memory that it takes.
 
-    python benchmarks/table.py [-o docs/benchmarks] [--only fit region ...] [--before CLONE]
+    python benchmarks/table.py [-o docs/benchmarks] [--only fit region ...] [--before OLD_CHECKOUT]
 
 One thread, compiled code warmed up first. Writes ``table.md`` and ``growth.svg`` into the folder, and prints the table. Times are
 medians (single runs of what takes longer than two seconds); memory is the peak of what Python and numpy allocate in a second run,
@@ -43,6 +43,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "simulation"))
 EXTENT = 0.4
 SCENES = Path(__file__).parents[1] / "examples" / "scenes"
 Task = Callable[[], object]
+#: What is said of a planner that found none in its time.
+NO_PATH = " (no path found)"
 #: Whether only this package is timed, and not what one would otherwise use.
 ALONE = "--alone" in sys.argv
 
@@ -86,7 +88,7 @@ def beside(task: str, size: str, count: float, ours: Task, other: str, theirs: T
         return Row(task, size, count, seconds(ours), 0, other, 0.0, 0)
     answer = theirs()
     if isinstance(answer, sp.PlanResult) and not answer.solved:
-        other += " (no path found)"
+        other += NO_PATH
     # memory of a part says nothing of the whole
     held = peak(theirs) if share == 1.0 else 0
     return Row(task, size, count, seconds(ours), peak(ours), other, seconds(theirs) / share, held)
@@ -399,7 +401,9 @@ def draw(rows: list[Row], path: Path) -> None:
         axes = figure.add_subplot((len(tasks) + 2) // 3, 3, k + 1)
         mine = [r for r in rows if r.task == task]
         axes.loglog([r.count for r in mine], [r.ours for r in mine], "o-", color="#0072B2", label="stablepush")
-        axes.loglog([r.count for r in mine], [r.theirs for r in mine], "s--", color="#D55E00", label=mine[0].other)
+        axes.loglog(
+            [r.count for r in mine], [r.theirs for r in mine], "s--", color="#D55E00", label=mine[0].other.removesuffix(NO_PATH)
+        )
         axes.set_title(task, fontsize=10)
         axes.set_xlabel(f"number of {mine[0].size.split(maxsplit=1)[1].split('x')[-1].strip(' 0123456789')}", fontsize=9)
         axes.set_ylabel("time (s)", fontsize=9)
@@ -433,7 +437,7 @@ def main() -> None:
     )
     parser.add_argument("-o", "--output", type=Path, help="folder for table.md and growth.svg")
     parser.add_argument("--only", nargs="*", choices=list(SECTIONS), help="sections")
-    parser.add_argument("--before", type=Path, metavar="CLONE", help="an older version to time beside: writes before.md")
+    parser.add_argument("--before", type=Path, metavar="OLD_CHECKOUT", help="an older version to time beside: writes before.md")
     parser.add_argument("--alone", action="store_true", help="print the times of this package only, as JSON")
     options = parser.parse_args()
     rows: list[Row] = []

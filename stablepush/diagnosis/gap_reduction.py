@@ -27,8 +27,8 @@ from stablepush.surfaces import IdealLimitSurface, LimitSurface
 _RESAMPLES = 500
 #: Draws of the noise behind the floor of the directions of motion.
 _DRAWS = 4
-#: What a simulation with rigid bodies errs alone, for fingers and feet give: of a load over its size, of a final pose over
-#: the radius of the slider.
+#: The error of a simulation with rigid bodies where no cause acts, since fingers and feet are compliant: of a load over its size,
+#: of a final pose over the radius of the slider.
 _RIGID = 0.01
 #: The nominal simulation, its refit, and the corrected one.
 FITS = ("before", "refit", "after")

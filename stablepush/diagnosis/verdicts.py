@@ -130,7 +130,7 @@ def _fits_nothing(system: System, held: HeldOut, size: float, shared: bool) -> b
     if many pushes end far off."""
     if not system.has_wrench:
         return pose_errors_are_significant(held)
-    # precise sensors see what a simulation of rigid bodies errs alone: that is no gap
+    # precise sensors see the error of rigid bodies, where no cause acts: that is no gap
     return (size > _NO_FIT or shared) and correction_leaves_more(system, held)
 
 

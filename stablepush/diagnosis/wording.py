@@ -120,7 +120,7 @@ def _friction(system: System, loads: FloatArray, reductions: Sequence[GapReducti
 
 def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: float, refitted: Mapping[str, float]) -> str:
     """How far the correction reduces the gap, of the channel that the causes act on, or else in which it shows best. What a
-    refitted surface leaves alone (by channel) is told where it does much of that."""
+    refit of the surface without any cause leaves (by channel) is told where it does much of that."""
     certain = {e.channel for e in reductions if e.ci95[0] > 0} | {"touch"}
     shares = [(e.channel, e.closed) for e in reductions if e.before > _NEARER * e.after] + [("touch", touch)]
     shares = [(channel, share) for channel, share in shares if share > _REPORTED]

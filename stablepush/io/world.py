@@ -43,7 +43,7 @@ from stablepush.io.tracker_glitches import without_glitches
 from stablepush.objects import Slider
 
 #: The refusal of two fingers that cannot both touch the slider.
-TOO_FAR_APART = "expected fingers that both reach the slider, at most {:.3g} m apart"
+_TOO_FAR_APART = "expected fingers that both reach the slider, at most {:.3g} m apart"
 #: What a force acts on: the slider, the finger (its reaction), or whichever makes the power of the pushes positive.
 FORCES_ON = ("slider", "finger", "power")
 #: Rows of the first push that show how the tool holds two fingers.
@@ -54,7 +54,7 @@ _TOUCHES = 1e-3
 _SEEMS = 8e-3
 
 
-def most_apart(rig: Rig) -> float:
+def _most_apart(rig: Rig) -> float:
     """Return how far (m) the centres of two fingers can be from each other that both touch the slider."""
     return 2 * (rig.slider.radius + (rig.finger_radius or 0.0))
 
@@ -171,8 +171,8 @@ def log_from_arrays(
         check_number(finger_distance, "finger_distance", positive=True)
         if rig.contact_kind != "two-point" or rig.finger_radius is None or tips is None:
             raise InputError("finger_distance", "expected a rig of kind two-point with a finger_radius, and tip_positions")
-        if finger_distance > most_apart(rig):
-            raise InputError("finger_distance", TOO_FAR_APART.format(most_apart(rig)), f"{finger_distance:g} m")
+        if finger_distance > _most_apart(rig):
+            raise InputError("finger_distance", _TOO_FAR_APART.format(_most_apart(rig)), f"{finger_distance:g} m")
     if world is not None and tips is None:
         raise InputError("tip_positions", "expected the places of the tip with forces, for their moments", "none")
     if turning is not None and world is None:

@@ -164,7 +164,7 @@ def test_a_table_of_an_executed_plan(tmp_path, capsys):
     command = ["import", str(path), "--kind", "csv", "--mapping", str(mapping), "-o", str(tmp_path / "other")]
     mapping_file(tmp_path, columns={**COLUMNS, "moment": "M"}, units=UNITS, **given | {"finger_distance": 20.0})
     assert main(command) == 2
-    assert "finger_distance: expected fingers that both reach the slider, at most 0." in capsys.readouterr().err
+    assert f"{mapping}: finger_distance: expected fingers that both reach the slider, at most 0." in capsys.readouterr().err
     del given["finger_distance"]
     mapping_file(tmp_path, columns={**COLUMNS, "moment": "M"}, units=UNITS, **given)
     assert main(command) == 0

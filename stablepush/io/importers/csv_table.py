@@ -112,7 +112,8 @@ class CsvTables:
             place = error.place
             if place.startswith("times["):
                 place = f"line {lines[int(place[6:-1])]}: column {named['t']}"
-            raise InputError(place, error.expected, error.got, file=source.file) from None
+            # what the mapping says is wrong there
+            raise InputError(place, error.expected, error.got, file=error.file or source.file) from None
         if not own:
             return log, notes
         first = {name: rows[0] for name, rows in _rows_by_name(trials or []).items()}
