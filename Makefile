@@ -15,8 +15,9 @@ PYTHON := $(shell $(FIND_PYTHON))
 demo: $(VENV)/.installed
 	$(BIN)/stablepush demo
 
+# in the order of the folders: by their number of tests, slow files of few tests would come last, one worker waiting
 test: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
@@ -60,7 +61,7 @@ test-lowest:
 
 define tests_of_wheel
 mkdir $(TRY)/run && cp -r tests examples docs benchmarks README.md CHANGELOG.md CONTRIBUTING.md pyproject.toml $(TRY)/run
-cd $(TRY)/run && ../venv/bin/python -m pytest -n 2 --dist loadfile
+cd $(TRY)/run && ../venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 endef
 
 $(VENV)/.python:
