@@ -146,9 +146,13 @@ def correct(
     save_scene(found, output)
     before, after = problem.contacts[0].mu, found.contacts[0].mu
     changes = ["limit surface as the diagnosis has it"] if found.surface is not problem.surface else []
+    if found.support_friction != problem.support_friction:
+        changes += [f"support friction {found.support_friction:.3g}"]
     changes += [f"finger friction {after:.3g} for {before:.3g}"] if after != before else []
     width, own = found.uncertainty.relative_friction, problem.uncertainty.relative_friction
-    changes += [f"plans for finger friction of {(1 - width) * after:.2g} to {(1 + width) * after:.2g}"] if width > own else []
+    if width > own:
+        why = ", for a gap is left that no cause explains" if after == before else ""
+        changes += [f"plans for finger friction of {(1 - width) * after:.2g} to {(1 + width) * after:.2g}{why}"]
     changes += [f"finger radius {1000 * found.finger_radius:.3g} mm"] if found.finger_radius != problem.finger_radius else []
     aside = any((a.points != b.points).any() for a, b in zip(found.contacts, problem.contacts, strict=True))
     changes += ["contacts elsewhere"] if aside else []
@@ -161,9 +165,16 @@ def correct(
     told(
         output=output, changes=changes, effects=[entry.effect.id for entry in found.effects], alternatives=len(found.alternatives)
     )
+    acts = [entry.effect.id for entry in saved.corrected[0].effects if CATALOGUE[entry.effect.id].acts == "support"]
+    fitted = found.surface is problem.surface and problem.surface.point_loads is None and problem.surface.force_unit == "N"
     left = [id for id in saved.named if id not in CATALOGUE]
     without = f": {', '.join(left)} is the lab's own, which no scene can hold" if left else ""
     print(f"{output}: {'; '.join(changes) or 'nothing to correct'}{without}")
+    if acts and fitted:
+        print(
+            f"the limit surface stays: if it was fitted to pokes on this table, {', '.join(acts)} is in it, too; model.json of "
+            "diagnose --mended is without"
+        )
     try:
         found.require_plannable()
         require_loads(found)

@@ -70,6 +70,7 @@ from .plausibility import (
     note_slide as note_slide,
     note_time as note_time,
     note_tolerance as note_tolerance,
+    note_tool as note_tool,
 )
 from .plugins import load_plugin as load_plugin, plugin_names as plugin_names, what_failed as what_failed
 from .renamed import renamed as renamed, renamed_fields as renamed_fields

@@ -44,6 +44,11 @@ class Node:
             self._child(key, None).fail("missing key")
         return self._child(key, self.value[key])
 
+    def without(self, key: str) -> Node:
+        """The same object less a key, which need not be there."""
+        self.object()
+        return Node({name: value for name, value in self.value.items() if name != key}, self.file, self.place)
+
     def get(self, key: str) -> Node | None:
         """The value of a key, or None if it is absent or null."""
         self.object()

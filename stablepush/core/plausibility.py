@@ -19,6 +19,8 @@ from stablepush.core.errors import PlausibilityWarning
 _LARGEST_RADIUS = 3.0
 #: Farthest that an object is pushed, in its radii, and largest coordinates (m) of a place to push in.
 _FARTHEST, _LARGEST_SCENE = 200.0, 500.0
+#: Longest tool (m).
+_LONGEST_TOOL = 5.0
 #: A tolerance of the position is no more than this, in radii of the slider.
 _LOOSE = 5.0
 #: Parts that belong to an object (pusher, support, contacts) are no farther from its origin than this, in its radii.
@@ -64,6 +66,13 @@ def note_scene(lengths: ArrayLike, place: str) -> None:
     """Doubt coordinates (m) in the world."""
     largest = float(np.abs(lengths).max(initial=0.0))
     if largest > _LARGEST_SCENE:
+        _note(place, f"{largest:.4g} m looks like millimetres ({largest / 1000:.4g} m)")
+
+
+def note_tool(lengths: ArrayLike, place: str) -> None:
+    """Doubt how far (m) a flange is from the fingers that it holds, or these are over the table."""
+    largest = float(np.abs(lengths).max(initial=0.0))
+    if largest > _LONGEST_TOOL:
         _note(place, f"{largest:.4g} m looks like millimetres ({largest / 1000:.4g} m)")
 
 

@@ -92,7 +92,7 @@ def _of_acting(id: str, system: System, found: Attribution) -> Evidence:
                 certain = screening.family_wise_p <= system.demands.family_wise_p
                 times = "" if certain else f"{system.demands.certain:g} times "
                 clauses.supporting.append(
-                    f"most pushes speak for it: when it was found, the log density rose by more than {times}its threshold"
+                    f"most pushes speak for it: when it was found, their log density rose by more than {times}the threshold"
                 )
                 words = f"when it was found, its family-wise p-value was {_p(screening.family_wise_p)}"
                 (clauses.supporting if certain else clauses.opposing).append(words)

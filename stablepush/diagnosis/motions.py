@@ -54,10 +54,8 @@ class Motions(System):
         super().__init__(observations, rig)
         self.has_surface = True
         self.known_scale = True
-        support = self.believed.points.support
-        if rig.model is None and rig.slider.support is None:
-            support = SupportDistribution(self.points, np.ones(len(self.points)))
-        self._surface = IdealLimitSurface(_coarse(support), self.believed.points.friction_load, self.rho)
+        believed = self.believed.points
+        self._surface = IdealLimitSurface(_coarse(believed.support), believed.friction_load, self.rho)
         self.believed = replace(self.believed, points=self._surface)
         self.nominal = np.zeros(len(_SMALL))
         if rig.contact_friction is None:

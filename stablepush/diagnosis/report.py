@@ -227,6 +227,7 @@ class GapReport:
             "log": self.log,
             "trials": self.trials,
             "slider": slider_to_json(self.rig.slider),
+            "support_friction": self.support_friction or self.rig.support_friction,
             "channels": self.channels,
             "gap": as_json(self.gap),
             "where": [

@@ -108,7 +108,7 @@ def judge(
         verdict = nameless() if off else Verdict.NONE
         unnamed = "it changes loads and poses by next to nothing"
     elif worse:
-        verdict, unnamed = Verdict.UNKNOWN, "it does not reduce the residuals of held-out pushes"
+        verdict, unnamed = Verdict.UNKNOWN, "it fits these pushes, but does not predict left-out ones better"
     elif found.named and not system.opened and _spoils_poses(held, reduced):
         # a form that the catalogue does not have cannot be simulated
         verdict, unnamed = Verdict.UNKNOWN, "its correction would throw off final poses that the nominal simulation has right"

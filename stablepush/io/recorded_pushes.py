@@ -145,7 +145,8 @@ def phases_of(
     if not len(moving):
         return phases
     if forces is None:
-        phases[: moving[0]], phases[moving[-1] + 1 :] = "rest", "retract"
+        begin, end = _in_motion(slider, poses, speed, away, moving)
+        phases[:begin], phases[end:] = "rest", "retract"
         return phases
     known = np.asarray(np.isfinite(forces).all(axis=1))
     steady = known & (speed >= SLIPS * np.percentile(speed, 95))
@@ -181,6 +182,28 @@ def phases_of(
         if stands < len(pushed):
             phases[pushed[stands] :] = "retract"
     return phases
+
+
+def _in_motion(
+    slider: Slider, poses: FloatArray, speed: FloatArray, away: FloatArray | None, moving: np.ndarray[Any, np.dtype[np.intp]]
+) -> tuple[int, int]:
+    """First row in which a slider moves, and the row after the last; of the rows that are as quick as motion is, some may be
+    noise of the tracker: before it leaves the place where it stood, after it stands for good, and while the finger is away."""
+    begin, end = int(moving[0]), int(moving[-1]) + 1
+    seen = np.flatnonzero(np.isfinite(poses).all(axis=1))
+    first, last = (
+        end_of_motion(poses[seen[::-1]], slider.characteristic_length),
+        end_of_motion(poses[seen], slider.characteristic_length),
+    )
+    begin, end = max(begin, int(seen[len(seen) - first])), min(end, int(seen[last - 1]) + 1)
+    steady = speed >= SLIPS * np.percentile(speed, 95)
+    if away is not None and steady[begin:end].any():
+        clear = is_clear(away, steady)
+        pushed = begin + np.flatnonzero(steady[begin:end] & ~clear[begin:end])
+        if len(pushed):
+            before, after = np.flatnonzero(clear[begin : pushed[0]]), np.flatnonzero(clear[pushed[-1] : end])
+            begin, end = begin + (int(before[-1]) + 1 if len(before) else 0), pushed[-1] + int(after[0]) if len(after) else end
+    return begin, end
 
 
 def _of_step(

@@ -51,6 +51,8 @@ def correct(problem: PlanningProblem, report: Diagnosed | SavedDiagnosis | Seque
       ``uncertainty.contact_friction``. Where a gap is not explained and no push has shown that friction, it stays, and is
       uncertain by 30 %.
     - ``finger_radius``, and fingers that are aside: contacts move along the y axis of their frames.
+    - ``support_friction``, if the problem states none and its surface is in units of ``mu*N``: what the log's rig states, or the
+      diagnosis found instead.
     - A tracker whose origin is off the centre of mass by ``d`` (in B) saw start and goal there: poses ``p`` become ``p * (-d)``.
     - ``effects``: what depends on heading, place, speed or time is added to the problem's, in place of that of the same id, and
       planned with. Effects of sensors are kept and change no plan.
@@ -73,7 +75,7 @@ def correct(problem: PlanningProblem, report: Diagnosed | SavedDiagnosis | Seque
     """
     if isinstance(report, str | Path):
         report = load_diagnosis(report)
-    corrections, diagnosed, verdict = _read(report)
+    corrections, diagnosed, verdict, support_friction = _read(report)
     if verdict == "unknown":
         warnings.warn(PlanWarning(_UNEXPLAINED), stacklevel=2)
     if diagnosed is not None and _apart(diagnosed, problem.slider) > _OTHER * problem.slider.radius:
@@ -98,8 +100,12 @@ def correct(problem: PlanningProblem, report: Diagnosed | SavedDiagnosis | Seque
             replace(entry, probability=entry.probability / total, effects=_with(problem.effects, entry.effects), **_NOT_DRAWN)
             for entry in corrections
         ]
+    surface = best.surface or problem.surface
+    # a slope needs newtons: the rig of the log says how many there are in a surface of no pokes
+    sized = surface.force_unit == "N" or problem.support_friction is not None
     return problem.with_changes(
-        surface=best.surface or problem.surface,
+        surface=surface,
+        support_friction=problem.support_friction if sized else support_friction or None,
         contacts=contacts,
         start=start,
         goal=goal,
@@ -112,14 +118,17 @@ def correct(problem: PlanningProblem, report: Diagnosed | SavedDiagnosis | Seque
 
 def _read(
     report: Diagnosed | SavedDiagnosis | Sequence[Correction],
-) -> tuple[Sequence[Correction], Slider | None, str]:
-    """What is corrected, the slider of the log and the verdict, where the report has them."""
+) -> tuple[Sequence[Correction], Slider | None, str, float | None]:
+    """What is corrected, the slider of the log, the verdict and the support friction, where the report has them."""
     if isinstance(report, SavedDiagnosis):
-        return report.corrected, report.slider, report.verdict
+        return report.corrected, report.slider, report.verdict, report.support_friction
     corrections, rig = getattr(report, "corrected", report), getattr(report, "rig", None)
     if not isinstance(corrections, Sequence):
         raise InputError("report", "expected a diagnosis, corrections or the path of a diagnosis/1", type(report).__name__)
-    return corrections, None if rig is None else rig.slider, str(getattr(report, "verdict", ""))
+    found = getattr(report, "support_friction", None)
+    if rig is None:
+        return corrections, None, "", found
+    return corrections, rig.slider, str(getattr(report, "verdict", "")), found or rig.support_friction
 
 
 def _apart(a: Slider, b: Slider) -> float:

@@ -106,13 +106,14 @@ VERDICTS = ("none", "absorbed", "named", "ambiguous", "unknown")
 @dataclass(frozen=True, slots=True, eq=False)
 class SavedDiagnosis:
     """What plans need of a ``diagnosis/1`` file: its verdict, the effects it names, the rigs that it found, most probable first,
-    and the slider of the log, which older files lack."""
+    and the slider of the log and its friction on the table, which older files lack."""
 
     path: str | Path
     verdict: str
     named: tuple[str, ...]
     corrected: tuple[Correction, ...]
     slider: Slider | None
+    support_friction: float | None = None
 
 
 def load_diagnosis(path: str | Path) -> SavedDiagnosis:
@@ -123,13 +124,14 @@ def load_diagnosis(path: str | Path) -> SavedDiagnosis:
         root["corrected"].fail(
             "expected at least one entry: a log that could not be diagnosed, or was compared with another simulator's, has none"
         )
-    slider, effects, verdict = (root.get(key) for key in ("slider", "effects", "verdict"))
+    slider, effects, verdict, friction = (root.get(key) for key in ("slider", "effects", "verdict", "support_friction"))
     return SavedDiagnosis(
         path,
         "" if verdict is None else verdict.text(VERDICTS),
         () if effects is None else tuple(node.text() for node in effects.items()),
         corrections,
         None if slider is None else slider_from_node(slider),
+        None if friction is None else friction.zero_or_positive(),
     )
 
 

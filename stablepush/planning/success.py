@@ -27,6 +27,9 @@ _SIMULATED, _FEWEST, _MOST = 400, 6, 24
 #: Longest travel of a finger in a step of these simulations, in radii of the slider: coarser than where a docking is simulated.
 _STEP = 1 / 12
 
+#: So many scenarios that lose the slider say why; and a limit that so many of all scenarios are beyond does not.
+_TELLING, _MOST_BEYOND = 20, 0.25
+
 Interval = tuple[float, float]
 
 
@@ -240,28 +243,38 @@ def _failures(losses: Losses, result: PlanResult) -> tuple[tuple[int, float, str
 
 def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
     """What the scenarios that lose the slider in a push have in common: what differs most from the other scenarios."""
-    aside = "the fingers more than {more:.3g} mm to the {way} of their place, seen along the push"
     everything = {
-        "a contact friction {side} {end:.3g}": scenarios.contact_mu[:, push.contact],
-        aside: 1000 * scenarios.aside[:, push.contact],
-        "x of the centre of mass {side} {end:.3g} mm": 1000 * scenarios.center_of_mass[:, 0],
-        "y of the centre of mass {side} {end:.3g} mm": 1000 * scenarios.center_of_mass[:, 1],
-    }
+        ("a contact friction {side} {end:.3g}", "low contact friction", "high contact friction"):
+            scenarios.contact_mu[:, push.contact],
+        (
+            "the fingers more than {more:.3g} mm to the {way} of their place, seen along the push",
+            "the fingers to the right of their place, seen along the push",
+            "the fingers to the left of their place, seen along the push",
+        ): 1000 * scenarios.aside[:, push.contact],
+        ("x of the centre of mass {side} {end:.3g} mm", "a small x of the centre of mass", "a large x of the centre of mass"):
+            1000 * scenarios.center_of_mass[:, 0],
+        ("y of the centre of mass {side} {end:.3g} mm", "a small y of the centre of mass", "a large y of the centre of mass"):
+            1000 * scenarios.center_of_mass[:, 1],
+    }  # fmt: skip
     if 2 * np.count_nonzero(~scenarios.flush[rows]) > len(rows):
         return "because the slider is not square to the fingers after the docking"
     if len(rows) > 0.9 * len(scenarios):
         return "in nearly every scenario"
+    if len(rows) < _TELLING:
+        return "too rarely to say why"
     best, words = 0.0, "and no single uncertain quantity decides it"
-    for words_of, values in everything.items():
+    for (limit, low, high), values in everything.items():
         scatter = float(values.std())
         shift = (float(values[rows].mean()) - float(values.mean())) / scatter if scatter > 0 else 0.0
-        if abs(shift) > max(best, 0.7):
-            end = float(values[rows].max() if shift < 0 else values[rows].min())
-            side, way = ("below", "right") if shift < 0 else ("above", "left")
-            more = end if shift > 0 else -end
-            if words_of == aside and more <= 0:
-                # some on the other side lose it, too
-                best, words = abs(shift), f"mostly with the fingers to the {way} of their place, seen along the push"
-            else:
-                best, words = abs(shift), "always with " + words_of.format(side=side, way=way, end=end, more=more)
+        if abs(shift) <= max(best, 0.7):
+            continue
+        best = abs(shift)
+        end = float(values[rows].max() if shift < 0 else values[rows].min())
+        beyond = float((values <= end).mean() if shift < 0 else (values >= end).mean())
+        side, way, more = ("below", "right", -end) if shift < 0 else ("above", "left", end)
+        # a limit that many scenarios are beyond without loss says little
+        if beyond > _MOST_BEYOND:
+            words = f"mostly with {low if shift < 0 else high}"
+        else:
+            words = "always with " + limit.format(side=side, way=way, end=end, more=more)
     return words

@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush.core import FloatArray, InputError, brief, check_array, check_number
+from stablepush.core import FloatArray, InputError, brief, check_array, check_number, note_tool
 from stablepush.geometry import compose, normalize_twist, transform_points, unit, wrap_angle
 from stablepush.io import read_table, table_text, write_atomically
 from stablepush.objects import PushContact
@@ -78,6 +78,7 @@ class Trajectory:
         place = check_array(tool, "tool", (7,))
         if not place[3:].any():
             raise InputError("tool", "expected a quaternion that is not zero, after x, y, z")
+        note_tool((height, *place[:3]), "tool, height")
         turn = Rotation.from_euler("z", self.pusher[:, 2:])
         origin = np.column_stack((self.pusher[:, :2], np.full(len(self.t), check_number(height, "height"))))
         return np.column_stack((origin + turn.apply(place[:3]), (turn * Rotation.from_quat(place[3:])).as_quat()))

@@ -42,6 +42,8 @@ from stablepush.views.plot.gaps import (
     view_limits,
 )
 
+#: A refitted surface that leaves so many times as much is said to be worse.
+_WORSE = 1.05
 #: Rows that a page has, at most.
 _MOST_ROWS = 2000
 #: Pairs of parameters whose correlation is told, at most.
@@ -123,8 +125,9 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     rows = [(entry.effect, _effect(entry, report.evidence[entry.effect])) for entry in report.ranking]
     text = (
         "For each effect: its probability, its estimate with 95 % intervals, and what speaks for and against it; or why this log "
-        "cannot show it. The named ones are taken as given for the others. The gain of the fit: how much its sum of squares "
-        "falls, in units of the scatter that is left; from 18 on it counts, for an executed plan from 25 on."
+        "cannot show it. The named ones are taken as given for the others. The gain says how much better the fit "
+        "becomes: the fall of its sum of squares, in units of the scatter that is left. Below 18, or 25 for an executed plan, it "
+        "may be chance."
     )
     sections.append(Section.with_picture("Why", figure_png(plot_effects(report)), text, rows))
     after = report.next_experiment
@@ -331,7 +334,8 @@ def _gap(entry: ChannelGap) -> str:
         return f"wrongly predicted to be stable or not: {wrong} of the pushes, {refitted} with a refitted surface"
     nominal, p = size_in_words(entry.nominal, entry.unit), entry.p_lack_of_fit
     refitted, floor = (size_in_words(size, entry.unit, named=False) for size in (entry.refitted, entry.noise_floor))
-    words = f"{nominal} from the nominal simulation, {refitted} with a refitted surface, floor {floor}"
+    worse = " (a refit to so few pushes predicts others worse)" if entry.refitted > _WORSE * entry.nominal else ""
+    words = f"{nominal} from the nominal simulation, {refitted} with a refitted surface{worse}, floor {floor}"
     return f"{words}; p {f'{p:.2g}' if p > 1e-4 else 'below 0.0001'}"
 
 

@@ -201,3 +201,18 @@ def test_a_pusher_that_stands_at_the_end_has_a_piece_of_its_own(noise):
     rows = _knots(np.arange(len(x)), pushers, None)
     assert rows[-1] == len(x) - 1
     assert moving - 3 <= rows[-2] <= moving
+
+
+@pytest.mark.parametrize("outline", [sp.Slider.rectangle(0.14, 0.1), triangle()], ids=["rectangle", "triangle"])
+def test_a_pressure_that_is_not_stated_is_even(outline):
+    """Its cells counted alike, cut ones as much as whole ones, and a shift of the pressure was named that nobody had made."""
+    slider = sp.Slider(outline.vertices, 0.9, sp.SupportDistribution.from_polygon(outline.vertices, 0.005))
+    surface = sp.IdealLimitSurface(slider.support, 0.3 * 0.9 * 9.81)
+    noise = sp.Noise(0.02, 1e-4, 1.7e-3)
+    rig = sp.VirtualRig(slider, surface, 0.45, sp.Pusher.finger(0.005), [], noise)
+    log = rig.execute(sp.random_pushes(slider, rig.pusher, 20, seed=8, groups=0), seed=8).log
+    log = edited(log, FORCES, slider=sp.Slider(outline.vertices, 0.9), model=None)
+    believed = motions(log).surface(np.zeros(5)).support
+    np.testing.assert_allclose(believed.center, surface.support.center, atol=1e-6)
+    assert believed.characteristic_length == pytest.approx(surface.characteristic_length, rel=0.03)
+    assert sp.diagnose(log).verdict == "none"

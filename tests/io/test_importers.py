@@ -62,6 +62,10 @@ def test_a_package_that_is_broken_is_one_line_and_no_one_elses_trouble(monkeypat
     monkeypatch.setattr(plugins, "entry_points", entry_points)
     assert "broken" in registry.importers()
     one_line(capsys, ["import", tmp_path, "--kind", "broken", "-o", tmp_path / "more"], "broken", "gone", "cannot be loaded")
+    # who does not ask for it has no trouble by it
+    left_out = pytest.warns(sp.StablepushWarning, match="left out: stablepush.importers: broken of the package gone")
+    with left_out, pytest.raises(sp.InputError, match="expected a raw log of kind"):
+        registry.find_sources(tmp_path)
     assert sp.plan(small_scene(), refinement_budget=0).solved
     with pytest.raises(sp.UnavailableError, match="broken of the package gone"):
         sp.plan(small_scene(), "broken")
@@ -69,3 +73,24 @@ def test_a_package_that_is_broken_is_one_line_and_no_one_elses_trouble(monkeypat
 
 def test_the_library_has_the_manipulation_labs():
     assert {"mlab-poke", "mlab-stable"} <= set(registry.importers())
+
+
+@pytest.mark.parametrize("method", ["find", "read"])
+def test_an_importer_that_fails_is_named_with_its_line(monkeypatch, tmp_path, capsys, method):
+    class Failing:
+        def find(self, root):
+            if method == "find":
+                raise ValueError("no such row")
+            return [registry.Source("mine", root, "log", {})]
+
+        def read(self, source, slider):
+            raise ValueError("no such row")
+
+    # what is loaded is kept by its name
+    entry = SimpleNamespace(name=f"mine-{method}", load=Failing, dist=None, module="mine")
+    kept = plugins.entry_points
+    monkeypatch.setattr(
+        plugins, "entry_points", lambda group, name="": [e for e in (*kept(group=group), entry) if name in ("", e.name)]
+    )
+    words = f"importer {entry.name}: it failed by ValueError: no such row (test_importers.py, line"
+    one_line(capsys, ["import", tmp_path, "--kind", entry.name, "-o", tmp_path / "more"], words, f"in {method}")

@@ -63,3 +63,27 @@ def test_the_window_is_short_where_noise_allows_and_as_given_where_it_is_given()
     assert sp.log_from_arrays(rig, times, poses, forces, tips, window=0.23).rig.twist_window == 0.23
     with pytest.raises(sp.InputError, match="window"):
         sp.log_from_arrays(rig, times, poses, forces, tips, window=0.0)
+
+
+def test_without_forces_a_push_is_where_the_finger_is(tmp_path):
+    """Named pushes: of their rows at rest some look as quick as the push, and the finger is away in them."""
+    times, poses, _, tips = record(1e-4, 1.75e-3, seed=5)
+    names = np.repeat([f"{k}" for k in range(PUSHES)], len(times) // PUSHES).tolist()
+    rig = sp.Rig(SLIDER, finger_radius=RADIUS, noise=sp.Noise(0.0, 1e-4, 1.75e-3))
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        log = sp.log_from_arrays(rig, times, poses, None, tips, names)
+    assert not any("off the outline" in str(warning.message) for warning in heard)
+    for name in log.trials["trial"]:
+        rows = log.rows(name)
+        pushed = log.columns("t")[rows, 0][log.samples["phase"][rows] == "push"]
+        # they push from 1.2 s to 1.7 s
+        assert 1.15 <= pushed[0] <= 1.45 and 1.5 <= pushed[-1] <= 1.75
+
+
+def test_without_forces_and_noise_a_push_is_as_long_as_the_motion():
+    times, poses, _, tips = record(0.0, 0.0)
+    names = np.repeat([f"{k}" for k in range(PUSHES)], len(times) // PUSHES).tolist()
+    log = sp.log_from_arrays(sp.Rig(SLIDER, finger_radius=RADIUS), times, poses, None, tips, names, window=0.05)
+    pushed = log.columns("t")[:, 0][log.samples["phase"] == "push"]
+    assert 1.15 <= pushed.min() <= 1.25 and 1.65 <= pushed.max() <= 1.75

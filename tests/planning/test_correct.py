@@ -5,10 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from conftest import small_scene, three_feet
+from conftest import small_scene, three_feet, triangle
 
 import stablepush as sp
 from stablepush.cli.program import main
+from stablepush.demo import demo_pokes, demo_slider
+from stablepush.effects import KnownEffect
 from stablepush.planning import load_corrections, save_scene
 from stablepush.planning.scenarios import draw_scenarios
 
@@ -171,3 +173,38 @@ def test_a_diagnosis_without_corrections_is_refused(tmp_path, capsys):
     assert "warning: the diagnosis is unknown" in capsys.readouterr().err
     diagnosis.write_text(json.dumps({"format": "diagnosis/1", "corrected": [{"probability": 1}]}))
     assert [entry.probability for entry in load_corrections(diagnosis)] == [1.0]
+
+
+def test_a_slope_has_the_newtons_of_the_rig_that_showed_it(tmp_path, capsys):
+    """A surface that was fitted to no pokes is in units of ``mu*N``: no plan reckons with a slope without friction."""
+    none = np.zeros((0, 3))
+    prior = sp.fit_limit_surface(none, none, slider=triangle()).surface
+    problem = small_scene(surface=prior, slider=triangle())
+    slope = sp.Correction(effects=(KnownEffect(sp.parse_effect("tilt:slope=0.02/0"), None),))
+    diagnosis = {"format": "diagnosis/1", "verdict": "named", "effects": ["tilt"], "corrected": [slope.to_json()]}
+    path, scene = tmp_path / "diagnosis.json", tmp_path / "scene.json"
+    save_scene(problem, scene)
+    for stated in (None, 0.0, 0.3):
+        path.write_text(json.dumps({**diagnosis, "support_friction": stated}))
+        assert sp.correct(problem, path).support_friction == (stated or None)
+    assert sp.correct(small_scene(surface=prior, support_friction=0.4), path).support_friction == 0.4
+    assert sp.correct(small_scene(), path).support_friction is None
+    assert main(["correct", str(scene), str(path), "-o", str(tmp_path / "scene2.json")]) == 0
+    told = capsys.readouterr().out
+    assert "support friction 0.3" in told and "plan will refuse" not in told
+    path.write_text(json.dumps({**diagnosis, "support_friction": -1}))
+    with pytest.raises(sp.InputError, match=r"diagnosis\.json: support_friction: expected a number"):
+        sp.correct(problem, path)
+
+
+def test_a_fitted_surface_that_stays_may_hold_the_effect(tmp_path, capsys):
+    fitted = sp.fit_limit_surface(*demo_pokes(12).pairs()[:2], slider=demo_slider()).surface
+    scene, path = tmp_path / "scene.json", tmp_path / "diagnosis.json"
+    save_scene(small_scene(surface=fitted), scene)
+    for effect, said in (("tilt:slope=0.02/0", True), ("latency:delay=0.1", False)):
+        found = sp.Correction(effects=(KnownEffect(sp.parse_effect(effect), None),))
+        path.write_text(json.dumps({"format": "diagnosis/1", "verdict": "named", "effects": [], "corrected": [found.to_json()]}))
+        assert main(["correct", str(scene), str(path), "-o", str(tmp_path / "scene2.json")]) == 0
+        assert (
+            "the limit surface stays: if it was fitted to pokes on this table, tilt is in it" in capsys.readouterr().out
+        ) == said

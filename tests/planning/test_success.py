@@ -13,7 +13,7 @@ from stablepush.cli import main
 from stablepush.core import binomial_interval
 from stablepush.planning.choice import MOST, Choice, choice_of
 from stablepush.planning.scenarios import draw_scenarios, likely_surfaces
-from stablepush.planning.success import first_losses
+from stablepush.planning.success import _cause, first_losses
 from stablepush.stability import Case, common_region
 
 
@@ -234,3 +234,15 @@ def test_plans_for_one_slider_share_what_is_known_of_its_scenarios():
     fresh = problem()
     found = [sp.plan(p, refinement_budget=0, time_limit=60) for p in (asked.with_changes(tolerance=(0.01, 0.1)), asked, fresh)]
     np.testing.assert_array_equal(found[1].pushes[-1].end, found[2].pushes[-1].end)
+
+
+def test_what_few_scenarios_have_in_common_is_no_cause():
+    """Three of two thousand lay on one side by chance; and a limit that half of all lie beyond says nothing."""
+    asked = problem()
+    scenarios = draw_scenarios(asked, 400, seed=1)
+    push = sp.plan(asked, success=0, refinement_budget=0).pushes[0]
+    order = np.argsort(scenarios.contact_mu[:, push.contact])
+    assert _cause(scenarios, push, order[:3]) == "too rarely to say why"
+    assert _cause(scenarios, push, order[:40]).startswith("always with a contact friction below 0.4")
+    assert _cause(scenarios, push, order[:180]) == "mostly with low contact friction"
+    assert _cause(scenarios, push, order[-180:]) == "mostly with high contact friction"

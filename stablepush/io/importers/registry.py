@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
-from stablepush.core import InputError, StablepushWarning, did_you_mean, load_plugin, plugin_names
+from stablepush.core import (
+    InputError,
+    StablepushError,
+    StablepushWarning,
+    UnavailableError,
+    did_you_mean,
+    load_plugin,
+    plugin_names,
+    what_failed,
+)
 from stablepush.io.pushlog import PushLog
 from stablepush.objects import Slider
 
@@ -64,8 +73,7 @@ def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path 
         raise InputError("kind", f"expected {' or '.join(importers())}", f"{kind!r}{did_you_mean(kind, importers())}")
     if not root.exists():
         raise InputError("", "cannot read: no such file or folder", file=root)
-    wanted = importers() if kind is None else [kind]
-    asked = {name: load_plugin(_GROUP, name) for name in wanted}
+    asked = _all_importers() if kind is None else {kind: load_plugin(_GROUP, kind)}
     mapped = [name for name, one in asked.items() if getattr(one, "needs_mapping", False)]
     if kind is None:
         # who gives a mapping with a file may have one that its suffix tells
@@ -73,8 +81,11 @@ def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path 
         asked = {name: one for name, one in asked.items() if (name in told if told else name not in mapped)}
     elif mapping is not None and not getattr(asked[kind], "needs_mapping", False):
         raise InputError("mapping", f"expected none, logs of kind {kind} need no mapping", str(mapping))
-    found = (importer.find(root) for importer in asked.values())
-    sources = sorted((source for several in found for source in several), key=lambda source: source.file)
+    sources = []
+    for name, importer in asked.items():
+        # an importer that finds logs reads them, whatever it calls itself
+        sources += [replace(source, kind=name) for source in _asked(name, importer.find, root)]
+    sources.sort(key=lambda source: source.file)
     if not sources:
         words = f"expected a raw log of kind {' or '.join(asked)}, found none"
         if kind is None:
@@ -83,6 +94,31 @@ def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path 
     if mapping is not None:
         sources = [replace(source, labels={**source.labels, "mapping": str(mapping)}) for source in sources]
     return _named_apart(sources)
+
+
+def _all_importers() -> dict[str, Importer]:
+    """Importers by name; one that is broken is left out with a warning, for it may have nothing to do with this log."""
+    found = {}
+    for name in importers():
+        try:
+            found[name] = load_plugin(_GROUP, name)
+        except UnavailableError as error:
+            warnings.warn(StablepushWarning(f"left out: {error}"), stacklevel=3)
+    return found
+
+
+def _asked(name: str, method: Callable[..., Any], *arguments: object) -> Any:
+    """What a method of an importer answers; sources in a list, as it may find them one by one.
+
+    Whatever its code fails by names it; what it says of its input, and what cannot be read, stays as it is.
+    """
+    try:
+        answer = method(*arguments)
+        return list(answer) if isinstance(answer, Iterator) else answer
+    except (StablepushError, OSError):
+        raise
+    except Exception as error:
+        raise UnavailableError(f"importer {name}: it failed by {what_failed(error)}") from error
 
 
 def _named_apart(sources: list[Source]) -> list[Source]:
@@ -105,7 +141,7 @@ def import_source(source: Source, slider: Slider | None = None) -> tuple[PushLog
     importer: Importer = load_plugin(_GROUP, source.kind)
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
-        log, notes = importer.read(source, slider)
+        log, notes = _asked(source.kind, importer.read, source, slider)
     ours = [warning for warning in heard if issubclass(warning.category, StablepushWarning)]
     for warning in heard:
         if warning not in ours:
