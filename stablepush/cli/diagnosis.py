@@ -15,6 +15,12 @@ from stablepush.core import InputError
 if TYPE_CHECKING:
     from stablepush.diagnosis import GapReport
 
+#: Why plans reckon with less certain fingers than before, by verdict, where their friction was not found.
+_WHY_WIDER = {
+    "absorbed": ", for fingers may be part of what a refit absorbed",
+    "unknown": ", for fingers may be part of the gap that no cause explains",
+}
+
 
 def diagnose(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG", help="pushlog/1 folder; several of one rig together.")],
@@ -151,7 +157,7 @@ def correct(
     changes += [f"finger friction {after:.3g} for {before:.3g}"] if after != before else []
     width, own = found.uncertainty.relative_friction, problem.uncertainty.relative_friction
     if width > own:
-        why = ", for a gap is left that no cause explains" if after == before else ""
+        why = _WHY_WIDER.get(saved.verdict, "") if after == before else ""
         changes += [f"plans for finger friction of {(1 - width) * after:.2g} to {(1 + width) * after:.2g}{why}"]
     changes += [f"finger radius {1000 * found.finger_radius:.3g} mm"] if found.finger_radius != problem.finger_radius else []
     aside = any((a.points != b.points).any() for a, b in zip(found.contacts, problem.contacts, strict=True))

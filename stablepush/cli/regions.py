@@ -117,7 +117,7 @@ def draw_map(
         ),
     ] = None,
     margins: Annotated[
-        Path | None, typer.Option(help="Chart of margins from the tightest right to the tightest left turn, as PNG.")
+        Path | None, typer.Option(help="Chart of margins of pushes in one direction, from right turns to left turns, as PNG.")
     ] = None,
     sphere: Annotated[Path | None, typer.Option(help="Regions on the sphere of unit twists, as PNG.")] = None,
     view: Annotated[
