@@ -15,6 +15,8 @@ from stablepush.core import InputError
 if TYPE_CHECKING:
     from stablepush.diagnosis import GapReport
 
+#: What explains a gap where nothing is named, by verdict.
+_BY = {"absorbed": " by refitting the surface", "unknown": " by a fit that is not named"}
 #: Why plans reckon with less certain fingers than before, by verdict, where their friction was not found.
 _WHY_WIDER = {
     "absorbed": ", for fingers may be part of what a refit absorbed",
@@ -84,7 +86,8 @@ def diagnose(
     print(f"{report.log}: {report.verdict}{': ' + ', '.join(report.named) if report.named else ''}")
     print(report.sentence)
     for entry in report.reductions:
-        print(f"{entry.channel}: {entry.sizes}; {entry.explained}")
+        by = _BY.get(report.verdict, "") if entry.explained.endswith(")") else ""
+        print(f"{entry.channel}: {entry.sizes}; {entry.explained}{by}")
     friction = report.support_friction
     if friction is not None:
         print(f"support friction: {friction:.3g} as refitted, where {report.rig.support_friction:.3g} was assumed")
