@@ -98,7 +98,11 @@ def _write_support(slider: Path, mu: float, output: Path, view: Path | None) -> 
     note_friction(check_number(mu, "--support-mu", positive=True), "--support-mu")
     body = load_slider(slider)
     if body.support is None or body.mass is None:
-        raise InputError("support, mass", "expected both to be stated, for the surface of known support points", file=slider)
+        words = (
+            "expected both to be stated: --support-mu is for the surface of known support points. For the mean surface leave it "
+            'out, and give the scene its "support_friction"'
+        )
+        raise InputError("support, mass", words, file=slider)
     surface = IdealLimitSurface(body.support, mu * body.mass * _GRAVITY)
     if view is not None:
         from stablepush.views import surface_html
