@@ -56,7 +56,7 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     """Return a diagnosis as one HTML page that needs no network: verdict, evidence to look at row by row, pictures, all effects,
     what to try next."""
     size = (
-        "Root mean squares over all trials. Floor: what the noise, and the give of fingers and table, leave. "
+        "Root mean squares over all trials. Floor: what the noise, and the compliance of fingers and table, leave. "
         "p: how likely noise alone is to leave as much as the nominal simulation does. It counts pushes: a single push that is "
         "far off hardly lowers it."
     )
@@ -97,7 +97,7 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     first = len(sections)
     if report.gap:
         sections.append(Section("How large the gap is", size, [(entry.channel, _gap(entry)) for entry in report.gap]))
-    left_out = "Root mean squares on held-out trials. Floor: what the noise, and the give of fingers and table, leave."
+    left_out = "Root mean squares on held-out trials. Floor: what the noise, and the compliance of fingers and table, leave."
     reductions = [
         (e.channel, f"{e.sizes}; {e.explained}, {counted(e.held_out_trials, 'held-out trial')}") for e in report.reductions
     ]
