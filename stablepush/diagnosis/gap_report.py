@@ -33,6 +33,7 @@ from stablepush.diagnosis.together import join, observe_each, together_of
 from stablepush.diagnosis.verdicts import judge, refit_leaves_noise, stands_clear
 from stablepush.diagnosis.where import localise, residuals
 from stablepush.diagnosis.wording import (
+    SURFACE_BESIDE,
     notes_on,
     sentence_of,
     slipping_note,
@@ -229,7 +230,7 @@ def _diagnose(
     if suspected is not None and nominal is not None:
         notes.append(suspicion_note(suspected[0], nominal))
         sentence += f" But fingers slipped or crept as with friction {suspected[0]:.3g}, where {nominal:.3g} was assumed."
-    return GapReport(
+    report = GapReport(
         log=name,
         trials=len(log),
         channels=[entry.channel for entry in judged.reductions],
@@ -269,6 +270,7 @@ def _diagnose(
         apart=judged.apart,
         untested=untested,
     )
+    return replace(report, sentence=f"{report.sentence} {SURFACE_BESIDE}") if report.surface_beside else report
 
 
 def gap_reductions_with(log: PushLog, effects: list[str]) -> list[GapReduction]:

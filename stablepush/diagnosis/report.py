@@ -131,6 +131,8 @@ class GapReport:
                 return [f"{self.verdict.advice}{where}", pushes, *plan]
             return plan if plan and self.verdict == "none" else [self.verdict.advice, *plan]
         remedies = [f"{id}: {self._remedy(id)}" for id in self.named]
+        if self.surface_beside:
+            remedies.append("besides, the limit surface is not the believed one: stablepush correct, then plan again")
         far = [] if _OF_IMPORTS.issuperset(self.named) else self._predicted_worse()
         if far:
             told = [(e.channel, size_in_words(e.before, e.unit), size_in_words(e.after, e.unit)) for e in far]
@@ -163,7 +165,8 @@ class GapReport:
             return "calibrate each axis of the force sensor against known forces; fit again what was fitted to its readings"
         if id == "tilt" and entry is not None and entry.form is not None:
             return "look for a table that is not flat, or a cable that pulls at the object; plans take one slope for all places"
-        return CATALOGUE[id].remedy + ("" if entry is None else self._in_numbers(entry))
+        stays = "; you need no new plan" if id == "latency" and self.verdict == "named" and not self.changes_plans else ""
+        return CATALOGUE[id].remedy + stays + ("" if entry is None else self._in_numbers(entry))
 
     def _in_numbers(self, entry: RankedEffect) -> str:
         """What to write into the mapping of an import, for effects that it takes off."""
@@ -190,12 +193,28 @@ class GapReport:
         return self.verdict == "named" and max(others, default=0.0) < _UNLIKELY
 
     @property
+    def surface_differs(self) -> bool:
+        """Whether the corrected simulation has another limit surface than the nominal one, be it a cause or beside one."""
+        surface = self.corrected[0].surface if self.corrected else None
+        return surface is not None and surface is not self.rig.model
+
+    @property
+    def surface_beside(self) -> bool:
+        """Whether that surface is a finding of its own, for no named cause changes how the object slides."""
+        return self.verdict == "named" and self.surface_differs and not self._changing()
+
+    def _changing(self) -> list[str]:
+        """The named effects with which plans differ."""
+        return [id for id in self.named if id == "frame-offset" or (id in CATALOGUE and CATALOGUE[id].changes_plans)]
+
+    @property
     def changes_plans(self) -> bool:
-        """Whether plans for the scene that :func:`stablepush.correct` makes differ. Effects of sensors change none."""
+        """Whether plans for the scene that :func:`stablepush.correct` makes differ. Effects of sensors change none, a limit
+        surface that is not the believed one does."""
         if self.suspected_friction is not None:
             return bool(self.corrected)
         if self.verdict == "named":
-            return any(id == "frame-offset" or (id in CATALOGUE and CATALOGUE[id].changes_plans) for id in self.named)
+            return bool(self._changing()) or self.surface_differs
         return self.verdict in ("absorbed", "ambiguous") and bool(self.corrected)
 
     @property

@@ -42,6 +42,8 @@ _OF_PUSH = 3
 _REPORTED = 0.05
 #: And if the gap itself becomes smaller by this factor: where it is within the noise its share is anything.
 _NEARER = 1.02
+#: Said of a limit surface that is another than the believed one, where no cause that is named changes it.
+SURFACE_BESIDE = "Besides, the limit surface is not the believed one."
 #: A refitted surface does much of what a correction does from this share of it.
 _MUCH = 0.5
 #: What a correction leaves is told from so many times the noise.
@@ -144,8 +146,10 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
     more = f", what is left is {left:.0f} times the floor" if left > _LEFT else ""
     alone = refitted.get(channel)
     much = alone is not None and entry.before**2 - alone**2 > _MUCH * (entry.before**2 - entry.after**2)
-    if alone is not None and much and alone > entry.after:
-        by_refit = 100 * share * (entry.before**2 - alone**2) / (entry.before**2 - entry.after**2)
+    # what a sensor reads wrongly moves no object: a refit is credited with all that it explains
+    read = all(id in CATALOGUE and CATALOGUE[id].acts == "sensing" for id in effects)
+    if alone is not None and much and (alone > entry.after or read):
+        by_refit = 100 * share * min(1.0, (entry.before**2 - alone**2) / (entry.before**2 - entry.after**2))
         explained, more = explained + " is explained", f", {by_refit:.0f} % by refitting the surface alone{more}"
     else:
         explained += " is explained"

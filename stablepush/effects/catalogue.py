@@ -212,7 +212,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "the slider's poses lag the pusher's and the forces",
             "sensing",
             "poses of pusher and slider at speeds that vary",
-            "set pose_delay (s) in the mapping of the import to this delay, and import the log again; you need no new plan",
+            "set pose_delay (s) in the mapping of the import to this delay, and import the log again",
             "The slider's poses lag the forces and the pusher by {delay}",
             (Parameter("delay", "s", 0.0, 0.0, 0.3, least=0.0),),
         ),

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from stablepush.core import InputError, Node, describe
+from stablepush.effects import CATALOGUE
 from stablepush.io.json_files import read_json, write_json
 from stablepush.objects import PushContact, Slider, SupportDistribution
 from stablepush.surfaces import LimitSurface, surface_kinds, surface_of_kind
@@ -144,13 +145,17 @@ def model_to_json(surface: LimitSurface) -> dict[str, Any]:
 
 
 def load_model(path: str | Path) -> LimitSurface:
-    """Read a limit surface from a ``model/1`` file, or that of a ``scene/1`` file, which must have no effects."""
+    """Read a limit surface from a ``model/1`` file, or that of a ``scene/1`` file, which must have no effects that stability
+    depends on."""
     root = read_json(path, "model/1", "scene/1")
     if root["format"].value == "model/1":
         return model_from_node(root)
     effects = root.get("effects")
-    if effects is not None and effects.value:
-        effects.fail("expected none: with them stability depends on heading and place (stablepush.views.plot.plot_headings)")
+    for entry in [] if effects is None else effects.items():
+        id = entry["effect"].text(tuple(CATALOGUE))
+        if effects is not None and CATALOGUE[id].changes_plans:
+            words = "stability then depends on heading and place (stablepush.views.plot.plot_headings)"
+            effects.fail(f"expected none like {id}: {words}")
     return model_or_path(root["model"], Path(path).parent)
 
 

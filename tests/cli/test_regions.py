@@ -71,11 +71,16 @@ def test_a_scene_has_all_that_a_map_needs(rig, tmp_path, capsys):
         written.append(((tmp_path / "r.json").read_text(), out.read_text()))
     assert written[0] == written[1]
     capsys.readouterr()
+    # a delay of the tracker changes no stability
+    late = scene("late.json", [contact], effects=[sp.parse_effect("latency:delay=0.05")])
+    assert main(["classify", late, "--cors", cors, "-o", str(out)]) == 0
+    assert out.read_text() == written[0][1]
+    capsys.readouterr()
     two = scene("two.json", [contact, contact])
     sloped = scene("sloped.json", [contact], effects=[sp.parse_effect("tilt:slope=0.02/0")])
     for model, words in (
         (two, "two.json: contacts: expected one contact, got 2: choose one by its number, 0 to 1 (--contact)"),
-        (sloped, "sloped.json: effects: expected none: with them stability depends on heading and place"),
+        (sloped, "sloped.json: effects: expected none like tilt: stability then depends on heading and place"),
         (str(rig / "model.json"), "--contact: expected a contact file; only a scene has a contact of its own"),
     ):
         assert main(["map", model, "-o", str(tmp_path / "no.png")]) == 2

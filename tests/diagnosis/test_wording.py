@@ -3,7 +3,7 @@ import string
 from dataclasses import replace
 
 import pytest
-from conftest import make_log
+from conftest import edited, make_log, triangle
 
 import stablepush as sp
 from stablepush.diagnosis.observations import observe
@@ -90,3 +90,23 @@ def test_a_sentence_tells_what_a_refitted_surface_explains_by_itself():
     # where the refit does little, nothing is said of it
     judged = replace(judged, gaps=[replace(gap, refitted=0.95)])
     assert "refitting" not in sentence_of(system, judged, report.ranking, system.nominal)
+
+
+def test_a_surface_beside_a_fault_of_a_sensor_asks_for_a_new_plan():
+    """Poses that lag, on feet that nobody stated: a plan for the believed pressure lost the object, and was said to be good."""
+    outline = triangle().vertices
+    feet = sp.SupportDistribution([(-0.04, -0.04), (0.08, -0.04), (-0.04, 0.08)], [1, 1, 1])
+    noise = sp.Noise(0.02, 1e-4, 1.7e-3)
+    reports = []
+    for support in (feet, None):
+        slider = sp.Slider(outline, 1.2, feet)
+        surface = sp.IdealLimitSurface(feet, 3.5)
+        rig = sp.VirtualRig(slider, surface, 0.5, sp.Pusher.finger(0.005), [sp.parse_effect("latency:delay=0.08")], noise)
+        log = rig.execute(sp.random_pushes(slider, rig.pusher, 30, seed=4, groups=0), seed=4).log
+        reports.append(sp.diagnose(edited(log, slider=sp.Slider(outline, 1.2, support), model=None)))
+    stated, unstated = reports
+    assert stated.named == unstated.named == ["latency"]
+    assert not stated.changes_plans and "you need no new plan" in stated.to_do[0] and len(stated.to_do) == 1
+    assert unstated.changes_plans and "no new plan" not in unstated.to_do[0]
+    assert unstated.to_do[1] == "besides, the limit surface is not the believed one: stablepush correct, then plan again"
+    assert unstated.sentence.endswith(" Besides, the limit surface is not the believed one.")
