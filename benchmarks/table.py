@@ -43,7 +43,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "simulation"))
 EXTENT = 0.4
 SCENES = Path(__file__).parents[1] / "examples" / "scenes"
 Task = Callable[[], object]
-#: What is said of a planner that found none in its time.
+#: The label of a planner that found no path within its time limit.
 NO_PATH = " (no path found)"
 #: Whether only this package is timed, and not what one would otherwise use.
 ALONE = "--alone" in sys.argv

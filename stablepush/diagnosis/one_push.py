@@ -28,7 +28,7 @@ def of_one_push(log: PushLog, name: str, observations: Observations) -> GapRepor
     """Return the answer to a log in which one push moves, or none.
 
     The push is off if its pose error (3,) is more than noise of its poses, noise of its start as the simulation carries it on,
-    and what rigid bodies err by themselves explain (a chi-square test).
+    and the error of a simulation with rigid bodies explain (a chi-square test).
     """
     pushes = replays(log, observations)
     if len(pushes) != 1:
