@@ -104,10 +104,11 @@ class _Planner:
         if not useful:
             return "no contact has a stable push"
         cell = 1000 * LADDER[-1][1] * context.problem.slider.radius
-        return (
-            f"the lattice is exhausted at all {len(LADDER)} resolutions, cells of {cell:.2g} mm the finest: "
-            "a way through a gap that leaves less room may have been missed"
-        )
+        words = f"the lattice is exhausted down to cells of {cell:.2g} mm (a gap that leaves less room may have been missed)"
+        if not context.steerings:
+            return words
+        contact, steering = min(context.steerings.items(), key=lambda item: item[1].radius)
+        return f"{words}; the tightest turn that sticks has a radius of {1000 * steering.radius:.3g} mm (contact {contact})"
 
     def _climb(self, refinement_budget: float, transfers: Transfers) -> bool:
         """Search from the coarsest lattice to the finest; return whether any of them has an edge."""
