@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
-from stablepush.diagnosis.corrected_surface import corrected_surface
+from stablepush.diagnosis.corrected_surface import Base, corrected_surface
 from stablepush.diagnosis.equations import OF_PRESSURE, Fitted
 from stablepush.diagnosis.force_axes import uneven_axes
 from stablepush.diagnosis.ranking import rank
@@ -129,7 +129,7 @@ def _correction(
     others = [id for id in effects if id not in _FOLDED and id in CATALOGUE and known[id].parameters]
     return Correction(
         probability=probability,
-        surface=_surface(system, fitted, effects, found.free, refitted),
+        surface=_surface(system, found, fitted, effects, refitted),
         contact_friction=friction,
         contact_friction_error=error,
         finger_radius=radius,
@@ -148,17 +148,24 @@ def of_last_log(entry: RankedEffect, system: System) -> dict[str, Any]:
     return {name: value[system.last] for name, value in entry.estimates.items()}
 
 
-def _surface(system: System, fitted: Fitted, effects: Sequence[str], free: bool, refitted: bool) -> LimitSurface | None:
+def _surface(system: System, found: Attribution, fitted: Fitted, effects: Sequence[str], refitted: bool) -> LimitSurface | None:
     """The friction of the support, if it is now believed to be another; else the rig's model, None if it has none.
 
+    A pressure that has moved need not have moved in a form of the catalogue: a refit without that form is offered as well.
     A model of few pokes is fitted anew beside effects that change plans: a log says more of it. None where a log without forces
     does not show how much friction there is.
     """
-    moved = any(id in effects and id in fitted.values for id in OF_PRESSURE)
+    moved = [id for id in OF_PRESSURE if id in effects and id in fitted.values]
     sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
     plans = any(id in CATALOGUE and CATALOGUE[id].acts != "sensing" for id in effects)
     anew = refitted or moved or (plans and system.has_wrench and bool(system.open_modes.size))
-    return corrected_surface(system, fitted, free) if anew and sized else system.rig.model
+    if not (anew and sized):
+        return system.rig.model
+    base = Base(fitted, found.free, found.scores.get(moved[0]) if moved else None)
+    if not moved:
+        return corrected_surface(system, base)
+    others = [id for id in fitted.values if id not in OF_PRESSURE]
+    return corrected_surface(system, base, Base(system.fit(others, True), True, found.scores.get("free")))
 
 
 def _error(system: System, fitted: Fitted, id: str) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
@@ -27,7 +28,16 @@ _MEMBERS, _ROUNDS = 60, 4
 _LEAST_SHARE = 1e-6
 
 
-def corrected_surface(system: System, fitted: Fitted, free: bool) -> IdealLimitSurface:
+class Base(NamedTuple):
+    """A fit that a corrected surface starts from. ``free``: with any pressure. Trials that are left out have the log ``density``
+    (trials,) by it, where that is known."""
+
+    fitted: Fitted
+    free: bool
+    density: FloatArray | None = None
+
+
+def corrected_surface(system: System, base: Base, refit: Base | None = None) -> IdealLimitSurface:
     """Return the friction of the support, beside the effects of a fit, as a pressure with an ensemble.
 
     With forces the loads ``m >= 0`` (k,) of the support points have the least
@@ -40,9 +50,18 @@ def corrected_surface(system: System, fitted: Fitted, free: bool) -> IdealLimitS
     of other pushes. Members of the ensemble have random weights of the pushes (Rubin 1981, *The Bayesian bootstrap*) and random
     ``m0``, and are then twice as far from the best loads, for pushes of a plan share errors.
 
-    Without forces the loads are those of points whose friction is nearest to that of the fit; ``free``: with any pressure.
+    Without forces the loads are those of points whose friction is nearest to that of the fit.
+
+    A fit may move the pressure in a form of the catalogue. A ``refit`` without that form takes its place if it predicts pushes
+    that are left out better; with forces, loads as above predict them. Without forces the ensemble is as wide as that of the
+    refit in either case, for a form as such leaves no room for what else is uncertain.
     """
-    best, members = _by_forces(system, fitted) if system.has_wrench else _by_poses(system, fitted, free)
+    if system.has_wrench:
+        fits = [_Loads.by(system, each.fitted) for each in (base, refit) if each is not None]
+        loads = max(fits, key=lambda each: float(each.score.sum()))
+        fitted, (best, members) = loads.fitted, loads.with_ensemble(system)
+    else:
+        fitted, (best, members) = _by_poses(system, base, refit)
     carrying = np.maximum(best, members.max(axis=0)) > _LEAST_SHARE * float(best.sum())
     center = system.center
     points = center + (1 + fitted.values.get("pressure-spread", np.zeros(1))[0]) * (system.points[carrying] - center)
@@ -52,25 +71,12 @@ def corrected_surface(system: System, fitted: Fitted, free: bool) -> IdealLimitS
     return IdealLimitSurface(SupportDistribution(points, best), float(best.sum()), system.rho, ensemble)
 
 
-def _by_forces(system: System, fitted: Fitted) -> tuple[FloatArray, FloatArray]:
-    """Loads (k,) and those (m, k) of the ensemble, from wrenches."""
-    rng, nominal = np.random.default_rng(0), np.maximum(0.0, system.of_last(system.nominal))
-    believed = nominal * max(0.01, float(system.of_last(fitted.loads).sum() / nominal.sum()))
-    shown = _Shown.by(system, fitted)
-    prior = _Prior(believed, _spread(system, shown, believed))
-    best, weights = shown.fit(prior)
-    root = shown.root(prior, weights)[:, :-1]
-    members = []
-    for _ in range(_MEMBERS):
-        of_push = rng.exponential(size=len(system.push))[system.push]
-        member = _least(shown.root(prior.moved(rng), weights * of_push[shown.trial]))
-        # what is less than no load counts as in the fit
-        members.append(nnls(root, root @ (best + _SHARED * (member - best)))[0])
-    return best, np.array(members)
-
-
-def _by_poses(system: System, fitted: Fitted, free: bool) -> tuple[FloatArray, FloatArray]:
-    """Loads (k,) of points whose friction is that of a fit, and those (m, k) of the ensemble, from final poses."""
+def _by_poses(system: System, base: Base, refit: Base | None) -> tuple[Fitted, tuple[FloatArray, FloatArray]]:
+    """The fit that is taken, and loads (k,) of points whose friction is that of it with those (m, k) of the ensemble, from final
+    poses."""
+    fitted = base.fitted
+    if refit is not None and refit.density is not None and base.density is not None:
+        fitted = refit.fitted if refit.density.sum() > base.density.sum() else fitted
     rng, believed = np.random.default_rng(0), system.believed
     design, twists = believed.design(system.points)
     model = believed.points if believed.model is None else believed.model
@@ -84,9 +90,10 @@ def _by_poses(system: System, fitted: Fitted, free: bool) -> tuple[FloatArray, F
     def points(loads: FloatArray) -> FloatArray:
         return np.asarray(nnls(design, friction(system.surface(loads)) + beyond)[0])
 
-    deviations = _SHARED * system.deviations(fitted, free)
+    widest = refit or base
+    deviations = _SHARED * system.deviations(widest.fitted, widest.free)
     draws = rng.normal(size=(_MEMBERS, deviations.shape[1]))
-    return points(fitted.loads), np.array([points(fitted.loads + deviations @ draw) for draw in draws])
+    return fitted, (points(fitted.loads), np.array([points(fitted.loads + deviations @ draw) for draw in draws]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,9 +172,41 @@ def _least(root: FloatArray) -> FloatArray:
     return np.asarray(nnls(root[:, :-1], root[:, -1])[0])
 
 
-def _spread(system: System, shown: _Shown, believed: FloatArray) -> float:
-    """Standard deviation (N) of loads about the believed ones: larger than usual where pushes that are left out of the fit are
-    then predicted clearly better."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Loads:
+    """What a log shows of the loads beside the effects of a fit, and what is believed of them. ``score``: log density (trials,)
+    of trials that are left out."""
+
+    fitted: Fitted
+    shown: _Shown
+    prior: _Prior
+    score: FloatArray
+
+    @classmethod
+    def by(cls, system: System, fitted: Fitted) -> _Loads:
+        nominal = np.maximum(0.0, system.of_last(system.nominal))
+        believed = nominal * max(0.01, float(system.of_last(fitted.loads).sum() / nominal.sum()))
+        shown = _Shown.by(system, fitted)
+        spread, score = _spread(system, shown, believed)
+        return cls(fitted, shown, _Prior(believed, spread), score)
+
+    def with_ensemble(self, system: System) -> tuple[FloatArray, FloatArray]:
+        """Loads (k,) and those (m, k) of the ensemble."""
+        rng, shown, prior = np.random.default_rng(0), self.shown, self.prior
+        best, weights = shown.fit(prior)
+        root = shown.root(prior, weights)[:, :-1]
+        members = []
+        for _ in range(_MEMBERS):
+            of_push = rng.exponential(size=len(system.push))[system.push]
+            member = _least(shown.root(prior.moved(rng), weights * of_push[shown.trial]))
+            # what is less than no load counts as in the fit
+            members.append(nnls(root, root @ (best + _SHARED * (member - best)))[0])
+        return best, np.array(members)
+
+
+def _spread(system: System, shown: _Shown, believed: FloatArray) -> tuple[float, FloatArray]:
+    """Standard deviation (N) of loads about the believed ones, and the log density (trials,) of trials that are left out of the
+    fit: larger than usual where they are then predicted clearly better."""
     folds, mean = folds_of(system), float(believed.sum()) / len(believed)
 
     def held_out(spread: float) -> FloatArray:
@@ -187,4 +226,4 @@ def _spread(system: System, shown: _Shown, believed: FloatArray) -> float:
         if not system.significantly_better(wider, score):
             break
         best, score = times * mean, wider
-    return best
+    return best, score
