@@ -104,11 +104,12 @@ class _Planner:
         if not useful:
             return "no contact has a stable push"
         cell = 1000 * LADDER[-1][1] * context.problem.slider.radius
-        words = f"the lattice is exhausted down to cells of {cell:.2g} mm (a gap that leaves less room may have been missed)"
-        if not context.steerings:
+        words = f"the lattice is exhausted down to cells of {cell:.2g} mm (a narrower gap may have been missed)"
+        if not context.steerings or context.problem.acting_effects:
+            # under effects of the table turns depend on the heading
             return words
         contact, steering = min(context.steerings.items(), key=lambda item: item[1].radius)
-        return f"{words}; the tightest turn that sticks has a radius of {1000 * steering.radius:.3g} mm (contact {contact})"
+        return f"{words}; contact {contact} turns to either side with a radius of {1000 * steering.radius:.3g} mm or more"
 
     def _climb(self, refinement_budget: float, transfers: Transfers) -> bool:
         """Search from the coarsest lattice to the finest; return whether any of them has an edge."""

@@ -128,9 +128,9 @@ def _write_corrected(report: GapReport, folder: Path) -> bool:
     if report.surface is None:
         _leave_out("mended", folder, "a corrected simulation needs forces in the log, or mass and support friction in rig.json")
         return False
-    effects = [{"effect": id, "parameters": values, "covariance": None} for id, values in report.effects.items()]
-    extra = {**(report.rig.extra or {}), "effects": effects}
     surface = report.corrected[0].surface or report.surface
+    effects = [{"effect": id, "parameters": values, "covariance": None} for id, values in report.effects_beside.items()]
+    extra = {**(report.rig.extra or {}), "effects": effects}
     write_json(folder / "rig.json", rig_to_json(replace(report.rig, extra=extra, model=surface)))
     write_json(folder / "model.json", {**model_to_json(surface), "effects": effects})
     return True

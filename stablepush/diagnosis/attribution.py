@@ -96,6 +96,15 @@ class Attribution:
         slips = self.contact is not None and self.contact.p_value < P_SLIP and "contact-friction" not in self.chosen
         return [*self.chosen, "contact-friction"] if slips else list(self.chosen)
 
+    def refit(self, system: System) -> Fitted:
+        """Return the fit of any pressure, in place of a change of it that acts."""
+        return system.fit([id for id in self.chosen if id not in OF_PRESSURE], True)
+
+    @property
+    def moves_freely(self) -> bool:
+        """Whether the pressure has moved in another form than all of it alike: the shift beside a free pressure is arbitrary."""
+        return self.free and "pressure-shift" in self.chosen
+
     def slips(self, system: System) -> Values:
         """Return what the fingers' friction adds to the rig's, if it is known from forces and acts."""
         mu = system.rig.contact_friction

@@ -151,7 +151,7 @@ def of_last_log(entry: RankedEffect, system: System) -> dict[str, Any]:
 def _surface(system: System, found: Attribution, fitted: Fitted, effects: Sequence[str], refitted: bool) -> LimitSurface | None:
     """The friction of the support, if it is now believed to be another; else the rig's model, None if it has none.
 
-    A pressure that has moved need not have moved in a form of the catalogue: a refit without that form is offered as well.
+    A pressure that has moved need not have done so in a form of the catalogue: a refit of any pressure may be nearer.
     A model of few pokes is fitted anew beside effects that change plans: a log says more of it. None where a log without forces
     does not show how much friction there is.
     """
@@ -161,11 +161,12 @@ def _surface(system: System, found: Attribution, fitted: Fitted, effects: Sequen
     anew = refitted or moved or (plans and system.has_wrench and bool(system.open_modes.size))
     if not (anew and sized):
         return system.rig.model
-    base = Base(fitted, found.free, found.scores.get(moved[0]) if moved else None)
     if not moved:
-        return corrected_surface(system, base)
-    others = [id for id in fitted.values if id not in OF_PRESSURE]
-    return corrected_surface(system, base, Base(system.fit(others, True), True, found.scores.get("free")))
+        return corrected_surface(system, Base(fitted, found.free))
+    refit = Base(found.refit(system), True, found.scores.get("free"))
+    if found.moves_freely:
+        return corrected_surface(system, refit)
+    return corrected_surface(system, Base(fitted, found.free, found.scores.get(moved[0])), refit)
 
 
 def _error(system: System, fitted: Fitted, id: str) -> float:

@@ -29,8 +29,8 @@ _LEAST_SHARE = 1e-6
 
 
 class Base(NamedTuple):
-    """A fit that a corrected surface starts from. ``free``: with any pressure. Trials that are left out have the log ``density``
-    (trials,) by it, where that is known."""
+    """A fit that a corrected surface starts from. ``free``: with any pressure; ``density`` (trials,): the log density of each
+    trial by fits to other pushes, for comparison with another base."""
 
     fitted: Fitted
     free: bool
@@ -52,9 +52,9 @@ def corrected_surface(system: System, base: Base, refit: Base | None = None) -> 
 
     Without forces the loads are those of points whose friction is nearest to that of the fit.
 
-    A fit may move the pressure in a form of the catalogue. A ``refit`` without that form takes its place if it predicts pushes
-    that are left out better; with forces, loads as above predict them. Without forces the ensemble is as wide as that of the
-    refit in either case, for a form as such leaves no room for what else is uncertain.
+    A fit may move the pressure in a form of the catalogue. A ``refit`` of any pressure takes its place if it predicts left-out
+    pushes better. With forces both predict them by the loads above. Without forces the ensemble has the width of the refit's
+    either way: a form has none of its own.
     """
     if system.has_wrench:
         fits = [_Loads.by(system, each.fitted) for each in (base, refit) if each is not None]
@@ -72,8 +72,8 @@ def corrected_surface(system: System, base: Base, refit: Base | None = None) -> 
 
 
 def _by_poses(system: System, base: Base, refit: Base | None) -> tuple[Fitted, tuple[FloatArray, FloatArray]]:
-    """The fit that is taken, and loads (k,) of points whose friction is that of it with those (m, k) of the ensemble, from final
-    poses."""
+    """From final poses: the fit that is taken, the loads (k,) of points with its friction, and the loads (m, k) of the
+    ensemble."""
     fitted = base.fitted
     if refit is not None and refit.density is not None and base.density is not None:
         fitted = refit.fitted if refit.density.sum() > base.density.sum() else fitted

@@ -44,6 +44,8 @@ from stablepush.diagnosis.wording import (
 )
 from stablepush.effects import CATALOGUE, LabEffect, applicable, lab_effects
 from stablepush.io import PushLog, Rig
+from stablepush.objects import SupportDistribution
+from stablepush.surfaces import IdealLimitSurface
 
 #: Forces are turned round if this share of pushes has forces that oppose the motion, of so many at least.
 _OPPOSED, _FEWEST = 0.8, 3
@@ -177,7 +179,7 @@ def _diagnose(
     ranking = rank(system, found, reported)
     # poses alone determine the shape of the surface, not its size
     sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
-    surface = system.surface(found.final.loads) if sized else None
+    surface = _beside_effects(system, found) if sized else None
     # a rig has fingers of one radius
     of_rig = [id for id in found.named if id != "contact-geometry" or all(observations.off)]
     simulated_as = in_own_forms(system, found, ranking, reported)
@@ -337,6 +339,16 @@ def _only_compared(log: PushLog, name: str, comparison: Comparison) -> GapReport
         log, name, Verdict.UNKNOWN if off else Verdict.NONE, [comparison.gap()], [comparison.reduction()],
         comparison.sentence(), comparison.notes(), why,
     )  # fmt: skip
+
+
+def _beside_effects(system: System, found: Attribution) -> IdealLimitSurface:
+    """The refitted surface, less a shift of the pressure that is an effect."""
+    if not found.moves_freely:
+        return system.surface(found.final.loads)
+    refit = found.refit(system)
+    surface, (offset, _) = system.surface(refit.loads), system.moved_center(refit.loads, system.deviations(refit, True))
+    support = SupportDistribution(surface.support.points - offset, surface.support.weights)
+    return IdealLimitSurface(support, surface.friction_load, surface.characteristic_length)
 
 
 def _completed(rig: Rig, system: System, found: Attribution) -> Rig:

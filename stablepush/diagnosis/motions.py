@@ -29,6 +29,8 @@ _SMALL = (0.02, 0.02, 0.05, 0.05, 0.05)
 _CELLS = 5
 #: Share of what the prior lets the surface move a final pose that counts as noise, before what a free pressure leaves is known.
 _SHARE = 0.1
+#: A shift over the characteristic length, and each stretch of the pressure, may be as much as this.
+_MOST_MOVED = 0.6
 #: Friction of the fingers, where it is not known, that is tried to begin with.
 _CONTACT_MUS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15)
 
@@ -81,7 +83,7 @@ class Motions(System):
 
     def surface(self, loads: FloatArray) -> IdealLimitSurface:
         """Return the nominal pressure moved and stretched."""
-        ideal, (x, y, along, across, askew) = self._surface, np.clip(loads, -0.6, 0.6)
+        ideal, (x, y, along, across, askew) = self._surface, np.clip(loads, -_MOST_MOVED, _MOST_MOVED)
         center = ideal.support.center
         stretch = np.array(((1 + along, askew), (askew, 1 + across)))
         points = center + self.rho * np.array((x, y)) + (ideal.support.points - center) @ stretch
@@ -89,7 +91,7 @@ class Motions(System):
 
     def moved_center(self, loads: FloatArray, changes: FloatArray) -> tuple[FloatArray, FloatArray]:
         # the first two loads are the shift over rho
-        return self.rho * loads[:2], self.rho * np.sqrt((changes[:2] ** 2).sum(axis=1))
+        return self.rho * np.clip(loads[:2], -_MOST_MOVED, _MOST_MOVED), self.rho * np.sqrt((changes[:2] ** 2).sum(axis=1))
 
     def pose_errors(self, loads: FloatArray, values: Values) -> FloatArray:
         """Return pose errors (n, 3): measured minus simulated final poses, in ``(x, y, rho θ)`` of the simulated frame, in m."""

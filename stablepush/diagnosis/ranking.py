@@ -142,9 +142,8 @@ def _of_fit(id: str, system: System, found: Attribution, effects: list[str]) -> 
     if id in found.final.values:
         estimate = found.final.values[id]
         deviation = _deviations(found, id)[:size]
-        if id == "pressure-shift" and found.free:
-            # a free pressure takes any part of the shift: what is known is where the centre of the refitted pressure is
-            refit = system.fit([e for e in found.final.values if e != id], True)
+        if id == "pressure-shift" and found.moves_freely:
+            refit = found.refit(system)
             estimate, deviation = system.moved_center(refit.loads, system.deviations(refit, True))
     deviation = np.hypot(_SHORT * deviation, _SYSTEMATIC.get(id, _OTHERS) * float(np.linalg.norm(estimate[:size])))
     nominal = {"contact-geometry": system.observations.finger_radius, "contact-friction": system.mu}

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import BoolArray, FloatArray, renamed_fields, shown_as
+from stablepush.diagnosis.equations import OF_PRESSURE
 from stablepush.diagnosis.evidence import Evidence, not_identifiable
 from stablepush.diagnosis.finger_forces import FingerForces
 from stablepush.diagnosis.force_axes import uneven_axes
@@ -52,9 +53,10 @@ class GapReport:
     """The answer to a log; :meth:`to_json` gives ``diagnosis/1``.
 
     ``rig``: the log's, with the friction and the radius of the fingers as the log has them where they were not known;
-    ``surface``: the corrected limit surface (None if its size is not identifiable from the log); ``effects``: what acts, with its
-    values, as the catalogue has them; ``corrected``: the rig as plans need it (:func:`stablepush.correct`), one for each of
-    several causes that cannot be separated; ``evidence``: for and against each effect of the catalogue, in words.
+    ``surface``: the refitted limit surface without the effects (None if its size is not identifiable from the log); ``effects``:
+    what acts, with its values, as the catalogue has them; ``corrected``: the rig as plans need it
+    (:func:`stablepush.correct`), one for each of several causes that cannot be separated; ``evidence``: for and against each
+    effect of the catalogue, in words.
     """
 
     _repr_html_ = shown_as("report")
@@ -193,14 +195,20 @@ class GapReport:
         return self.verdict == "named" and max(others, default=0.0) < _UNLIKELY
 
     @property
+    def effects_beside(self) -> dict[str, dict[str, Any]]:
+        """The effects beside the first corrected surface: it holds those that change the pressure."""
+        held = OF_PRESSURE if self.corrected and self.corrected[0].surface is not None else ()
+        return {id: values for id, values in self.effects.items() if id not in held}
+
+    @property
     def surface_differs(self) -> bool:
-        """Whether the corrected simulation has another limit surface than the nominal one, be it a cause or beside one."""
+        """Whether the limit surface of the corrected simulation is not the nominal one."""
         surface = self.corrected[0].surface if self.corrected else None
         return surface is not None and surface is not self.rig.model
 
     @property
     def surface_beside(self) -> bool:
-        """Whether that surface is a finding of its own, for no named cause changes how the object slides."""
+        """Whether another limit surface was found, and no named cause changes how the object slides."""
         return self.verdict == "named" and self.surface_differs and not self._changing()
 
     def _changing(self) -> list[str]:

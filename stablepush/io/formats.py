@@ -124,7 +124,7 @@ def save_contact(contact: PushContact, path: str | Path) -> None:
 
 
 def model_from_node(node: Node) -> LimitSurface:
-    """Read the value of a ``model/1``; the effects that ``diagnose --mended`` writes beside it are the rig's."""
+    """Read the value of a ``model/1``; ``effects``, which ``diagnose --mended`` writes beside it, are not read."""
     node["format"].text(("model/1",))
     kind = node["kind"].text(tuple(surface_kinds()))
     return surface_of_kind(kind).from_json(node.without("effects"))

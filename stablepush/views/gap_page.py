@@ -42,7 +42,7 @@ from stablepush.views.plot.gaps import (
     view_limits,
 )
 
-#: A refitted surface that leaves so many times as much is said to be worse.
+#: The page says that a refit is worse where it leaves more than this times the error of the nominal simulation.
 _WORSE = 1.05
 #: Rows that a page has, at most.
 _MOST_ROWS = 2000

@@ -1,4 +1,4 @@
-"""A pressure that has moved or widened in no form of the catalogue: what is said of it, and the surface that plans get."""
+"""A pressure that has moved, but not all of it alike: its centre, and the corrected surface."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ CENTER = PATCH @ GRID / PATCH.sum()
 
 
 def patch_log(drop=()):
-    """A log of a rig that is believed to press evenly, and its true surface."""
+    """A log whose rig states an even pressure, and the true surface."""
     slider = sp.Slider(OUTLINE, mass=0.8, support=sp.SupportDistribution(GRID, np.ones(len(GRID))))
     surface = sp.IdealLimitSurface(sp.SupportDistribution(GRID, LOAD * PATCH / PATCH.sum()), LOAD)
     rig = sp.VirtualRig(slider, surface, 0.5, sp.Pusher.finger(0.005), [], sp.Noise(0.02, 1e-4, 1e-3))
@@ -24,7 +24,7 @@ def patch_log(drop=()):
 
 
 def error_deg(surface, true):
-    """Mean angle between the loads of two surfaces, for twists all round."""
+    """Mean angle (deg) between the loads of two surfaces at random twists."""
     length = true.characteristic_length
     twists = np.random.default_rng(0).normal(size=(300, 3)) / (1, 1, length)
     a, b = (surface.wrench(twists) / (1, 1, length) for surface in (surface, true))
@@ -37,12 +37,17 @@ def test_a_patch_moves_the_pressure(drop, most_deg):
     log, true = patch_log(drop)
     report = sp.diagnose(log)
     assert report.named == ["pressure-shift"], report.sentence
-    # beside a pressure that may be any other, a shift of all of it alike has no size of its own: that of the centre is told
     offset = report.ranking[0].parameters["offset"]
     np.testing.assert_allclose(offset.estimate, CENTER, atol=4e-3)
     low, high = np.transpose(offset.ci95)
     assert (low <= CENTER).all() and (CENTER <= high).all()
-    # plans get the refitted pressure with what is uncertain of it
+    # that surface holds the shift
+    assert report.effects_beside == {}
+    # the surface and the effects of the report make the true one together
+    if not drop:
+        support = report.surface.support
+        both = sp.SupportDistribution(support.points + report.effects["pressure-shift"]["offset"], support.weights)
+        assert error_deg(sp.IdealLimitSurface(both, report.surface.friction_load), true) < 4.0
     surface = report.corrected[0].surface
     errors = [error_deg(member, surface) for member in surface.members()]
     assert error_deg(surface, true) < most_deg
