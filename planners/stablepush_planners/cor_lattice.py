@@ -109,7 +109,8 @@ class _Planner:
             # under effects of the table turns depend on the heading
             return words
         contact, steering = min(context.steerings.items(), key=lambda item: item[1].radius)
-        return f"{words}; contact {contact} turns to either side with a radius of {1000 * steering.radius:.3g} mm or more"
+        radius = f"{1000 * steering.radius:.3g} mm or more, measured midway between its tightest CORs to the left and right"
+        return f"{words}; contact {contact} turns to either side with a radius of {radius}"
 
     def _climb(self, refinement_budget: float, transfers: Transfers) -> bool:
         """Search from the coarsest lattice to the finest; return whether any of them has an edge."""

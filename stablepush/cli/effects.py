@@ -10,6 +10,11 @@ import typer
 
 from stablepush.cli.common import told
 
+#: What effects act on, in words.
+_ACTS_ON = {
+    "support": "the friction or loads under the object", "contact": "the contact of fingers and object",
+    "inertia": "the mass that is accelerated", "sensing": "what the sensors read",
+}  # fmt: skip
 if TYPE_CHECKING:
     from stablepush.effects import LabEffect
 
@@ -36,7 +41,7 @@ def effects(
         print(json.dumps(chosen if effect is None else chosen[0], indent=1))
         return
     for kind in chosen:
-        print(f"{kind['id']}: {kind['what']}" + (f" (acts on: {kind['acts']})" if effect else ""))
+        print(f"{kind['id']}: {kind['what']}" + (f" (acts on {_ACTS_ON[kind['acts']]})" if effect else ""))
         for parameter in kind["parameters"] if effect else ():
             print(f"  {_words(parameter)}")
         if effect:
@@ -54,7 +59,7 @@ def _of_lab(effect: LabEffect) -> dict[str, Any]:
 
     return {
         "id": effect.id, "what": f"{effect.what} (of an installed package)", "acts": effect.acts, "parameters": [parameter],
-        "needs": effect.needs, "remedy": LAB_REMEDY,
+        "needs": effect.needs, "remedy": effect.remedy or LAB_REMEDY,
     }  # fmt: skip
 
 

@@ -134,7 +134,7 @@ def plan(
     """Plan a path of stable pushes."""
     from stablepush.core import check_number
     from stablepush.io import write_atomically
-    from stablepush.planning import NO_ROOM, clearance_of, load_scene, plan as make_plan, save_plan
+    from stablepush.planning import APART, NO_ROOM, clearance_of, load_scene, plan as make_plan, save_plan
 
     check_number(time_limit, "--time-limit", at_least=0.0)
     require_files(output, view, picture, read=(scene,))
@@ -190,7 +190,7 @@ def plan(
             f"{math.degrees(square):.2g} deg); it {result.outlook}"
         )
         if nearest is not None:
-            close = f"; {NO_ROOM}" if NO_ROOM in result.message else ": try --clearance 0.005"
+            close = f"; {NO_ROOM} (--clearance {APART:g})" if NO_ROOM in result.message else f": try --clearance {APART:g}"
             hint = close if nearest.distance < _NEAR else ""
             print(
                 f"closest to an obstacle: {1000 * nearest.distance:.1f} mm, in {nearest.where}; the probabilities do not count "

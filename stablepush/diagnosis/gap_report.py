@@ -23,7 +23,7 @@ from stablepush.diagnosis.observations import Observations, heading, observe
 from stablepush.diagnosis.one_push import of_one_push
 from stablepush.diagnosis.ranking import UNSEEN, rank
 from stablepush.diagnosis.replay import Replay, replays
-from stablepush.diagnosis.report import GapReport, without_causes
+from stablepush.diagnosis.report import GapReport, beside, without_causes
 from stablepush.diagnosis.results import GapReduction, NextExperiment, RankedEffect, Verdict
 from stablepush.diagnosis.signatures import estimates, signatures
 from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
@@ -33,7 +33,6 @@ from stablepush.diagnosis.together import join, observe_each, together_of
 from stablepush.diagnosis.verdicts import judge, refit_leaves_noise, stands_clear
 from stablepush.diagnosis.where import localise, residuals
 from stablepush.diagnosis.wording import (
-    SURFACE_BESIDE,
     notes_on,
     sentence_of,
     slipping_note,
@@ -271,8 +270,9 @@ def _diagnose(
         suspected_friction=None if suspected is None else suspected[0],
         apart=judged.apart,
         untested=untested,
+        remedies={id: effect.remedy for id, effect in own.items() if effect.remedy},
     )
-    return replace(report, sentence=f"{report.sentence} {SURFACE_BESIDE}") if report.surface_beside else report
+    return replace(report, sentence=f"{report.sentence} {beside(log.rig).capitalize()}.") if report.surface_beside else report
 
 
 def gap_reductions_with(log: PushLog, effects: list[str]) -> list[GapReduction]:

@@ -107,6 +107,8 @@ class GapReport:
     apart: list[str] = field(default_factory=list, repr=False)
     #: effects of the lab's own that were not tested, and what the log lacks for them
     untested: dict[str, str] = field(default_factory=dict, repr=False)
+    #: what to do about effects of the lab's own, where they say it
+    remedies: dict[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def steps(self) -> list[str]:
@@ -134,7 +136,7 @@ class GapReport:
             return plan if plan and self.verdict == "none" else [self.verdict.advice, *plan]
         remedies = [f"{id}: {self._remedy(id)}" for id in self.named]
         if self.surface_beside:
-            remedies.append("besides, the limit surface is not the believed one: stablepush correct, then plan again")
+            remedies.append(f"{beside(self.rig)}: stablepush correct, then plan again")
         far = [] if _OF_IMPORTS.issuperset(self.named) else self._predicted_worse()
         if far:
             told = [(e.channel, size_in_words(e.before, e.unit), size_in_words(e.after, e.unit)) for e in far]
@@ -161,7 +163,7 @@ class GapReport:
 
     def _remedy(self, id: str) -> str:
         if id not in CATALOGUE:
-            return LAB_REMEDY
+            return self.remedies.get(id) or LAB_REMEDY
         entry = self._entry(id)
         if uneven_axes(entry) is not None:
             return "calibrate each axis of the force sensor against known forces; fit again what was fitted to its readings"
@@ -275,6 +277,13 @@ class GapReport:
             "sentence": self.sentence,
             "notes": self.notes,
         }  # fmt: skip
+
+
+def beside(rig: Rig) -> str:
+    """What is said of a limit surface that is another than the rig's, where no cause that is named changes it."""
+    even = rig.model is None and rig.slider.support is None
+    believed = "that of an even pressure under the outline, which was assumed" if even else "the believed one"
+    return f"besides, the limit surface is not {believed}"
 
 
 def without_causes(

@@ -42,8 +42,6 @@ _OF_PUSH = 3
 _REPORTED = 0.05
 #: And if the gap itself becomes smaller by this factor: where it is within the noise its share is anything.
 _NEARER = 1.02
-#: Said of a limit surface that is another than the believed one, where no cause that is named changes it.
-SURFACE_BESIDE = "Besides, the limit surface is not the believed one."
 #: A refitted surface does much of what a correction does from this share of it.
 _MUCH = 0.5
 #: What a correction leaves is told from so many times the noise.
@@ -144,6 +142,10 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
     before, after, floor = (f"{factor * size:.3g}" for size in (entry.before, entry.after, entry.noise_floor))
     left = entry.after / entry.noise_floor if entry.noise_floor > 0 else 0.0
     more = f", what is left is {left:.0f} times the floor" if left > _LEFT else ""
+    others = [e for e in reductions if e.channel != channel and e.after > _LEFT * e.noise_floor > 0]
+    for other in others:
+        least = other.after / other.noise_floor
+        more += f"; of {_ERRORS_OF[other.channel]} {100 * other.closed:.0f} %, what is left is {least:.0f} times the floor"
     alone = refitted.get(channel)
     much = alone is not None and entry.before**2 - alone**2 > _MUCH * (entry.before**2 - entry.after**2)
     # what a sensor reads wrongly moves no object: a refit is credited with all that it explains

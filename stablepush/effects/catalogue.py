@@ -184,7 +184,8 @@ def _kinds() -> tuple[EffectKind, ...]:
             "constant offset of the force sensor",
             "sensing",
             "forces at headings that vary, and rows at rest",
-            "zero the force sensor before each push; fit again what was fitted to its readings, and plan again",
+            "zero the force sensor before each push, or import rows at rest before each (zero_forces takes the offset off); fit "
+            "again what was fitted to its readings, and plan again",
             "The force sensor has an offset of {force} along x and y of the table; subtract it",
             (Parameter("force", "N in W", 0.0, -1.0, 1.0, 2),),
         ),

@@ -17,7 +17,7 @@ from stablepush.core import FloatArray, InputError, StablepushWarning, Unavailab
 from stablepush.effects.catalogue import CATALOGUE, Parameter
 
 #: What to do about an effect of a lab's own.
-LAB_REMEDY = "stablepush correct cannot reckon with it: mend the rig, or model the effect in your own simulation"
+LAB_REMEDY = "remove its cause, or model it in your own simulation: stablepush correct cannot take it into account"
 _GROUP = "stablepush.effects"
 _ACTS = ("support", "sensing")
 
@@ -66,6 +66,8 @@ class LabEffect(ABC):
         Its parameter, zero without the effect: name, unit, and ``low`` to ``high``, the range in which rigs are found.
     acts : {"support", "sensing"}
         On what the table does to the slider, or on what the sensors read of it.
+    remedy : str
+        What to do once it is named; if it is not given, to remove its cause.
     """
 
     id: str
@@ -73,6 +75,7 @@ class LabEffect(ABC):
     needs: str
     parameter: Parameter
     acts: str = "support"
+    remedy: str = ""
 
     def wrench(self, rows: LogRows, wrench: FloatArray, value: FloatArray) -> FloatArray:
         """Return the loads (n, 3) that are read in the tracked frame, of those without the effect; linear in these, but for a
@@ -120,7 +123,7 @@ def _checked(effect: object, place: str, others: Mapping[str, LabEffect]) -> Lab
     id = getattr(effect, "id", "")
     if not id or id in CATALOGUE or id in others:
         raise InputError(place, "expected an id of its own", repr(id))
-    for name in ("what", "needs"):
+    for name in ("what", "needs", "remedy"):
         if not isinstance(getattr(effect, name, None), str):
             raise InputError(place, f"expected {name}, in words", "none")
     if not isinstance(getattr(effect, "parameter", None), Parameter):

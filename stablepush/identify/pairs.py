@@ -58,6 +58,9 @@ def given_pairs(wrenches: ArrayLike | SlipPairs, twists: ArrayLike | None) -> tu
         if twists is not None:
             raise InputError("twists", "expected none besides the pairs, which have them")
         return wrenches.wrenches, wrenches.twists
+    if hasattr(wrenches, "pairs"):
+        kind = type(wrenches).__name__
+        raise InputError("wrenches", "expected loads, or pairs of loads and twists, as log.pairs() of a log", kind)
     if twists is None:
         raise InputError("twists", "expected slip twists, or pairs of loads and twists in place of the loads")
     return wrenches, twists

@@ -11,6 +11,7 @@ import shapely
 from stablepush.core import FloatArray
 from stablepush.geometry import contacts_on_outline, rotate_vectors, transform_points
 from stablepush.io.pushlog import PushLog
+from stablepush.io.sensor_offset import LEAST_REST
 
 #: While it pushes the tip is at most so far (share of the slider's radius, and m) from where its own radius puts it; largest
 #: radius (m) of a finger where it is not known.
@@ -32,6 +33,8 @@ _WORKS = 0.01
 _SLOWEST, _FASTEST = 5e-5, 10.0
 #: Rows are missing where two are so many usual steps and so many seconds apart.
 _STEPS, _GAP = 5.0, 0.15
+#: Of rows that are farther apart (s) even the longest window has none but a row's neighbours.
+_SPARSE = 0.5
 
 
 def doubts(log: PushLog, zeroed: bool = True) -> list[str]:
@@ -102,8 +105,9 @@ def _aslant(log: PushLog) -> Iterator[str]:
 
 
 def _restless(log: PushLog) -> Iterator[str]:
-    resting = {str(name) for name in log.samples["trial"][log.samples["phase"] == "rest"]}
-    pushes = _powers(log)
+    read = (log.samples["phase"] == "rest") & np.isfinite(log.columns("fx", "fy")).all(axis=1)
+    names, rows = np.unique(log.samples["trial"][read].astype(str), return_counts=True)
+    resting, pushes = set(names[rows >= LEAST_REST].tolist()), _powers(log)
     begun = dict(zip(map(str, log.trials["trial"]), np.asarray(log.trials["start_time"], dtype=np.float64), strict=True))
     rests = np.array([begun[name] for name in resting])
     # of a rest shortly before nothing need be said: that of a plan serves all its pushes
@@ -111,8 +115,8 @@ def _restless(log: PushLog) -> Iterator[str]:
     if restless:
         named = ", ".join(restless[:3]) + (", …" if len(restless) > 3 else "")
         yield (
-            f"{len(restless)} of {len(pushes)} pushes ({named}) have no rows at rest within {_REST_SERVES:g} s, which show the "
-            "offset of the force sensor: that of another rest is taken off them, if there is one"
+            f"{len(restless)} of {len(pushes)} pushes ({named}) have fewer than {LEAST_REST} rows at rest within "
+            f"{_REST_SERVES:g} s, which show the offset of the force sensor: that of another rest is taken off them, or none"
         )
 
 
@@ -202,6 +206,8 @@ def _clock(log: PushLog) -> Iterator[str]:
     if not len(ticks) or not speeds:
         return
     usual, speed = float(np.median(ticks)), float(np.median(speeds))
+    if usual > _SPARSE:
+        yield f"rows are {usual:.2g} s apart, and twists are slopes from row to row: record 20 rows per second or more"
     if not _SLOWEST <= speed <= _FASTEST:
         yield f"the slider moves at {1000 * speed:.3g} mm/s, and rows are {usual:.3g} s apart: units (time, length)?"
     leaps = [float(of_push.max(initial=0.0)) for of_push in steps]

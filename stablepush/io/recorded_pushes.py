@@ -238,8 +238,12 @@ def window_for(
     """Return the shortest of the :data:`WINDOWS` whose slopes are not ``noisy``.
 
     Most of the time a slider rests or is pushed steadily: what slopes of two windows that follow each other differ by is noise,
-    be it of one row, or of several that are interpolated.
+    be it of one row, or of several that are interpolated. Where rows are so far apart that the longest has none but a row's
+    neighbours it is the shortest: they are all alike.
     """
+    steps = [np.diff(t[piece]) for piece in pieces if len(piece) > 1]
+    if not steps or float(np.median(np.concatenate(steps))) > WINDOWS[-1] / 2:
+        return WINDOWS[0]
     for window in WINDOWS[:-1]:
         speeds, changes = [], []
         for piece in pieces:

@@ -6,7 +6,7 @@ from .comparison import RegionPlan as RegionPlan, certified_share as certified_s
 from .correct import correct as correct
 from .correction import Correction as Correction, load_corrections as load_corrections, load_diagnosis as load_diagnosis
 from .feasibility import infeasibility as infeasibility
-from .keep_away import NO_ROOM as NO_ROOM
+from .keep_away import APART as APART, NO_ROOM as NO_ROOM
 from .loads import (
     PushLoads as PushLoads,
     loads_of as loads_of,

@@ -16,7 +16,7 @@ import shapely
 from stablepush.core import FloatArray
 from stablepush.geometry import compose, exp, transform_points, wrap_angle
 from stablepush.planning.loads import loads_of, require_loads
-from stablepush.planning.problem import PlanningProblem
+from stablepush.planning.problem import PlanningProblem, require_problem
 from stablepush.planning.result import PlanResult, Push, Transfer
 from stablepush.planning.success import estimate_success
 from stablepush.stability import StabilityOracle
@@ -54,11 +54,15 @@ def check_plan(problem: PlanningProblem, result: PlanResult) -> CheckReport:
 
     Raises :class:`InputError` for a problem with effects that plans do not know.
     """
+    require_problem(problem)
     problem.require_plannable()
     require_loads(problem)
     objections: list[str] = []
     if result.status != "solved":
-        objections.append(f"status: expected solved, got {result.status}")
+        objections.append(f"status: expected solved, got {result.status}{f': {result.message}' if result.message else ''}")
+        if not result.segments:
+            # why there is no path has been said
+            return CheckReport(False, tuple(objections))
     if not result.segments:
         objections.append("segments: expected at least one")
     else:

@@ -18,7 +18,7 @@ from stablepush.geometry import compose
 from stablepush.io import Rig
 from stablepush.objects import PushContact, Slider
 from stablepush.planning.correction import Correction, SavedDiagnosis, likeliest, load_diagnosis
-from stablepush.planning.problem import PlanningProblem
+from stablepush.planning.problem import PlanningProblem, require_problem
 from stablepush.planning.uncertainty import Uncertainty
 
 #: Distance between outlines, over the radius, from which on sliders are not the same.
@@ -73,6 +73,7 @@ def correct(problem: PlanningProblem, report: Diagnosed | SavedDiagnosis | Seque
     InputError
         If the diagnosis corrects nothing: a log of fewer than two pushes; or if it is of a slider of another outline.
     """
+    require_problem(problem)
     if isinstance(report, str | Path):
         report = load_diagnosis(report)
     corrections, diagnosed, verdict, support_friction = _read(report)

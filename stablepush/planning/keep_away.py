@@ -29,7 +29,8 @@ _SLACK = 1e-4
 
 #: What a plan that may touch obstacles says, where there was none that keeps away.
 NO_ROOM = (
-    f"no plan was found that keeps {1000 * APART:g} mm away, is as sure, and takes at most {100 * (_LONGER - 1):.0f} % longer"
+    f"no plan was found that keeps {1000 * APART:g} mm away, is as sure, and takes at most {100 * (_LONGER - 1):.0f} % longer; "
+    f"a clearance of {APART:g} m accepts others"
 )
 
 

@@ -324,6 +324,13 @@ _REQUIRED = (
 _OPTIONAL = ("uncertainty", "finger_radius", "support_friction", "effects", "alternatives")
 
 
+def require_problem(problem: object) -> None:
+    """Refuse what is no :class:`PlanningProblem`, as the path of a scene."""
+    if not isinstance(problem, PlanningProblem):
+        words = "expected a PlanningProblem; stablepush.load_scene reads one from a file"
+        raise InputError("problem", words, repr(problem) if isinstance(problem, str) else type(problem).__name__)
+
+
 def load_scene(path: str | Path) -> PlanningProblem:
     """Read a ``scene/1`` file. A slider, a model or a contact may be a path, from the scene's folder, of a file that has it."""
     root = read_json(path, "scene/1")

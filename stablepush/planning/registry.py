@@ -31,7 +31,7 @@ from stablepush.planning.check import check_plan
 from stablepush.planning.keep_away import keep_away
 from stablepush.planning.loads import require_loads
 from stablepush.planning.options import PlanOptions
-from stablepush.planning.problem import PlanningProblem
+from stablepush.planning.problem import PlanningProblem, require_problem
 from stablepush.planning.result import PlanResult, Transfer
 from stablepush.planning.search import Planner, Search
 from stablepush.planning.success import estimate_success
@@ -40,6 +40,8 @@ from stablepush.planning.success import estimate_success
 #: of surface or friction makes them lose the object.
 DEFAULT_SUCCESS = 0.98
 _GROUP = "stablepush.planners"
+#: What makes plans more likely to succeed.
+_MORE_LIKELY = "fingers farther apart, another contact, wider bounds or a better known surface (more pokes) may give a surer one"
 #: A vertex is a corner if the outline turns there by more than this (rad).
 _CORNER = math.radians(20)
 
@@ -109,6 +111,7 @@ def plan(
         A problem that :func:`~stablepush.planning.feasibility.infeasibility` shows to have no plan is ``"no-path"`` at once.
     """
     started = time.perf_counter()
+    require_problem(problem)
     limit = check_number(time_limit, "time_limit", at_least=0.0)
     least = check_share(require_success, "require_success")
     level = max(least, check_share(success, "success"))
@@ -187,10 +190,11 @@ def _judged(
     # rounded down: 0.9998 is not 1
     stated = f"{math.floor(1e4 * probability) / 1e4:g}"
     if probability < least:
-        words = f"the most probable plan found succeeds with probability {stated}, {least:g} is required"
+        words = f"the most probable plan found succeeds with probability {stated}, {least:g} is required: {_MORE_LIKELY}"
         return PlanResult("no-path", result.planner, seed=result.seed, message=words), []
     if max(held, probability) < level:
-        return result, [f"no plan was found that succeeds with probability {level:g}; this one does with {stated}"]
+        words = f"no plan was found that succeeds with probability {level:g}; this one does with {stated}: {_MORE_LIKELY}"
+        return result, [words]
     return result, []
 
 

@@ -262,7 +262,7 @@ def _cause(scenarios: Scenarios, push: Push, rows: np.ndarray) -> str:
         return "in nearly every scenario"
     if len(rows) < _TELLING:
         return "too rarely to say why"
-    best, words = 0.0, "and no single uncertain quantity decides it"
+    best, words = 0.0, "by several uncertainties together"
     for (limit, low, high), values in everything.items():
         scatter = float(values.std())
         shift = (float(values[rows].mean()) - float(values.mean())) / scatter if scatter > 0 else 0.0

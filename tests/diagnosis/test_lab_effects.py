@@ -19,6 +19,7 @@ class Humidity(LabEffect):
     what = "support friction follows the humidity of the room"
     needs = "a column humidity (%) in trials.csv that varies, and forces"
     parameter = Parameter("slope", "1 per %", 0.0, -0.02, 0.02)
+    remedy = "keep the room at 50 % humidity"
 
     def wrench(self, rows, wrench, value):
         return wrench * (1 + value[0] * (rows.columns["humidity"] - 50.0))[:, None]
@@ -55,8 +56,8 @@ def test_friction_that_follows_a_column_is_named(clean):
     slope = report.ranking[0].parameters["slope"]
     assert slope.estimate == pytest.approx(0.006, rel=0.1) and slope.ci95[0] < 0.006 < slope.ci95[1]
     assert "humidity of the room" in report.sentence
-    assert "mend the rig" in report.steps[0] and not report.changes_plans
-    assert report.reductions[0].closed > 0
+    assert report.reductions[0].closed > 0 and not report.changes_plans
+    assert report.to_do[0] == "humidity: keep the room at 50 % humidity"
     # what no scene can hold is not carried into one
     assert not report.corrected[0].effects and report.to_json()["ranking"][0]["effect"] == "humidity"
     # without it the gap has no name of the catalogue's

@@ -108,5 +108,6 @@ def test_a_surface_beside_a_fault_of_a_sensor_asks_for_a_new_plan():
     assert stated.named == unstated.named == ["latency"]
     assert not stated.changes_plans and "you need no new plan" in stated.to_do[0] and len(stated.to_do) == 1
     assert unstated.changes_plans and "no new plan" not in unstated.to_do[0]
-    assert unstated.to_do[1] == "besides, the limit surface is not the believed one: stablepush correct, then plan again"
-    assert unstated.sentence.endswith(" Besides, the limit surface is not the believed one.")
+    other = "esides, the limit surface is not that of an even pressure under the outline, which was assumed"
+    assert unstated.to_do[1] == f"b{other}: stablepush correct, then plan again"
+    assert unstated.sentence.endswith(f" B{other}.")

@@ -33,6 +33,8 @@ UNITS = {
 #: Axes in which forces are: those of the world, or of the tip, which turn with its heading; its z is up, or down as of a flange.
 FORCE_AXES = ("world", "tip", "tip-z-down")
 _REQUIRED = ("t", "x", "y", "theta")
+#: Columns of which none is given without the other.
+_TOGETHER = (("fx", "fy"), ("fy", "fx"), ("tip_x", "tip_y"), ("tip_y", "tip_x"))
 
 
 class CsvTables:
@@ -59,17 +61,12 @@ class CsvTables:
             scales |= {what: UNITS[what][units[what].text(tuple(UNITS[what]))] for what in units.object() if what in UNITS}
         axes = mapping.root.get("force_axes")
         frame = "world" if axes is None else axes.text(FORCE_AXES)
-        if frame != "world":
-            # raises where it is missing
-            node["tip_theta"].text()
-        for pair in (("fx", "fy"), ("tip_x", "tip_y")):
-            lacking = [name for name in pair if name not in named]
-            if len(lacking) == 1:
-                node[lacking[0]]
-        for name, needs in (("fx", "tip_x"), ("moment", "fx"), ("tip_theta", "tip_x")):
-            if name in named:
-                # raises where it is missing
-                node[needs].text()
+        if frame != "world" and "tip_theta" not in named:
+            words = f"missing key: force_axes is {frame}, which needs the heading of the tool"
+            raise InputError("columns.tip_theta", words, file=mapping.root.file)
+        for name, needs in (*_TOGETHER, ("fx", "tip_x"), ("moment", "fx"), ("tip_theta", "tip_x")):
+            if name in named and needs not in named:
+                raise InputError(f"columns.{needs}", f"missing key: {name} is given, which needs it", file=mapping.root.file)
         # a clock may count from 1970, which is more than a table of lengths and forces may hold
         numbers = [column for name, column in named.items() if name not in ("trial", "t")]
         own_node = mapping.root.get("trial_columns")

@@ -1,0 +1,30 @@
+"""What a caller confuses most: a file for what is in it, a log for its pairs, and an answer without a path for a plan."""
+
+from pathlib import Path
+
+import pytest
+
+import stablepush as sp
+
+SCENES = Path(__file__).parents[2] / "examples" / "scenes"
+
+
+def test_a_path_is_no_problem():
+    problem = sp.load_scene(SCENES / "narrow.json")
+    nothing = sp.PlanResult("no-path", "cor-lattice", message="the goal is out of reach")
+    words = r"problem: expected a PlanningProblem; stablepush.load_scene reads one .*'a.json'"
+    for call in (sp.plan, lambda scene: sp.check_plan(scene, nothing), lambda scene: sp.correct(scene, "d.json")):
+        with pytest.raises(sp.InputError, match=words):
+            call("a.json")
+    # one line that says why there is no path, and none about what it lacks
+    assert sp.check_plan(problem, nothing).objections == ("status: expected solved, got no-path: the goal is out of reach",)
+
+
+def test_a_log_is_no_pair():
+    slider = sp.Slider.rectangle(0.1, 0.06, mass=0.8)
+    surface = sp.IdealLimitSurface(sp.SupportDistribution.from_polygon(slider.vertices, 0.01), 1.0)
+    rig = sp.VirtualRig(slider, surface, 0.5, sp.Pusher.finger(0.005))
+    log = rig.execute(sp.random_pushes(slider, rig.pusher, 3, seed=1), seed=1).log
+    with pytest.raises(sp.InputError, match=r"wrenches: expected loads, or pairs of loads and twists, as log.pairs\(\)"):
+        sp.fit_limit_surface(log, slider=slider)
+    assert sp.fit_limit_surface(log.pairs(), slider=slider).surface.is_dual
