@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+import shapely
 
 from stablepush.core import FloatArray, first_least, order_with_ties
 from stablepush.diagnosis.contact_friction import P_SLIP, ContactFriction, slip_friction
@@ -100,10 +101,13 @@ class Attribution:
         """Return the fit of any pressure, in place of a change of it that acts."""
         return system.fit([id for id in self.chosen if id not in OF_PRESSURE], True)
 
-    @property
-    def moves_freely(self) -> bool:
-        """Whether the pressure has moved in another form than all of it alike: the shift beside a free pressure is arbitrary."""
-        return self.free and "pressure-shift" in self.chosen
+    def moves_freely(self, system: System) -> bool:
+        """Whether the pressure has moved in another form than all of it alike: the shift beside a free pressure is arbitrary,
+        and one that puts the centre of pressure outside the slider is impossible."""
+        if "pressure-shift" not in self.chosen or self.free:
+            return "pressure-shift" in self.chosen
+        center = system.center + self.final.values["pressure-shift"][:2]
+        return not shapely.MultiPoint(system.rig.slider.vertices).convex_hull.covers(shapely.Point(center))
 
     def slips(self, system: System) -> Values:
         """Return what the fingers' friction adds to the rig's, if it is known from forces and acts."""

@@ -164,7 +164,7 @@ def _surface(system: System, found: Attribution, fitted: Fitted, effects: Sequen
     if not moved:
         return corrected_surface(system, Base(fitted, found.free))
     refit = Base(found.refit(system), True, found.scores.get("free"))
-    if found.moves_freely:
+    if found.moves_freely(system):
         return corrected_surface(system, refit)
     return corrected_surface(system, Base(fitted, found.free, found.scores.get(moved[0])), refit)
 

@@ -343,7 +343,7 @@ def _only_compared(log: PushLog, name: str, comparison: Comparison) -> GapReport
 
 def _beside_effects(system: System, found: Attribution) -> IdealLimitSurface:
     """The refitted surface, less a shift of the pressure that is an effect."""
-    if not found.moves_freely:
+    if not found.moves_freely(system):
         return system.surface(found.final.loads)
     refit = found.refit(system)
     surface, (offset, _) = system.surface(refit.loads), system.moved_center(refit.loads, system.deviations(refit, True))

@@ -142,9 +142,12 @@ def _of_fit(id: str, system: System, found: Attribution, effects: list[str]) -> 
     if id in found.final.values:
         estimate = found.final.values[id]
         deviation = _deviations(found, id)[:size]
-        if id == "pressure-shift" and found.moves_freely:
+        if id == "pressure-shift" and found.moves_freely(system):
             refit = found.refit(system)
-            estimate, deviation = system.moved_center(refit.loads, system.deviations(refit, True))
+            shift, (estimate, deviation) = estimate[:2], system.moved_center(refit.loads, system.deviations(refit, True))
+            if not found.free:
+                # the form fits, too, with an impossible shift: what they differ by tells how far neither is the pressure
+                deviation = np.hypot(deviation, (shift - estimate) / 2)
     deviation = np.hypot(_SHORT * deviation, _SYSTEMATIC.get(id, _OTHERS) * float(np.linalg.norm(estimate[:size])))
     nominal = {"contact-geometry": system.observations.finger_radius, "contact-friction": system.mu}
     parameters = _parameters(system, id, np.asarray(estimate[:size] + (nominal.get(id) or 0.0)), deviation)

@@ -9,15 +9,22 @@ import stablepush as sp
 OUTLINE = np.array([(-0.05, -0.05), (0.05, -0.05), (0.05, 0.05), (-0.05, 0.05)])
 LOAD = 3.0
 GRID = np.stack(np.meshgrid(*[np.arange(-0.045, 0.05, 0.01)] * 2), axis=-1).reshape(-1, 2)
+
+
+def patch(center, radius, beside):
+    """Loads of the grid: 3 within a radius (m) of a place, and less beside; and their centre."""
+    loads = np.where(np.hypot(*(GRID - center).T) < radius, 3.0, beside)
+    return loads, loads @ GRID / loads.sum()
+
+
 #: Most of the load on a patch beside the centre.
-PATCH = np.where(np.hypot(*(GRID - (0.025, 0.015)).T) < 0.02, 3.0, 0.3)
-CENTER = PATCH @ GRID / PATCH.sum()
+PATCH, CENTER = patch((0.025, 0.015), 0.02, 0.3)
 
 
-def patch_log(drop=()):
+def patch_log(drop=(), loads=PATCH):
     """A log whose rig states an even pressure, and the true surface."""
     slider = sp.Slider(OUTLINE, mass=0.8, support=sp.SupportDistribution(GRID, np.ones(len(GRID))))
-    surface = sp.IdealLimitSurface(sp.SupportDistribution(GRID, LOAD * PATCH / PATCH.sum()), LOAD)
+    surface = sp.IdealLimitSurface(sp.SupportDistribution(GRID, LOAD * loads / loads.sum()), LOAD)
     rig = sp.VirtualRig(slider, surface, 0.5, sp.Pusher.finger(0.005), [], sp.Noise(0.02, 1e-4, 1e-3))
     log = rig.execute(sp.random_pushes(slider, rig.pusher, 30, seed=0), seed=0).log
     return edited(log, drop=drop, support_friction=LOAD / (0.8 * 9.81)), surface
@@ -52,6 +59,18 @@ def test_a_patch_moves_the_pressure(drop, most_deg):
     errors = [error_deg(member, surface) for member in surface.members()]
     assert error_deg(surface, true) < most_deg
     assert error_deg(surface, true) < 3 * np.median(errors)
+
+
+def test_a_centre_of_pressure_is_told_inside_the_slider():
+    """All but a tenth of the load on a small patch near a corner, without forces: a shift that fits best leaves the slider."""
+    loads, center = patch((0.035, 0.03), 0.015, 0.02)
+    log, _ = patch_log(FORCES, loads)
+    report = sp.diagnose(log)
+    assert report.named == ["pressure-shift"], report.sentence
+    offset = report.ranking[0].parameters["offset"]
+    assert (np.abs(offset.estimate) < 0.05).all()
+    low, high = np.transpose(offset.ci95)
+    assert (low <= center).all() and (center <= high).all()
 
 
 def test_without_forces_the_surface_of_a_named_form_is_uncertain_too():
