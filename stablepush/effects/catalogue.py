@@ -214,7 +214,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "sensing",
             "poses of pusher and slider at speeds that vary",
             "set pose_delay (s) in the mapping of the import to this delay, and import the log again",
-            "The slider's poses lag the forces and the pusher by {delay}",
+            "The slider's poses lag all other readings by {delay}",
             (Parameter("delay", "s", 0.0, 0.0, 0.3, least=0.0),),
         ),
         EffectKind(

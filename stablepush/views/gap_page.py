@@ -98,6 +98,10 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     if report.gap:
         sections.append(Section("How large the gap is", size, [(entry.channel, _gap(entry)) for entry in report.gap]))
     left_out = "Root mean squares on held-out trials. Floor: what the noise, and the compliance of fingers and table, leave."
+    if report.verdict == "absorbed":
+        left_out += " No effect is named: what reduces the gap is a refitted surface."
+    if report.verdict == "unknown":
+        left_out += " No effect is named: what reduces the gap is a fit for which no cause is known."
     reductions = [
         (e.channel, f"{e.sizes}; {e.explained}, {counted(e.held_out_trials, 'held-out trial')}") for e in report.reductions
     ]

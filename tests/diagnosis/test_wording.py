@@ -47,7 +47,7 @@ def test_the_sentence_says_what_acts_and_what_the_correction_does():
     delay = report.ranking[0].parameters["delay"]
     half = 1000 * (delay.ci95[1] - delay.ci95[0]) / 2
     lag = f"{1000 * delay.estimate:.1f} ± {half:.1f} ms (95 %)"
-    assert report.sentence.startswith(f"latency: the slider's poses lag the forces and the pusher by {lag}; so corrected, ")
+    assert report.sentence.startswith(f"latency: the slider's poses lag all other readings by {lag}; so corrected, ")
     pose = next(entry for entry in report.reductions if entry.channel == "pose")
     nearer = f"falls from {1000 * pose.before:.3g} to {1000 * pose.after:.3g} mm rms"
     assert f"the error of the final pose, push by push, on pushes left out of the fit {nearer}" in report.sentence

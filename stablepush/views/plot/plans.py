@@ -65,7 +65,7 @@ def plot_plan(problem: PlanningProblem, result: PlanResult, title: str | None = 
         ring = shapely.Polygon(transform_points(pose, problem.slider.vertices))
         fill(axes, ring, facecolor="none", edgecolor=color, linewidth=2.4, linestyle=style, label=name)
         tip = transform_points(pose, np.array(((0.0, 0.0), (0.6 * problem.slider.radius, 0.0))))
-        axes.plot(tip[:, 0], tip[:, 1], color=color, linewidth=2)
+        axes.plot(tip[:, 0], tip[:, 1], color=color, linewidth=2, label="_" if name == "goal" else "x axis of the slider")
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_xlabel("x [m]")
