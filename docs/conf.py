@@ -30,6 +30,7 @@ highlight_language = "none"
 # formulas are MathML, which browsers draw themselves: pages need no network
 html_math_renderer = "mathml"
 html_theme = "furo"
+templates_path = ["_templates"]
 html_static_path = ["_static"]
 html_css_files = ["pages.css"]
 # options are copied from the pages: two hyphens stay two
