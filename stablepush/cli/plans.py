@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -52,6 +53,8 @@ RefinementBudget = Annotated[
 
 #: Distance (m) of an obstacle below which the remedy is named.
 _NEAR = 2e-3
+#: Time (s) of each search for a plan without bounds or obstacles: most take a tenth of it.
+_RELAXED = 3.0
 
 _OPTIONS = options_of(
     "planner",
@@ -134,30 +137,47 @@ def plan(
     """Plan a path of stable pushes."""
     from stablepush.core import check_number
     from stablepush.io import write_atomically
-    from stablepush.planning import APART, NO_ROOM, clearance_of, load_scene, plan as make_plan, save_plan
+    from stablepush.planning import (
+        APART,
+        NO_ROOM,
+        clearance_of,
+        feasible_relaxations,
+        infeasibility,
+        load_scene,
+        plan as make_plan,
+        save_plan,
+    )
 
     check_number(time_limit, "--time-limit", at_least=0.0)
     require_files(output, view, picture, read=(scene,))
     require_png(picture)
     problem = load_scene(scene)
-    left = max(0.0, time_limit - clock.elapsed())
+
+    def left() -> float:
+        return max(0.0, time_limit - clock.elapsed())
+
+    relaxed = ""
     with Progress("plan") as step, about(scene, options=_OPTIONS), interruptible() as interrupted:
-        result = make_plan(
-            problem,
-            planner,
-            left,
-            seed,
+        make = partial(
+            make_plan,
+            planner=planner,
+            seed=seed,
             success=success,
             require_success=require_success,
             region=region,
             probability=probability,
             margin_weight=margin_weight,
             max_twist_rate=max_twist_rate,
-            refinement_budget=refinement_budget,
             clearance=clearance,
             stop=interrupted,
             progress=step.describe,
         )
+        result = make(problem, time_limit=left(), refinement_budget=refinement_budget)
+        if result.status == "no-path" and not infeasibility(problem):
+            step.describe("which bounds or obstacles are in the way")
+            relaxed = feasible_relaxations(
+                problem, lambda other: make(other, time_limit=min(left(), _RELAXED), refinement_budget=0.0)
+            )
     if interrupted() and not result.solved:
         raise KeyboardInterrupt
     save_plan(result, output)
@@ -176,12 +196,14 @@ def plan(
         length=result.length, switches=result.switches, min_margin=result.min_margin, lower_bound=result.lower_bound,
         planning_time=result.planning_time, success_probability=result.success_probability,
         success_interval=result.success_interval, arrival_probability=result.arrival_probability,
-        arrival_interval=result.arrival_interval,
+        arrival_interval=result.arrival_interval, hint=relaxed or None,
     )  # fmt: skip
     print(f"{output}: {_plan_line(result)}")
     also_written(view, picture if result.solved else None)
     if picture is not None and not result.solved:
         print(f"{picture}: not written, for there is no plan")
+    if relaxed:
+        print(f"hint: {relaxed}")
     if result.solved:
         away, turned = result.from_goal(problem.goal)
         near, square = problem.tolerance

@@ -22,6 +22,7 @@ from .problem import (
     scene_to_json as scene_to_json,
 )
 from .registry import plan as plan, planner_names as planner_names
+from .relaxations import feasible_relaxations as feasible_relaxations
 from .result import (
     PlanResult as PlanResult,
     PlanStatus as PlanStatus,

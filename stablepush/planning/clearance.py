@@ -36,13 +36,13 @@ def clearance_of(problem: PlanningProblem, result: PlanResult) -> Clearance | No
     obstacles = shapely.MultiPolygon([shapely.Polygon(corners) for corners in problem.obstacles])
     shapely.prepare(obstacles)
     found = Clearance(math.inf, "")
-    for where, outline, poses in _motions(problem, result):
+    for where, outline, poses in motions_of(problem, result):
         bodies = shapely.polygons([transform_points(pose, outline) for pose in poses])
         found = min(found, Clearance(float(shapely.distance(obstacles, bodies).min()), where))
     return found
 
 
-def _motions(problem: PlanningProblem, result: PlanResult) -> Iterator[tuple[str, FloatArray, FloatArray]]:
+def motions_of(problem: PlanningProblem, result: PlanResult) -> Iterator[tuple[str, FloatArray, FloatArray]]:
     """Where in the plan, outline (n, 2) and its poses (k, 3) in W, of all that moves."""
     number = 0
     for segment in result.segments:
