@@ -2,8 +2,8 @@
 A free slide
 ============
 
-A triangle is flicked and slides until friction stops it. Towards the end of a slide the ratio of turning to
-moving settles on one of few values, the eigen-directions of the limit surface.
+A triangle is flicked and slides until friction stops it. Towards the end of a slide the
+direction of the twist settles on one of few, the eigen-directions of the limit surface.
 """
 
 import stablepush as sp

@@ -2,9 +2,10 @@
 Stable pushes on a slope
 ========================
 
-The table slopes by 4 degrees. The pusher supplies the friction load less the weight's pull along the slope,
-so which rotation centres are stable depends on the slider's heading. Filled is what is stable at a heading,
-dashed what would be on a level table. A plan is stable all along its arcs, whose headings change.
+The table slopes by 4 degrees. The load of the pusher is the friction load less the component of the weight
+along the slope, as vectors, so which rotation centres are stable depends on the slider's heading. Filled is
+what is stable at a heading, dashed what would be on a level table. A plan is stable all along its arcs,
+whose headings change.
 """
 
 import math

@@ -69,9 +69,9 @@ def blind(
 ) -> None:
     """Score the diagnosis on logs whose cause is sealed.
 
-    Logs are made, their causes encrypted, the logs diagnosed, and the labels opened. With --loop whole loops are counted, in
-    four arms: plans with the surface of the pokes (old), the same with wide margins (wide), with the corrected scene
-    (corrected), and with the true one (true).
+    Logs are made, their causes encrypted, the logs diagnosed, and then the causes decrypted. With --loop whole loops are
+    counted, in four arms: plans with the surface of the pokes (old), the same with wide margins (wide), with the corrected
+    scene (corrected), and with the true one (true).
 
     Exits with 1 if the seal of any set is broken.
     """

@@ -117,7 +117,7 @@ def draw_map(
         ),
     ] = None,
     margins: Annotated[
-        Path | None, typer.Option(help="Chart of margins of pushes in one direction, from right turns to left turns, as PNG.")
+        Path | None, typer.Option(help="Chart of the margin over the curvature of a push, from right to left turns, as PNG.")
     ] = None,
     sphere: Annotated[Path | None, typer.Option(help="Regions on the sphere of unit twists, as PNG.")] = None,
     view: Annotated[

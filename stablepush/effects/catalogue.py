@@ -110,7 +110,7 @@ def _kinds() -> tuple[EffectKind, ...]:
             "spatial-variation",
             "support friction differs over the table",
             "support",
-            "places on the table that vary, and forces",
+            "places on the table that vary, and forces, or pushes that slip",
             "clean the table; or stablepush correct, then plan again within the bounds",
             "Support friction rises by {gradient} along x and y of the table",
             (Parameter("gradient", "1/m in W", 0.0, -1.0, 1.0, 2),),
@@ -219,11 +219,11 @@ def _kinds() -> tuple[EffectKind, ...]:
         ),
         EffectKind(
             "model-capacity",
-            "the nominal surface cannot take the measured shape",
+            "the nominal surface cannot represent the measured loads and motions",
             "support",
             "forces and motions of many different pushes",
             "fit a surface to more pokes",
-            "The nominal surface cannot take the measured shape",
+            "The nominal surface cannot represent the measured loads and motions",
             (
                 Parameter("facets", "support points", None, 3.0, 8.0, least=3.0, most=1000.0, whole=True),
                 Parameter("degree", "degree of the polynomial", None, 2.0, 6.0, least=2.0, most=6.0, whole=True),
