@@ -3,7 +3,7 @@ A free slide
 ============
 
 A triangle is flicked and slides until friction stops it. Towards the end of a slide the
-direction of the twist settles on one of few, the eigen-directions of the limit surface.
+direction of the twist settles on one of a few, the eigen-directions of the limit surface.
 """
 
 import stablepush as sp

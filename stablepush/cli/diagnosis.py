@@ -91,8 +91,7 @@ def diagnose(
     friction = report.support_friction
     if friction is not None:
         print(f"support friction: {friction:.3g} as refitted, where {report.rig.support_friction:.3g} was assumed")
-    # who wrote no columns beside those of the format expects no effects of a lab's own
-    for id, needs in report.untested.items() if any(log.own_columns for log in data) else ():
+    for id, needs in report.untested.items():
         print(f"not tested: {id}, which needs {needs}")
     for words in report.to_do:
         print(f"to do: {words}")

@@ -58,7 +58,7 @@ def _of_lab(effect: LabEffect) -> dict[str, Any]:
     from stablepush.effects import LAB_REMEDY
 
     return {
-        "id": effect.id, "what": f"{effect.what} (of an installed package)", "acts": effect.acts, "parameters": [parameter],
+        "id": effect.id, "what": f"{effect.what}; of an installed package", "acts": effect.acts, "parameters": [parameter],
         "needs": effect.needs, "remedy": effect.remedy or LAB_REMEDY,
     }  # fmt: skip
 

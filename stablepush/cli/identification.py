@@ -23,6 +23,8 @@ from stablepush.cli.common import (
 )
 from stablepush.core import InputError, counted
 
+#: Angle error (deg) of left-out pokes beyond which the data is doubted: rough wood has 12.
+_LARGE = 18.0
 #: Acceleration of gravity (m/s²).
 _GRAVITY = 9.81
 
@@ -220,7 +222,9 @@ def fit(
         told_of_loads = ", weighed by the pokes" if names else "; loads are in units of mu*N"
         print(f"prior: pressures under the slider's outline{told_of_loads}")
     if result.validation_error is not None:
-        print(f"angle error on pokes left out: {math.degrees(result.validation_error):.2f} deg")
+        error = math.degrees(result.validation_error)
+        much = " (large: are units, axes and signs of poses and forces right?)" if error > _LARGE else ""
+        print(f"angle error on pokes left out: {error:.2f} deg{much}")
     if names:
         print(f"angle error on the pokes used:  {math.degrees(float(np.mean(result.angle_errors))):.2f} deg")
     if result.certificate is not None:

@@ -142,7 +142,6 @@ def plan(
         NO_ROOM,
         clearance_of,
         feasible_relaxations,
-        infeasibility,
         load_scene,
         plan as make_plan,
         save_plan,
@@ -173,7 +172,9 @@ def plan(
             progress=step.describe,
         )
         result = make(problem, time_limit=left(), refinement_budget=refinement_budget)
-        if result.status == "no-path" and not infeasibility(problem):
+        if result.status == "timeout":
+            relaxed = f"the search may need more than the {time_limit:g} s of --time-limit"
+        if result.status == "no-path":
             step.describe("which bounds or obstacles are in the way")
             relaxed = feasible_relaxations(
                 problem, lambda other: make(other, time_limit=min(left(), _RELAXED), refinement_budget=0.0)

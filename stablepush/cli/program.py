@@ -125,12 +125,17 @@ def _require_values(arguments: list[str]) -> None:
 
 
 def _require_numbers(command: Any, arguments: list[str]) -> None:
-    """Refuse an option of several numbers that another option cuts short: the parser would take its name for a number."""
+    """Refuse an option of several numbers that another option cuts short, whose name the parser would take for a number; and
+    several numbers after an option that is repeated for each."""
     from stablepush.core import InputError
 
     several = {name: option for option in command.params if option.nargs > 1 for name in option.opts}
+    repeated = {name for option in command.params if getattr(option, "multiple", False) for name in option.opts}
     for k, argument in enumerate(arguments):
         name, equals, first = argument.partition("=")
+        after = arguments[k + 1 : k + 3]
+        if name in repeated and not equals and len(after) == 2 and all(_is_number(word) for word in after):
+            raise InputError(name, f"expected one value each time, {name} {after[0]} {name} {after[1]}", " ".join(after))
         if name not in several:
             continue
         option = several[name]
@@ -144,11 +149,15 @@ def _require_numbers(command: Any, arguments: list[str]) -> None:
 
 
 def _is_option(text: str) -> bool:
+    return not _is_number(text) and re.match("--?[A-Za-z]", text) is not None
+
+
+def _is_number(text: str) -> bool:
     try:
         float(text)
     except ValueError:
-        return re.match("--?[A-Za-z]", text) is not None
-    return False
+        return False
+    return True
 
 
 @contextmanager

@@ -30,9 +30,10 @@ from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
 from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
 from stablepush.diagnosis.system import System, log_rows, system_of
 from stablepush.diagnosis.together import join, observe_each, together_of
-from stablepush.diagnosis.verdicts import judge, refit_leaves_noise, stands_clear
+from stablepush.diagnosis.verdicts import judge, leaves_lost_pushes, refit_leaves_noise, stands_clear
 from stablepush.diagnosis.where import localise, residuals
 from stablepush.diagnosis.wording import (
+    NOT_COMPARED,
     notes_on,
     sentence_of,
     slipping_note,
@@ -167,6 +168,11 @@ def _diagnose(
         system.aside, first = frozenset(trivial), found
         found, held = _found(system, log, pushes, progress)
         found = replace(found, screened={**first.screened, **found.screened})
+    stand_ins = found.chosen if leaves_lost_pushes(system, found, held, pushes) else []
+    if stand_ins:
+        system.aside, first = system.aside.union(stand_ins), found
+        found, held = _found(system, log, pushes, progress)
+        found = replace(found, screened={**first.screened, **found.screened})
     judged = judge(system, found, held, log, pushes, comparison is not None and comparison.is_off)
     verdict, reported = judged.verdict, judged.effects
     # a change of all friction alike leaves the surface's shape as it is
@@ -194,6 +200,8 @@ def _diagnose(
     notes += [f"{id} was not tested: it needs {needs}" for id, needs in untested.items()]
     if trivial:
         notes.append(f"not named: {' or '.join(trivial)}, for it changes loads and poses by next to nothing")
+    if stand_ins:
+        notes.append(f"not named: {' or '.join(stand_ins)}, for pushes that were lost end as far from where it puts them")
     if comparison is not None:
         notes = [*comparison.notes(), *notes]
     if verdict == "absorbed" and system.has_wrench and not refit_leaves_noise(system, held):
@@ -213,6 +221,8 @@ def _diagnose(
         if verdict == "unknown"
         else sentence_of(system, judged, ranking, found.final.loads)
     )
+    if verdict == "none" and not system.has_wrench and not pushes:
+        sentence = NOT_COMPARED
     if verdict == "unknown" and judged.unnamed and found.named:
         sentence += f" Not named: {', '.join(found.named)}, for {judged.unnamed}."
     still = observations.still

@@ -39,6 +39,11 @@ _NOT_PREDICTED = (
     "a surface fitted to all pushes fits them, one fitted to some does not predict the others: more pokes give a better one; or "
     "stablepush correct, then plan again, and try single pushes first"
 )
+#: What to do about a pressure that is another where no reading tells how much friction there is.
+_UNSIZED = (
+    "state the support friction (friction: support) and the mass of the slider, rough values do, and diagnose again: without "
+    "these or forces no corrected surface is made"
+)
 #: Effects that the import of a log takes off: no plan changes.
 _OF_IMPORTS = frozenset(("frame-offset", "latency", "force-rotation"))
 #: A channel is predicted worse by a correction that leaves so many times what there was, and what noise leaves.
@@ -167,6 +172,10 @@ class GapReport:
         entry = self._entry(id)
         if uneven_axes(entry) is not None:
             return "calibrate each axis of the force sensor against known forces; fit again what was fitted to its readings"
+        if id in OF_PRESSURE and not self.surface_differs:
+            return _UNSIZED
+        if id in OF_PRESSURE and self.rig.model is None and self.rig.slider.support is None and "wrench" in self.channels:
+            return f"{CATALOGUE[id].remedy}; or stablepush fit this log: no surface was stated, and a fit finds this one, too"
         if id == "tilt" and entry is not None and entry.form is not None:
             return "look for a table that is not flat, or a cable that pulls at the object; plans take one slope for all places"
         stays = "; you need no new plan" if id == "latency" and self.verdict == "named" and not self.changes_plans else ""
@@ -215,7 +224,8 @@ class GapReport:
 
     def _changing(self) -> list[str]:
         """The named effects with which plans differ."""
-        return [id for id in self.named if id == "frame-offset" or (id in CATALOGUE and CATALOGUE[id].changes_plans)]
+        carried = [id for id in self.named if id not in OF_PRESSURE or self.surface_differs]
+        return [id for id in carried if id == "frame-offset" or (id in CATALOGUE and CATALOGUE[id].changes_plans)]
 
     @property
     def changes_plans(self) -> bool:

@@ -24,6 +24,8 @@ _CLEARLY, _AGREES, _ROUGHLY = 0.1, 0.5, 0.05
 #: Coefficients that are tried, and how often the grid about the best is made finer, of so many.
 _TRIED = np.geomspace(0.05, 1.5, 18)
 _ROUNDS, _FINER = 3, 5
+#: Surfaces of a model's ensemble with which friction is scanned, of so many values up to so many times the best and below it.
+_MEMBERS, _SEARCHED, _FARTHER = 6, 7, 1.8
 #: Friction near that of the forces: within so many of its standard errors, and so many values of it.
 _REACH, _NEAR = 3.0, 25
 #: A final pose is off if it is so many times as far off as noise makes it, and as what the friction of the table may be wrong by,
@@ -97,15 +99,37 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
         return None
     # above the friction at which all fingers stick any fits as well
     near = [mu for mu, found_loss in tried if found_loss <= min(found_loss for _, found_loss in tried) + 1.0]
-    error = max(0.5 * (max(near) - min(near)), 0.02 * best)
-    return _with_error(best, error, int(off.sum()), "final poses")
+    mu, spread = _over_ensemble(system, loss, best)
+    error = float(np.hypot(max(0.5 * (max(near) - min(near)), 0.02 * best), spread))
+    return _with_error(mu, error, int(off.sum()), "final poses")
 
 
-def _scanned(loss: Callable[[float], float], grid: FloatArray) -> tuple[float, list[tuple[float, float]]]:
+def _over_ensemble(system: System, loss: Callable[[float], float], best: float) -> tuple[float, float]:
+    """Return the mean friction over the likely surfaces of the rig's model, and its standard deviation: which push is lost hangs
+    on the surface as well. Each has the friction with which poses end best, and counts by how well they then do: ``loss`` is
+    minus the logarithm of a Cauchy density. The ``best`` friction, and 0, without such surfaces."""
+    model = system.believed.model
+    members = () if model is None else model.members()
+    if model is None or not members:
+        return best, 0.0
+    grid = best * np.geomspace(1 / _FARTHER, _FARTHER, _SEARCHED)
+    found = []
+    for member in (model, *members[:: -(-len(members) // _MEMBERS)]):
+        with system.believing(member):
+            mu, tried = _scanned(loss, grid, rounds=1)
+        found.append((mu, min(size for _, size in tried)))
+    frictions, losses = np.array(found).T
+    weights = np.exp(losses.min() - losses)
+    weights /= weights.sum()
+    mean = float(weights @ frictions)
+    return mean, float(np.sqrt(weights @ (frictions - mean) ** 2))
+
+
+def _scanned(loss: Callable[[float], float], grid: FloatArray, rounds: int = _ROUNDS) -> tuple[float, list[tuple[float, float]]]:
     """Return the friction of the least loss on a grid that is made finer about it, and all that were tried with their losses."""
     grid = np.maximum(grid, _TRIED[0])
     tried: list[tuple[float, float]] = []
-    for _ in range(_ROUNDS + 1):
+    for _ in range(rounds + 1):
         losses = np.array([loss(float(mu)) for mu in grid])
         tried += zip(grid.tolist(), losses.tolist(), strict=True)
         at = int(np.argmin(losses))

@@ -8,7 +8,8 @@ has: every judgement treats trials, not rows, as independent.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from types import MappingProxyType
@@ -34,7 +35,7 @@ from stablepush.effects import FAMILIES, LabEffect, LogRows
 from stablepush.io import Noise, Rig
 from stablepush.mechanics import TableFriction
 from stablepush.objects import SupportDistribution
-from stablepush.surfaces import IdealLimitSurface
+from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
 #: Prior standard deviation of a load over the total, and of the scale of the nominal loads over one.
 _SPREAD, _SCALE = 0.15, 1.0
@@ -397,6 +398,16 @@ class System(Equations):
         off = center - self.nominal @ self.points / self.nominal.sum()
         spread = (changes.T @ self.points - np.outer(changes.sum(axis=0), center)) / loads.sum()
         return off, np.sqrt((spread**2).sum(axis=0))
+
+    @contextmanager
+    def believing(self, model: LimitSurface) -> Iterator[None]:
+        """Simulate with another surface of the rig's model."""
+        believed = self.believed
+        self.believed = replace(believed, model=model)
+        try:
+            yield
+        finally:
+            self.believed = believed
 
     def of_last(self, loads: FloatArray) -> FloatArray:
         """Return the loads (k, ...) of the last log: all there are of one."""

@@ -56,6 +56,8 @@ _FAR = 3.0
 _MISFIT, _LEFT_OF_GAP = 1.5, 0.25
 #: Shares of a gap that effects may leave of what a refit without them leaves, and of what the nominal simulation leaves.
 _LEAVES_OF_REFIT, _LEAVES = 0.5, 0.1
+#: A correction that explains less of the gap of final poses brings none of them nearer.
+_NEXT_TO_NONE = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,6 +114,8 @@ def judge(
     elif found.named and not system.opened and _spoils_poses(held, reduced):
         # a form that the catalogue does not have cannot be simulated
         verdict, unnamed = Verdict.UNKNOWN, "its correction would throw off final poses that the nominal simulation has right"
+    elif leaves_lost_pushes(system, found, held, pushes):
+        verdict, unnamed = Verdict.UNKNOWN, "pushes that the nominal simulation has elsewhere end as far from where it puts them"
     elif patterned and not explains_most(held, found.named):
         verdict, unnamed = Verdict.UNKNOWN, "the remaining residuals still depend on place, heading, order or speed"
     elif found.confounded:
@@ -219,6 +223,20 @@ def _spoils_poses(held: HeldOut, reduced: Sequence[GapReduction]) -> bool:
         return False
     before, after = (float(held.squares["pose"][key].mean()) for key in ("before", "after"))
     return before < held.floors["pose"] and after > _SPOILT**2 * before and pose.ci95[1] < _SURELY_WORSE
+
+
+def leaves_lost_pushes(system: System, found: Attribution, held: HeldOut, pushes: Sequence[Replay]) -> bool:
+    """Whether pushes of a log without forces are lost, and a correction brings next to none of the final poses nearer: a finger
+    that leaves a lost slider touches it where no cause has it, and what explains that is a stand-in."""
+    if system.has_wrench or not found.chosen or not lost_pushes(system, pushes):
+        return False
+    return _leaves_poses(reductions(held), [entry for entry in gap(system, held) if stands_clear(entry)])
+
+
+def _leaves_poses(reduced: Sequence[GapReduction], clear: Sequence[ChannelGap]) -> bool:
+    """Whether final poses stand clear of their floor, and a correction brings next to none of them nearer."""
+    pose = next((entry for entry in reduced if entry.channel == "pose"), None)
+    return pose is not None and pose.closed < _NEXT_TO_NONE and any(entry.channel == "pose" for entry in clear)
 
 
 def _leaves_a_gap(held: HeldOut, clear: Sequence[ChannelGap]) -> bool:

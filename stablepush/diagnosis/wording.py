@@ -48,6 +48,11 @@ _MUCH = 0.5
 _LEFT = 2.0
 #: An interval whose middle is so far from the estimate, over its half width, is told by its ends.
 _LOPSIDED = 0.2
+#: The sentence on a log without forces that has no push to simulate.
+NOT_COMPARED = (
+    "No push could be simulated, so nothing was compared: a log without forces needs the poses of the pusher, and with two "
+    "fingers the distance between them (finger_distance of the import)."
+)
 #: Effects of sensing that show in poses, too.
 _OF_POSES = {"latency", "frame-offset"}
 #: A power of ten that rounding has just missed is one.
@@ -145,7 +150,9 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
     others = [e for e in reductions if e.channel != channel and e.after > _LEFT * e.noise_floor > 0]
     for other in others:
         least = other.after / other.noise_floor
-        more += f"; of {_ERRORS_OF[other.channel]} {100 * other.closed:.0f} %, what is left is {least:.0f} times the floor"
+        part = f"of {_ERRORS_OF[other.channel]} {100 * other.closed:.0f} %"
+        none = f"{_ERRORS_OF[other.channel]} does not become smaller"
+        more += f"; {part if other.closed > 0 else none}, what is left is {least:.0f} times the floor"
     alone = refitted.get(channel)
     much = alone is not None and entry.before**2 - alone**2 > _MUCH * (entry.before**2 - entry.after**2)
     # what a sensor reads wrongly moves no object: a refit is credited with all that it explains

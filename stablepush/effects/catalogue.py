@@ -213,7 +213,8 @@ def _kinds() -> tuple[EffectKind, ...]:
             "the slider's poses lag the pusher's and the forces",
             "sensing",
             "poses of pusher and slider at speeds that vary",
-            "set pose_delay (s) in the mapping of the import to this delay, and import the log again",
+            "set pose_delay (s) in the mapping of the import to this delay, and import the log again (fingers or an arm that "
+            "bend under load delay the object as well)",
             "The slider's poses lag all other readings by {delay}",
             (Parameter("delay", "s", 0.0, 0.0, 0.3, least=0.0),),
         ),

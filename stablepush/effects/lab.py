@@ -110,9 +110,11 @@ def lab_effects(given: Sequence[LabEffect] = ()) -> dict[str, LabEffect]:
             warnings.warn(StablepushWarning(f"the registered effect {name} is left out: {words}"), stacklevel=2)
         else:
             found[effect.id] = effect
+    own: dict[str, LabEffect] = {}
     for number, effect in enumerate(given):
-        found[effect.id] = _checked(effect, f"effects[{number}]", found)
-    return found
+        own[effect.id] = _checked(effect, f"effects[{number}]", own)
+    # what is given takes the place of what is installed under the same id
+    return found | own
 
 
 def _checked(effect: object, place: str, others: Mapping[str, LabEffect]) -> LabEffect:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
@@ -18,6 +18,8 @@ from stablepush.io.sensor_offset import LEAST_REST
 _OFF, _OFF_LEAST, _WIDEST = 0.2, 5e-3, 0.03
 #: Fingers of a known radius are off from so far (m), and the middle of two contact points on one face is on it to this (m).
 _SEEN_OFF, _STRAIGHT = 1e-3, 1e-5
+#: Fingers that are farther off (m) than this are so for no radius, and no delay of a tracker.
+_FAR_OFF = 0.015
 #: A slider does not travel so many of its radii in a push, nor turn so far (rad).
 _FARTHEST, _TURNS = 50.0, 2 * np.pi
 #: Friction turns a force less far (rad) from the normal of the touched edge, and less in the mean of so many pushes; or by no
@@ -33,19 +35,20 @@ _WORKS = 0.01
 _SLOWEST, _FASTEST = 5e-5, 10.0
 #: Rows are missing where two are so many usual steps and so many seconds apart.
 _STEPS, _GAP = 5.0, 0.15
-#: Of rows that are farther apart (s) even the longest window has none but a row's neighbours.
+#: Poses that are farther apart (s) are too few for the usual pushes, if a window for twists holds none but a row's neighbours.
 _SPARSE = 0.5
 
 
-def doubts(log: PushLog, zeroed: bool = True) -> list[str]:
+def doubts(log: PushLog, zeroed: bool = True, rests: Sequence[float] | FloatArray = ()) -> list[str]:
     """Return a line for each thing that a recorded log is unlikely to be; none for one that looks as it should.
 
-    ``zeroed``: the offset of the force sensor was to be taken from rows at rest.
+    ``zeroed``: the offset of the force sensor was to be taken from rows at rest; ``rests``: when (s) the slider rested beside the
+    trials.
     """
     elsewhere = list(_away(log)) or list(_apart(log))
     # normals are known where the fingers are at the outline
     of_forces = list(_opposed(log)) or ([] if elsewhere else list(_aslant(log)))
-    return [*of_forces, *(_restless(log) if zeroed else ()), *elsewhere, *_large(log), *_clock(log)]
+    return [*of_forces, *(_restless(log, rests) if zeroed else ()), *elsewhere, *_large(log), *_clock(log)]
 
 
 def _powers(log: PushLog) -> dict[str, float]:
@@ -104,12 +107,12 @@ def _aslant(log: PushLog) -> Iterator[str]:
         yield f"on average the force is {off}: {asked}"
 
 
-def _restless(log: PushLog) -> Iterator[str]:
+def _restless(log: PushLog, beside: Sequence[float] | FloatArray) -> Iterator[str]:
     read = (log.samples["phase"] == "rest") & np.isfinite(log.columns("fx", "fy")).all(axis=1)
     names, rows = np.unique(log.samples["trial"][read].astype(str), return_counts=True)
     resting, pushes = set(names[rows >= LEAST_REST].tolist()), _powers(log)
     begun = dict(zip(map(str, log.trials["trial"]), np.asarray(log.trials["start_time"], dtype=np.float64), strict=True))
-    rests = np.array([begun[name] for name in resting])
+    rests = np.array([*(begun[name] for name in resting), *beside])
     # of a rest shortly before nothing need be said: that of a plan serves all its pushes
     restless = [name for name in pushes if not (np.abs(rests - begun[name]) <= _REST_SERVES).any()]
     if restless:
@@ -161,10 +164,12 @@ def _apart(log: PushLog) -> Iterator[str]:
     far = [value for value in off if abs(value) > _SEEN_OFF]
     if 2 * len(far) > len(off):
         most = max(far, key=abs)
+        asked = "tracked origin (body_pose), radius, or a tracker that lags?"
+        if abs(most) > _FAR_OFF:
+            asked = "unit or sign of theta, the outline, or the tracked origin (body_pose)?"
         yield (
             f"in {len(far)} of {len(off)} pushes the fingers seem more than {1000 * _SEEN_OFF:g} mm off the outline, up to "
-            f"{1000 * abs(most):.2g} mm {'away from it' if most > 0 else 'inside'}: tracked origin (body_pose), radius, or a "
-            "tracker that lags?"
+            f"{1000 * abs(most):.2g} mm {'away from it' if most > 0 else 'inside'}: {asked}"
         )
 
 
@@ -193,11 +198,12 @@ def largest_step(steps: FloatArray) -> float:
 def _clock(log: PushLog) -> Iterator[str]:
     """A clock in another unit, and rows that are missing."""
     slider, poses = log.rig.slider, log.columns("x", "y", "theta")
-    steps, speeds = [], []
+    steps, seen, speeds = [], [], []
     for name in map(str, log.trials["trial"]):
         rows = log.rows(name)
         steps.append(np.diff(log.samples["t"][rows])[log.samples["phase"][rows][1:] == "push"])
         rows = rows[(log.samples["phase"][rows] == "push") & np.isfinite(poses[rows]).all(axis=1)]
+        seen.append(np.diff(log.samples["t"][rows]))
         if len(rows) > 1:
             first, last = (transform_points(poses[row], slider.vertices) for row in (rows[0], rows[-1]))
             travel = float(np.linalg.norm(last - first, axis=1).max())
@@ -206,10 +212,11 @@ def _clock(log: PushLog) -> Iterator[str]:
     if not len(ticks) or not speeds:
         return
     usual, speed = float(np.median(ticks)), float(np.median(speeds))
-    if usual > _SPARSE:
-        yield f"rows are {usual:.2g} s apart, and twists are slopes from row to row: record 20 rows per second or more"
+    apart = float(np.median(np.concatenate(seen)))
     if not _SLOWEST <= speed <= _FASTEST:
         yield f"the slider moves at {1000 * speed:.3g} mm/s, and rows are {usual:.3g} s apart: units (time, length)?"
+    elif apart > max(_SPARSE, (log.rig.twist_window or 0.0) / 2):
+        yield f"poses are {apart:.2g} s apart, and twists are slopes from row to row: record 20 rows per second or more"
     leaps = [float(of_push.max(initial=0.0)) for of_push in steps]
     missing = [leap for leap in leaps if leap > largest_step(ticks)]
     if missing:

@@ -56,8 +56,9 @@ def zeroed(
     heading: FloatArray | None,
     trials: Sequence[np.ndarray[Any, np.dtype[np.intp]]],
     phases: Sequence[np.ndarray[Any, np.dtype[np.object_]]],
-) -> FloatArray:
-    """Return readings ``(fx, fy, moment)`` (n, 3) in W less the offset of the sensor in each trial.
+) -> tuple[FloatArray, list[int]]:
+    """Return readings ``(fx, fy, moment)`` (n, 3) in W less the offset of the sensor in each trial, and the first rows of rests
+    beside the trials.
 
     A trial without rest has the offset of the last rest before it, else of the first after it, or 0. Rows without a trial in
     which the tip is clear of the outline are rest, too. Rows at rest in which a finger presses on that stopped at the end of the
@@ -90,7 +91,7 @@ def zeroed(
         for other in [spell] if spell in found else (before or found[:1])[-1:]:
             # a moment that no rest shows is not taken off
             result[rows] -= np.nan_to_num(_turned(other, headings[rows]))
-    return result
+    return result, [spell.row for spell in spells[len(trials) :] if spell in found]
 
 
 def _spell(

@@ -181,6 +181,9 @@ def log_from_arrays(
         words = "two fingers without moments: nobody knows where between them the force acts, so tau is blank"
         warnings.warn(StablepushWarning(words), stacklevel=2)
         turning = np.full(n, np.nan)
+    if rig.contact_kind == "two-point" and tips is not None and tips.shape[1] == 2:
+        words = "two fingers without the heading of the tool (tip_theta): where the object slips nobody knows where they touch"
+        warnings.warn(StablepushWarning(words), stacklevel=2)
     if trials is None:
         rows, names = pushes_in(rig.slider, t, body, window)
     if not names:
@@ -213,10 +216,11 @@ def log_from_arrays(
         recorded.append(phases)
         if tips is not None:
             parts["pusher"].append(_pushers(rig.slider, here, tips[mine], phases))
+    rests: list[int] = []
     if world is not None and tips is not None:
         readings = np.column_stack((world, np.zeros(n) if turning is None else turning))
         if zero_forces:
-            readings = zeroed(readings, away, tips[:, 2] if tips.shape[1] == 3 else None, rows, recorded)
+            readings, rests = zeroed(readings, away, tips[:, 2] if tips.shape[1] == 3 else None, rows, recorded)
         for mine, phases in zip(rows, recorded, strict=True):
             local, read = _into(body[mine], tips[mine, :2]), readings[mine]
             place = nearest_on_outline(rig.slider.vertices, local)[0]
@@ -244,7 +248,7 @@ def log_from_arrays(
     origin = min(begins)
     log = {"trial": names, "start_time": [begin - origin for begin in begins], "group": [""] * len(names)}
     made = PushLog(replace(rig, twist_window=window), log, columns)
-    for words in doubts(made, bool(zero_forces)):
+    for words in doubts(made, bool(zero_forces), t[rests] - origin):
         warnings.warn(StablepushWarning(words), stacklevel=2)
     return made
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from stablepush.core import FloatArray
+from stablepush.core import FloatArray, InputError
 from stablepush.geometry import compose, exp, transform_points, wrap_angle
 from stablepush.planning.loads import loads_of, require_loads
 from stablepush.planning.problem import PlanningProblem, require_problem
@@ -43,6 +43,11 @@ class CheckReport:
     objections: tuple[str, ...]
 
     @property
+    def worst(self) -> str:
+        """The first objection that is not to a stated margin, if there is one; empty for a valid plan."""
+        return next((words for words in self.objections if _OTHER_MARGIN not in words), next(iter(self.objections), ""))
+
+    @property
     def only_margins_differ(self) -> bool:
         """Whether all that is wrong is the margins that a plan states, as where it was made for another scene. Its pushes are
         stable all the same."""
@@ -55,6 +60,9 @@ def check_plan(problem: PlanningProblem, result: PlanResult) -> CheckReport:
     Raises :class:`InputError` for a problem with effects that plans do not know.
     """
     require_problem(problem)
+    if not isinstance(result, PlanResult):
+        words = "expected a PlanResult; stablepush.load_plan reads one from a file"
+        raise InputError("result", words, repr(result) if isinstance(result, str) else type(result).__name__)
     problem.require_plannable()
     require_loads(problem)
     objections: list[str] = []

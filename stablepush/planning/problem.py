@@ -141,6 +141,10 @@ class PlanningProblem:
         alternatives: Sequence[Correction] = (),
         support_friction: float | None = None,
     ) -> None:
+        if not isinstance(slider, Slider):
+            raise InputError("slider", "expected a Slider, as Slider.centered(vertices)", type(slider).__name__)
+        if not isinstance(contacts, Sequence) or not all(isinstance(contact, PushContact) for contact in contacts):
+            raise InputError("contacts", "expected a list of PushContact", type(contacts).__name__)
         if len(contacts) == 0:
             raise InputError("contacts", "expected at least one contact")
         box = None

@@ -25,12 +25,12 @@ from stablepush.core import (
     renamed,
     within,
 )
-from stablepush.geometry import wrap_angle
+from stablepush.geometry import normalize_twist, unit, wrap_angle
 from stablepush.planning.alignment import aligns
 from stablepush.planning.check import check_plan
 from stablepush.planning.keep_away import keep_away
 from stablepush.planning.loads import require_loads
-from stablepush.planning.options import PlanOptions
+from stablepush.planning.options import PlanOptions, promised_region
 from stablepush.planning.problem import PlanningProblem, require_problem
 from stablepush.planning.result import PlanResult, Transfer
 from stablepush.planning.search import Planner, Search
@@ -42,6 +42,8 @@ DEFAULT_SUCCESS = 0.98
 _GROUP = "stablepush.planners"
 #: What makes plans more likely to succeed.
 _MORE_LIKELY = "fingers farther apart, another contact, wider bounds or a better known surface (more pokes) may give a surer one"
+#: Unit twists that are so near to a region are in it but for rounding.
+_LAST = 1e-6
 #: A vertex is a corner if the outline turns there by more than this (rad).
 _CORNER = math.radians(20)
 
@@ -133,7 +135,7 @@ def plan(
             result, held_in, doubtful, remark = search(problem, deadline, search_budget=math.inf)
         if deadline.stopped and not result.solved:
             result = PlanResult("interrupted", planner, seed=number, message="stopped before a path was found")
-    result, doubts = _judged(problem, result, level, least, held_in)
+    result, doubts = _judged(problem, result, region, level, least, held_in)
     if result.lower_bound is not None and clearance:
         # it is that of the larger obstacles
         result = replace(result, lower_bound=None)
@@ -172,15 +174,16 @@ def _require_known(problem: PlanningProblem, region: str, probability: float) ->
 
 
 def _judged(
-    problem: PlanningProblem, result: PlanResult, level: float, least: float, held: float
+    problem: PlanningProblem, result: PlanResult, region: str, level: float, least: float, held: float
 ) -> tuple[PlanResult, list[str]]:
     """A plan as the check and scenarios that no choice was made on judge it, and what is doubtful of it.
 
-    ``level``, ``least``: the probabilities of success that are looked for and required; ``held``: what the search held.
+    ``region``: what was asked of each push; ``level``, ``least``: the probabilities of success that are looked for and required;
+    ``held``: what the search held.
     """
     if not result.solved:
         return result, []
-    objection = _objection(problem, result)
+    objection = _objection(problem, result) or _outside(problem, result, region)
     if objection:
         return PlanResult("rejected", result.planner, seed=result.seed, message=objection), []
     if not problem.surface.is_dual:
@@ -257,6 +260,22 @@ def _with_success(problem: PlanningProblem, result: PlanResult) -> PlanResult:
         arrival_interval=found.arrival_interval,
         success=found,
     )
+
+
+def _outside(problem: PlanningProblem, result: PlanResult, region: str) -> str:
+    """Which push of a plan is clearly not in the region that was asked for; empty if none is. A planner of another package may
+    not know of it."""
+    for number in sorted({push.contact for push in result.pushes}):
+        promised = promised_region(problem, number, region)
+        for k, push in enumerate(result.pushes):
+            if promised is None or push.contact != number:
+                continue
+            twist = unit(normalize_twist(push.twist, problem.surface.characteristic_length))
+            near = np.concatenate((twist[None], twist + _LAST * np.eye(3), twist - _LAST * np.eye(3)))
+            near[:, 2] /= problem.surface.characteristic_length
+            if not promised.contains_twists(near).any():
+                return f"push {k + 1} is not in the region that was asked for, {region}"
+    return ""
 
 
 def _objection(problem: PlanningProblem, result: PlanResult) -> str:

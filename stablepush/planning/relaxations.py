@@ -58,7 +58,7 @@ def _within(problem: PlanningProblem, plan: PlanResult | None) -> str:
         places = transform_points(poses, outline).reshape(-1, 2)
         low, high = np.minimum(low, places.min(axis=0)), np.maximum(high, places.max(axis=0))
     steps = np.concatenate((np.floor(low / _STEP + _WHOLE), np.ceil(high / _STEP - _WHOLE)))
-    bounds = [round(float(n) * _STEP, 9) for n in steps]
+    bounds = [round(float(n) * _STEP, 9) + 0.0 for n in steps]
     if not check_plan(problem.with_changes(bounds=bounds), plan).valid:
         return ""
     return f"within bounds of [{', '.join(f'{bound:g}' for bound in bounds)}] (m)"

@@ -389,6 +389,6 @@ def test_rows_that_are_far_apart_are_noted():
     (t, poses, tips, forces), trials, _ = recorded()
     kept = np.arange(len(t)) % 151 % 20 == 10
     names = [name for name, there in zip(trials, kept, strict=True) if there]
-    with pytest.warns(sp.StablepushWarning, match=r"rows are 0.8 s apart, and twists are slopes from row to row"):
+    with pytest.warns(sp.StablepushWarning, match=r"poses are 0.8 s apart, and twists are slopes from row to row"):
         log = sp.log_from_arrays(sp.Rig(SLIDER), 4 * t[kept], poses[kept], forces[kept], tips[kept], names)
     assert log.rig.twist_window == 0.1

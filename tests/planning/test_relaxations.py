@@ -26,12 +26,17 @@ def test_bounds_that_are_proposed_hold_a_plan(tmp_path, capsys):
     assert json.loads((tmp_path / "p.json").read_text())["status"] == "no-path"
 
 
-def test_a_goal_on_an_obstacle_has_no_hint(tmp_path, capsys):
+def test_what_no_plan_can_solve_has_the_hint_too(tmp_path, capsys):
     problem = sp.load_scene(SCENES / "walls.json")
     wall = np.array([(-0.01, -0.01), (0.01, -0.01), (0.01, 0.01), (-0.01, 0.01)]) + problem.goal[:2]
     sp.save_scene(problem.with_changes(obstacles=(*problem.obstacles, wall)), tmp_path / "scene.json")
     assert main(["plan", str(tmp_path / "scene.json"), "-o", str(tmp_path / "p.json")]) == 1
-    assert "hint" not in capsys.readouterr().out
+    assert "hint: there is a plan without the obstacles" in capsys.readouterr().out
+    x, y, _ = problem.goal
+    sp.save_scene(problem.with_changes(obstacles=(), bounds=(x - 1, y - 1, x + 1, y + 0.01)), tmp_path / "scene.json")
+    assert main(["plan", str(tmp_path / "scene.json"), "-o", str(tmp_path / "p.json")]) == 1
+    told = capsys.readouterr().out
+    assert "out of bounds" in told and "hint: there is a plan within bounds of [" in told
 
 
 @pytest.mark.parametrize(

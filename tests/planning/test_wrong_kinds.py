@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 import stablepush as sp
+from stablepush.planning import registry
 
 SCENES = Path(__file__).parents[2] / "examples" / "scenes"
 
@@ -18,6 +19,26 @@ def test_a_path_is_no_problem():
             call("a.json")
     # one line that says why there is no path, and none about what it lacks
     assert sp.check_plan(problem, nothing).objections == ("status: expected solved, got no-path: the goal is out of reach",)
+
+
+def test_parts_of_a_problem_are_what_they_should_be():
+    problem = sp.load_scene(SCENES / "walls.json")
+    with pytest.raises(sp.InputError, match=r"contacts: expected a list of PushContact, got PushContact"):
+        problem.with_changes(contacts=problem.contacts[0])
+    with pytest.raises(sp.InputError, match=r"slider: expected a Slider, as Slider.centered"):
+        problem.with_changes(slider=problem.slider.vertices)
+    with pytest.raises(sp.InputError, match=r"result: expected a PlanResult; stablepush.load_plan reads one"):
+        sp.check_plan(problem, "plan.json")
+
+
+@pytest.mark.parametrize("region", ("all-pressure", "conservative"))
+def test_a_planner_that_does_not_know_the_region_is_refused(monkeypatch, region):
+    problem = sp.load_scene(SCENES / "walls.json")
+    quickest = sp.plan(problem, success=0, refinement_budget=0)
+    monkeypatch.setattr(registry, "load_plugin", lambda group, name: lambda problem, **how: quickest)
+    assert sp.plan(problem, "mine", success=0).solved
+    result = sp.plan(problem, "mine", success=0, region=region)
+    assert result.status == "rejected" and f"is not in the region that was asked for, {region}" in result.message
 
 
 def test_a_log_is_no_pair():
