@@ -172,6 +172,7 @@ def plan(
             progress=step.describe,
         )
         result = make(problem, time_limit=left(), refinement_budget=refinement_budget)
+        stopped = interrupted()
         if result.status == "timeout":
             relaxed = f"the search may need more than the {time_limit:g} s of --time-limit"
         if result.status == "no-path":
@@ -179,7 +180,7 @@ def plan(
             relaxed = feasible_relaxations(
                 problem, lambda other: make(other, time_limit=min(left(), _RELAXED), refinement_budget=0.0)
             )
-    if interrupted() and not result.solved:
+    if stopped and not result.solved:
         raise KeyboardInterrupt
     save_plan(result, output)
     if view is not None:
@@ -219,7 +220,7 @@ def plan(
                 f"closest to an obstacle: {1000 * nearest.distance:.1f} mm, in {nearest.where}; the probabilities do not count "
                 f"collisions{hint}"
             )
-    if interrupted():
+    if stopped:
         raise InterruptedError(f"{output} holds the best plan found so far")
     raise typer.Exit(0 if result.solved else 1)
 

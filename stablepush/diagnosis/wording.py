@@ -152,7 +152,7 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
         least = other.after / other.noise_floor
         part = f"of {_ERRORS_OF[other.channel]} {100 * other.closed:.0f} %"
         none = f"{_ERRORS_OF[other.channel]} does not become smaller"
-        more += f"; {part if other.closed > 0 else none}, what is left is {least:.0f} times the floor"
+        more += f"; {part if round(100 * other.closed) > 0 else none}, what is left is {least:.0f} times the floor"
     alone = refitted.get(channel)
     much = alone is not None and entry.before**2 - alone**2 > _MUCH * (entry.before**2 - entry.after**2)
     # what a sensor reads wrongly moves no object: a refit is credited with all that it explains

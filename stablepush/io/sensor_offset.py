@@ -57,8 +57,8 @@ def zeroed(
     trials: Sequence[np.ndarray[Any, np.dtype[np.intp]]],
     phases: Sequence[np.ndarray[Any, np.dtype[np.object_]]],
 ) -> tuple[FloatArray, list[int]]:
-    """Return readings ``(fx, fy, moment)`` (n, 3) in W less the offset of the sensor in each trial, and the first rows of rests
-    beside the trials.
+    """Return readings ``(fx, fy, moment)`` (n, 3) in W less the offset of the sensor in each trial, and the first and last rows
+    of rests beside the trials.
 
     A trial without rest has the offset of the last rest before it, else of the first after it, or 0. Rows without a trial in
     which the tip is clear of the outline are rest, too. Rows at rest in which a finger presses on that stopped at the end of the
@@ -77,7 +77,8 @@ def zeroed(
         end = _middle(readings, push[-LEAST_REST:])
         spells.append(_spell(int(rows[0]), turned, readings, rest, end, clear))
     free = np.flatnonzero(lonely & known & is_clear(away, pushes))
-    for rows in np.split(free, 1 + np.flatnonzero(np.diff(free) > 1)):
+    rests = [rows for rows in np.split(free, 1 + np.flatnonzero(np.diff(free) > 1)) if len(rows)]
+    for rows in rests:
         if len(rows) >= LEAST_REST:
             spells.append(_spell(int(rows[0]), turned, readings, rows, np.full(3, np.nan), True))
     found, result = _at_rest(spells, len(trials), phases), readings.copy()
@@ -91,7 +92,8 @@ def zeroed(
         for other in [spell] if spell in found else (before or found[:1])[-1:]:
             # a moment that no rest shows is not taken off
             result[rows] -= np.nan_to_num(_turned(other, headings[rows]))
-    return result, [spell.row for spell in spells[len(trials) :] if spell in found]
+    beside = {spell.row for spell in spells[len(trials) :] if spell in found}
+    return result, [int(row) for rows in rests if int(rows[0]) in beside for row in (rows[0], rows[-1])]
 
 
 def _spell(

@@ -175,7 +175,8 @@ def check_simple_polygon(vertices: ArrayLike, name: str) -> FloatArray:
         raise InputError(name, "expected at least 3 vertices", len(outline))
     too_small = InputError(
         name,
-        f"expected vertices off one line: an area of at least {LEAST_POSITIVE**2:g} m^2, and {LEAST_POSITIVE:g} m times its perimeter",
+        f"expected vertices off one line: an area of at least {LEAST_POSITIVE**2:g} m^2, and {LEAST_POSITIVE:g} m times its "
+        "perimeter",
     )
     if np.ptp(outline, axis=0).prod() < LEAST_POSITIVE**2:
         raise too_small

@@ -143,8 +143,12 @@ class PlanningProblem:
     ) -> None:
         if not isinstance(slider, Slider):
             raise InputError("slider", "expected a Slider, as Slider.centered(vertices)", type(slider).__name__)
-        if not isinstance(contacts, Sequence) or not all(isinstance(contact, PushContact) for contact in contacts):
-            raise InputError("contacts", "expected a list of PushContact", type(contacts).__name__)
+        if isinstance(contacts, PushContact):
+            raise InputError("contacts", "expected a list of PushContact", "one PushContact")
+        contacts = tuple(contacts)
+        for number, contact in enumerate(contacts):
+            if not isinstance(contact, PushContact):
+                raise InputError(f"contacts[{number}]", "expected a PushContact", type(contact).__name__)
         if len(contacts) == 0:
             raise InputError("contacts", "expected at least one contact")
         box = None
@@ -160,7 +164,7 @@ class PlanningProblem:
         outline = None if pusher is None else read_only(check_simple_polygon(pusher, "pusher.outline"))
         object.__setattr__(self, "slider", slider)
         object.__setattr__(self, "surface", check_surface(surface, "surface"))
-        object.__setattr__(self, "contacts", tuple(contacts))
+        object.__setattr__(self, "contacts", contacts)
         object.__setattr__(self, "start", read_only(check_array(start, "start", (3,))))
         object.__setattr__(self, "goal", read_only(check_array(goal, "goal", (3,))))
         object.__setattr__(self, "obstacles", polygons)

@@ -43,8 +43,10 @@ def feasible_relaxations(problem: PlanningProblem, make: Callable[[PlanningProbl
         words.append("without the obstacles" if without({"obstacles": ()}) else "")
     if problem.bounds is not None and problem.obstacles and not any(words):
         free = problem.with_changes(obstacles=())
-        both = _within(free, without({"bounds": None, "obstacles": ()}))
-        words.append(f"{both}, without the obstacles" if both else "")
+        plan = without({"bounds": None, "obstacles": ()})
+        both = _within(free, plan)
+        if plan is not None and (both or check_plan(free, plan).valid):
+            words.append(", ".join(filter(None, (both, "without the obstacles"))))
     told = " or ".join(filter(None, words))
     return f"there is a plan {told}" if told else ""
 
@@ -53,12 +55,18 @@ def _within(problem: PlanningProblem, plan: PlanResult | None) -> str:
     """Return bounds that hold a plan and the bounds of the problem, in words, as a scene has them; empty without such."""
     if plan is None or problem.bounds is None:
         return ""
-    low, high = problem.bounds[:2], problem.bounds[2:]
+    if check_plan(problem, plan).valid:
+        # it was not the bounds that were in the way
+        return ""
+    within, low, high = problem.bounds, problem.bounds[:2], problem.bounds[2:]
     for _, outline, poses in motions_of(problem, plan):
         places = transform_points(poses, outline).reshape(-1, 2)
         low, high = np.minimum(low, places.min(axis=0)), np.maximum(high, places.max(axis=0))
     steps = np.concatenate((np.floor(low / _STEP + _WHOLE), np.ceil(high / _STEP - _WHOLE)))
-    bounds = [round(float(n) * _STEP, 9) + 0.0 for n in steps]
+    held = np.concatenate((low >= within[:2], high <= within[2:]))
+    bounds = [
+        float(side) if keeps else round(float(n) * _STEP, 9) + 0.0 for side, keeps, n in zip(within, held, steps, strict=True)
+    ]
     if not check_plan(problem.with_changes(bounds=bounds), plan).valid:
         return ""
     return f"within bounds of [{', '.join(f'{bound:g}' for bound in bounds)}] (m)"

@@ -23,8 +23,10 @@ def test_a_path_is_no_problem():
 
 def test_parts_of_a_problem_are_what_they_should_be():
     problem = sp.load_scene(SCENES / "walls.json")
-    with pytest.raises(sp.InputError, match=r"contacts: expected a list of PushContact, got PushContact"):
+    with pytest.raises(sp.InputError, match=r"contacts: expected a list of PushContact, got one PushContact"):
         problem.with_changes(contacts=problem.contacts[0])
+    with pytest.raises(sp.InputError, match=r"contacts\[1\]: expected a PushContact, got float"):
+        problem.with_changes(contacts=[problem.contacts[0], 0.5])
     with pytest.raises(sp.InputError, match=r"slider: expected a Slider, as Slider.centered"):
         problem.with_changes(slider=problem.slider.vertices)
     with pytest.raises(sp.InputError, match=r"result: expected a PlanResult; stablepush.load_plan reads one"):
