@@ -14,6 +14,7 @@ from stablepush.cli.common import (
     Output,
     Progress,
     about,
+    also_written,
     number,
     options_of,
     require_files,
@@ -307,3 +308,4 @@ def contacts(
         f"{output}: {len(ranked)} contacts; best by {measure}: edge {best.edge}, middle {best.center:.4g} m along it, "
         f"fingers {best.width:.4g} m apart"
     )
+    also_written(best_file, picture)
