@@ -4,9 +4,9 @@ How many pokes does it take?
 
 Pokes of the built-in rig are simulated; three polynomial models are fitted to the first 3, 5, 10, 20 and 40
 of them, and judged by the angle between predicted and measured twists on 200 other pokes. Every fit is
-given the slider: with outline and centre of mass known, three pokes nearly suffice for poly4-cvx. What stays
-is the shape: the limit surface of three feet has flat facets, which a quartic rounds off. Fitted to those 200
-pokes themselves it is still 6.7° off.
+given the slider: with outline and centre of mass known, three pokes nearly suffice for poly4-cvx. The error
+that remains comes from the shape: the limit surface of three feet has flat facets, which a quartic rounds
+off. Fitted to those 200 pokes themselves it is still 6.7° off.
 """
 
 import matplotlib.pyplot as plt

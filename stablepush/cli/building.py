@@ -27,8 +27,8 @@ _running: list[object] = []
 def build_all() -> None:
     """Build the compiled code now.
 
-    Otherwise it is built at first use, which then takes up to a minute longer: the code of plans, simulated pushes, fits and
-    diagnoses. It is kept beside the package, or in the user's cache if that cannot be written.
+    It is the code of plans, simulated pushes, fits and diagnoses. Otherwise it is built at first use, which then takes up to a
+    minute longer. It is kept beside the package, or in the user's cache if that cannot be written.
     """
     from stablepush.core import compiled, is_cached
 

@@ -206,7 +206,7 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
     told = [
         Section(
             "Before and after",
-            "The pictures show how it ended, Play shows the run. Obstacles are not on the rig: nothing stops an object there.",
+            "The pictures show how it ended, Play shows the run. Obstacles are not simulated: nothing stops an object there.",
             pages=pages,
         ),
         Section("What the log of the run says", f"{lost} {found.sentence}", rows, "", "diagnosis.html", "The diagnosis, in full"),

@@ -27,7 +27,10 @@ _WHY_WIDER = {
 def diagnose(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG", help="pushlog/1 folder; several of one rig together.")],
     simulated: Annotated[
-        Path | None, typer.Option(help="pushlog/1 folder of another simulator, same commands: the nominal simulation.")
+        Path | None,
+        typer.Option(
+            help="pushlog/1 folder that another simulator wrote for the same commands: it is then the nominal simulation."
+        ),
     ] = None,
     answer: Annotated[Path | None, typer.Option("--json", help="diagnosis/1 file to write.")] = None,
     html: Annotated[Path | None, typer.Option(help="Report as one HTML page.")] = None,

@@ -136,7 +136,7 @@ def fit(
     loss: Annotated[
         str,
         typer.Option(
-            help="squared, published (the paper's equation) or norm (its authors' code); the last two ignore the slider."
+            help="squared, published (the equation of Zhou et al. 2016) or norm (their code); the last two ignore the slider."
         ),
     ] = "squared",
     com_tolerance: Annotated[

@@ -95,7 +95,7 @@ def simulate(
 
     The rig may have effects that the plan does not know. The result is a log (pushlog/1), as a laboratory records it. Columns of
     a list: edge (from 0), along (m, from its first vertex), direction (rad, off the inward normal), way (m), and others that
-    docs/simulation.md names. Obstacles are not on the rig.
+    docs/simulation.md names. Obstacles are not simulated.
     """
     from stablepush.core import check_number, note_finger, note_friction, note_noise
     from stablepush.effects import CATALOGUE, lab_effects, parse_effect
