@@ -186,7 +186,7 @@ def test_the_command_line_knows_registered_effects(monkeypatch, tmp_path, capsys
     monkeypatch.setattr(lab, "plugin_names", lambda group: ["humidity"])
     monkeypatch.setattr(lab, "load_plugin", lambda group, name: Humidity)
     assert main(["effects"]) == 0
-    assert "humidity: support friction follows the humidity of the room (of an installed package)" in capsys.readouterr().out
+    assert "humidity: support friction follows the humidity of the room; of an installed package" in capsys.readouterr().out
     assert main(["effects", "humidity"]) == 0
     shown = capsys.readouterr().out
     assert "slope [1 per %]: no effect at 0; from -0.02 to 0.02" in shown and "a log needs a column humidity" in shown
