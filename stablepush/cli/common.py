@@ -126,7 +126,7 @@ def note_if_invalid(problem: PlanningProblem, result: PlanResult | None, path: P
         return
     if report.valid:
         return
-    words = f"the plan does not pass the check of this scene: {report.worst}"
+    words = f"the plan does not pass the check of this scene: {report.main_objection}"
     if report.only_margins_differ:
         words = "the plan was made for another scene, where its pushes have other margins; they are stable here, too"
     print(f"{path}: note: {words}", file=sys.stderr)

@@ -10,13 +10,14 @@ import typer
 
 from stablepush.cli.common import told
 
+if TYPE_CHECKING:
+    from stablepush.effects import LabEffect
+
 #: What effects act on, in words.
 _ACTS_ON = {
     "support": "the friction or loads under the object", "contact": "the contact of fingers and object",
     "inertia": "the mass that is accelerated", "sensing": "what the sensors read",
 }  # fmt: skip
-if TYPE_CHECKING:
-    from stablepush.effects import LabEffect
 
 
 def effects(

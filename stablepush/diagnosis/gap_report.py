@@ -165,14 +165,10 @@ def _diagnose(
     trivial = negligible_causes(system, found, held, log, pushes)
     if trivial:
         # what it took may be the shape of the surface, which is judged where no other effect acts
-        system.aside, first = frozenset(trivial), found
-        found, held = _found(system, log, pushes, progress)
-        found = replace(found, screened={**first.screened, **found.screened})
+        found, held = _found_without(trivial, system, found, log, pushes, progress)
     stand_ins = found.chosen if leaves_lost_pushes(system, found, held, pushes) else []
     if stand_ins:
-        system.aside, first = system.aside.union(stand_ins), found
-        found, held = _found(system, log, pushes, progress)
-        found = replace(found, screened={**first.screened, **found.screened})
+        found, held = _found_without(stand_ins, system, found, log, pushes, progress)
     judged = judge(system, found, held, log, pushes, comparison is not None and comparison.is_off)
     verdict, reported = judged.verdict, judged.effects
     # a change of all friction alike leaves the surface's shape as it is
@@ -325,6 +321,20 @@ def _found(system: System, log: PushLog, pushes: list[Replay], progress: Callabl
         found = replace(found, contact=friction_from_poses(system, found, pushes) or found.contact)
     progress("gap reduction")
     return found, hold_out(system, found, log, pushes)
+
+
+def _found_without(
+    ids: Sequence[str],
+    system: System,
+    first: Attribution,
+    log: PushLog,
+    pushes: list[Replay],
+    progress: Callable[[str], None],
+) -> tuple[Attribution, HeldOut]:
+    """What acts on a log if these effects of a ``first`` answer are set aside."""
+    system.aside = system.aside.union(ids)
+    found, held = _found(system, log, pushes, progress)
+    return replace(found, screened={**first.screened, **found.screened}), held
 
 
 def _turned_round(observations: Observations) -> str:

@@ -172,7 +172,7 @@ class GapReport:
         entry = self._entry(id)
         if uneven_axes(entry) is not None:
             return "calibrate each axis of the force sensor against known forces; fit again what was fitted to its readings"
-        if id in OF_PRESSURE and not self.surface_differs:
+        if id in OF_PRESSURE and self._lacks_surface:
             return _UNSIZED
         if id in OF_PRESSURE and self.rig.model is None and self.rig.slider.support is None and "wrench" in self.channels:
             return f"{CATALOGUE[id].remedy}; or stablepush fit this log: no surface was stated, and a fit finds this one, too"
@@ -222,9 +222,14 @@ class GapReport:
         """Whether another limit surface was found, and no named cause changes how the object slides."""
         return self.verdict == "named" and self.surface_differs and not self._changing()
 
+    @property
+    def _lacks_surface(self) -> bool:
+        """Whether the corrected rig has no surface of its own. A comparison with another simulator's log corrects no rig."""
+        return bool(self.corrected) and not self.surface_differs
+
     def _changing(self) -> list[str]:
         """The named effects with which plans differ."""
-        carried = [id for id in self.named if id not in OF_PRESSURE or self.surface_differs]
+        carried = [id for id in self.named if not (id in OF_PRESSURE and self._lacks_surface)]
         return [id for id in carried if id == "frame-offset" or (id in CATALOGUE and CATALOGUE[id].changes_plans)]
 
     @property

@@ -43,7 +43,7 @@ class CheckReport:
     objections: tuple[str, ...]
 
     @property
-    def worst(self) -> str:
+    def main_objection(self) -> str:
         """The first objection that is not to a stated margin, if there is one; empty for a valid plan."""
         return next((words for words in self.objections if _OTHER_MARGIN not in words), next(iter(self.objections), ""))
 
