@@ -19,6 +19,8 @@ _T = TypeVar("_T")
 
 #: Keys that are alike by this ratio of difflib are meant to be the same.
 _CLOSE = 0.75
+#: So many unknown keys of an object are named.
+_TOLD = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,13 +68,16 @@ class Node:
 
         ``kept``: keys that nothing reads, and that this project writes for the record.
         """
-        for key in self.object():
-            if key in known or key in kept:
-                continue
-            meant = closest(key, (k for k in known if k not in self.value), _CLOSE)
+        unread = [key for key in self.object() if key not in known and key not in kept]
+        missing = [key for key in known if key not in self.value]
+        for key in unread:
+            meant = closest(key, missing, _CLOSE)
             if meant:
                 self._child(key, None).fail(f'unknown key, did you mean "{meant}"?')
-            warnings.warn(PlausibilityWarning(self._child(key, None).place, "unknown key, ignored", file=self.file), stacklevel=3)
+        for key in unread[:_TOLD]:
+            more = f", and {len(unread) - _TOLD} more" if len(unread) > _TOLD and key == unread[_TOLD - 1] else ""
+            doubt = PlausibilityWarning(self._child(key, None).place, f"unknown key, ignored{more}", file=self.file)
+            warnings.warn(doubt, stacklevel=3)
 
     def require(self, *keys: str) -> None:
         """Refuse an object without some of these keys, and name all that are missing."""

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import scipy.special
@@ -297,15 +298,18 @@ def fit_limit_surface(
     angle_errors = angle_between(gradient, pairs.directions)
     warnings += _warnings_about_frames(angle_errors[pairs.usable])
     certificate = None if best.gram is None else certify(best.coefficients, best.gram, degree)
-    surface = surface_from_scaled(
-        best.coefficients,
-        degree,
-        pairs.rho,
-        pairs.force_scale if len(pairs) else None,
-        certificate=certificate,
-        ensemble=ensemble,
-        provenance={"model": model, "pairs": len(train), "loss": loss, "prior": bool(weights.prior)},
-    )
+    with catch_warnings(record=True) as heard:
+        simplefilter("always")
+        surface = surface_from_scaled(
+            best.coefficients,
+            degree,
+            pairs.rho,
+            pairs.force_scale if len(pairs) else None,
+            certificate=certificate,
+            ensemble=ensemble,
+            provenance={"model": model, "pairs": len(train), "loss": loss, "prior": bool(weights.prior)},
+        )
+    warnings += [str(warning.message) for warning in heard]
     f = np.asarray(wrenches, dtype=np.float64)
     return Fit(
         surface=surface,

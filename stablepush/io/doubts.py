@@ -9,8 +9,9 @@ import numpy as np
 import shapely
 
 from stablepush.core import FloatArray
-from stablepush.geometry import contacts_on_outline, rotate_vectors, transform_points
+from stablepush.geometry import contacts_on_outline, point_velocity, rotate_vectors, transform_points
 from stablepush.io.pushlog import PushLog
+from stablepush.io.recorded_pushes import largest_step
 from stablepush.io.sensor_offset import LEAST_REST
 
 #: While it pushes the tip is at most so far (share of the slider's radius, and m) from where its own radius puts it; largest
@@ -33,8 +34,12 @@ _REST_SERVES = 60.0
 _WORKS = 0.01
 #: Nobody pushes so slowly or so fast (m/s).
 _SLOWEST, _FASTEST = 5e-5, 10.0
-#: Rows are missing where two are so many usual steps and so many seconds apart.
-_STEPS, _GAP = 5.0, 0.15
+#: A slider that is slower than this share of its greatest speed stands.
+_STANDS = 0.15
+#: Readings that differ by a smaller share of the largest do not change: noise of every sensor is more.
+_SAME = 1e-9
+#: A tip that goes so far (m) while it pushes takes the slider along.
+_TAKES_ALONG = 5e-3
 #: Poses that are farther apart (s) are too few for the usual pushes, if a window for twists holds none but a row's neighbours.
 _SPARSE = 0.5
 
@@ -48,7 +53,50 @@ def doubts(log: PushLog, zeroed: bool = True, rests: Sequence[float] | FloatArra
     elsewhere = list(_away(log)) or list(_apart(log))
     # normals are known where the fingers are at the outline
     of_forces = list(_opposed(log)) or ([] if elsewhere else list(_aslant(log)))
-    return [*of_forces, *(_restless(log, rests) if zeroed else ()), *elsewhere, *_large(log), *_clock(log)]
+    return [*of_forces, *(_restless(log, rests) if zeroed else ()), *elsewhere, *_large(log), *_clock(log), *_unseen(log), *_unchanging(log)]
+
+
+def covers(name: str, t: FloatArray, values: FloatArray) -> list[str]:
+    """Return a line if a recorded channel, ``values`` (n, k) at ``t`` (n,) in s, begins after the record does, or ends before."""
+    known = np.flatnonzero(np.isfinite(values).all(axis=1))
+    step = largest_step(np.diff(t))
+    left_out = [lost for lost in (t[known[0]] - t[0], t[-1] - t[known[-1]]) if lost > step] if len(known) else []
+    if not left_out:
+        return []
+    return [f"{name} cover {t[known[-1]] - t[known[0]]:.3g} of {t[-1] - t[0]:.3g} s: {sum(left_out):.3g} s are left out"]
+
+
+def _unchanging(log: PushLog) -> Iterator[str]:
+    """Channels that stand still while others say that something moves."""
+    body, tips, forces = log.columns("x", "y", "theta"), log.columns("px", "py"), log.columns("fx", "fy")
+    speed = np.nan_to_num(np.linalg.norm(point_velocity(log.twists(), log.rig.slider.vertices), axis=-1).max(axis=1))
+    trials = [log.rows(name) for name in map(str, log.trials["trial"])]
+    frozen = stopped = stuck = 0
+    for rows in trials:
+        moves = speed[rows] > _STANDS * speed[rows].max(initial=0.0)
+        frozen += _ptp(tips[rows]) > _TAKES_ALONG and _is_same(body[rows])
+        stopped += bool(moves.any()) and _is_same(tips[rows])
+        # in whatever axes they were recorded
+        size = np.linalg.norm(forces[rows], axis=1)[:, None]
+        stuck += bool(moves.any() and not moves.all()) and _is_same(size)
+    for number, channel, asked in (
+        (frozen, "poses", "while the tip moves: did the tracker freeze, or the finger miss?"),
+        (stopped, "tip positions", "while the slider moves: did their record stop?"),
+        (stuck, "forces", "while the slider stands and moves: is the sensor stuck?"),
+    ):
+        if number:
+            yield f"{channel} do not change in {'any push' if number == len(trials) else f'{number} of {len(trials)} pushes'}, {asked}"
+
+
+def _is_same(values: FloatArray) -> bool:
+    """Whether known rows (n, k), three at least, are all the same."""
+    known = values[np.isfinite(values).all(axis=1)]
+    return len(known) >= LEAST_REST and _ptp(known) <= _SAME * float(np.abs(known).max())
+
+
+def _ptp(values: FloatArray) -> float:
+    known = values[np.isfinite(values).all(axis=1)]
+    return float(np.ptp(known, axis=0).max()) if len(known) else 0.0
 
 
 def _powers(log: PushLog) -> dict[str, float]:
@@ -190,11 +238,6 @@ def _large(log: PushLog) -> Iterator[str]:
         yield f"the slider turns by {turned:.3g} rad in a push: units (angle)?"
 
 
-def largest_step(steps: FloatArray) -> float:
-    """Return the largest time (s) between two rows of a record with such steps (n,) beyond which rows are missing."""
-    return max(_STEPS * float(np.median(steps)), _GAP) if len(steps) else _GAP
-
-
 def _clock(log: PushLog) -> Iterator[str]:
     """A clock in another unit, and rows that are missing."""
     slider, poses = log.rig.slider, log.columns("x", "y", "theta")
@@ -222,5 +265,29 @@ def _clock(log: PushLog) -> Iterator[str]:
     if missing:
         yield (
             f"in {len(missing)} of {len(log)} pushes rows are missing, for up to {max(missing):.3g} s (usual: {usual:.2g} s "
-            "between two): velocities are means over such a gap"
+            "between two): nothing is known of the motion there"
         )
+
+
+def _unseen(log: PushLog) -> Iterator[str]:
+    """Pushes in which the tracker lost the slider."""
+    body, pushed = log.columns("x", "y", "theta"), log.samples["phase"] == "push"
+    blind, gaps, number = [], [], 0
+    for name in map(str, log.trials["trial"]):
+        rows = log.rows(name)
+        rows = rows[pushed[rows]]
+        known = np.flatnonzero(np.isfinite(body[rows]).all(axis=1))
+        number += bool(len(rows))
+        if len(rows) > 1 and len(known) < 2:
+            blind.append(name)
+        elif len(rows) > 1:
+            steps = np.diff(log.samples["t"][rows[known]])
+            # rows that are not there are another line's
+            lost = steps[np.diff(known) > 1].max(initial=0.0)
+            if lost > largest_step(steps):
+                gaps.append(float(lost))
+    if blind:
+        named = ", ".join(blind[:3]) + (", …" if len(blind) > 3 else "")
+        yield f"in {len(blind)} of {number} pushes ({named}) fewer than two rows have a pose while the slider moves: they show no load and no twist"
+    if gaps:
+        yield f"in {len(gaps)} of {number} pushes the pose is missing for up to {max(gaps):.3g} s: nothing is known of the motion there"

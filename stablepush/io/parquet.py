@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -36,8 +37,8 @@ def read_parquet(
     except (OSError, MemoryError, ValueError, pyarrow.ArrowException) as error:  # ValueError: names that are not UTF-8
         raise InputError("", f"expected Parquet: {' '.join(str(error).split())[:200]}", file=path) from None
     names = table.column_names
-    for name in names:
-        if names.count(name) > 1:
+    for name, count in Counter(names).items():
+        if count > 1:
             raise InputError(f"column {name}", "expected a column to stand once, found it twice", file=path)
     for name in required:
         if name not in names:

@@ -32,14 +32,14 @@ _PAUSE, _BEFORE = 0.5, 1.0
 _SLOW = 0.05
 #: A slow push moves the slider so far (m) at least.
 _SLOW_TRAVEL = 2e-3
-#: A record that has no row for so many usual steps, and for longer than is kept before a push, begins again after it.
-_UNSEEN = 5.0
 #: A slider that is so far (m) from where it was in the row before, and was this many times as quick as usual, was set back.
 _JUMP, _QUICKER = 5e-3, 8.0
 #: A tip that stands for more rows has stopped.
 _FEW = 2
 #: Percentile of the speed in a record that stands for its pushes: most of the time a slider may rest.
 _QUICKEST = 98
+#: Rows are missing where two are so many usual steps and so many seconds apart.
+_STEPS, _GAP = 5.0, 0.15
 #: Windows (s) of slopes, and how far two that follow each other may differ by noise, over the speed of pushes: of twists, and
 #: of speeds that tell where pushes are, which many rows have to agree on.
 WINDOWS = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
@@ -77,7 +77,7 @@ def pushes_in(
         warnings.warn(StablepushWarning(words), stacklevel=3)
     # what happens while nothing is recorded is no motion
     steps = np.diff(t)
-    gaps = 1 + np.flatnonzero(steps > max(_BEFORE, _UNSEEN * float(np.median(steps)))) if len(steps) else np.zeros(0, dtype=int)
+    gaps = 1 + np.flatnonzero(steps > max(_BEFORE, largest_step(steps)))
     pieces = np.split(np.arange(len(t)), np.union1d(jumps, gaps))
     window = window or window_for(slider, t, body, pieces, NOISY_SPEEDS)
     speeds = [speeds_of(slider, twists_of(t[piece], body[piece], window)) for piece in pieces]
@@ -259,18 +259,44 @@ def window_for(
 
 
 def twists_of(t: FloatArray, poses: FloatArray, window: float) -> FloatArray:
-    """Twists (n, 3) in B: slopes of lines through the poses in W within ``window``, at least those of the neighbours."""
+    """Twists (n, 3) in B: slopes of lines through the poses in W within ``window``, at least those of the neighbours.
+
+    Across a gap of the tracker or of the record nobody knows how the slider moved: no line goes through it.
+    """
     twists = np.full((len(t), 3), np.nan)
     known = np.flatnonzero(np.isfinite(poses).all(axis=1))
     if len(known) < 2:
         return twists
+    steps = np.diff(t[known])
+    gaps = 1 + np.flatnonzero(steps > largest_step(steps))
+    for run in np.split(known, gaps):
+        if len(run) < 2:
+            continue
+        seen = poses[run].copy()
+        seen[:, 2] = np.unwrap(seen[:, 2])
+        places, weights = slope_weights(t[run], window)
+        velocity = np.einsum("nw,nwk->nk", weights, seen[places] - seen[:, None])
+        velocity[:, :2] = rotate_vectors(-seen[:, 2], velocity[:, :2])
+        twists[run] = velocity
+    return twists
+
+
+def bridged(t: FloatArray, poses: FloatArray) -> FloatArray:
+    """Poses (n, 3) with those that are missing between two known ones put on a straight line.
+
+    They tell when the slider was moved while nobody saw it, and nothing else: no load or twist is made of them.
+    """
+    known = np.isfinite(poses).all(axis=1)
+    if known.all() or known.sum() < 2:
+        return poses
     seen = poses[known].copy()
     seen[:, 2] = np.unwrap(seen[:, 2])
-    places, weights = slope_weights(t[known], window)
-    velocity = np.einsum("nw,nwk->nk", weights, seen[places] - seen[:, None])
-    velocity[:, :2] = rotate_vectors(-seen[:, 2], velocity[:, :2])
-    twists[known] = velocity
-    return twists
+    return np.column_stack([np.interp(t, t[known], column, np.nan, np.nan) for column in seen.T])
+
+
+def largest_step(steps: FloatArray) -> float:
+    """Return the largest time (s) between two rows of a record with such steps (n,) beyond which rows are missing."""
+    return max(_STEPS * float(np.median(steps)), _GAP) if len(steps) else _GAP
 
 
 def slope_weights(t: FloatArray, window: float) -> tuple[np.ndarray, FloatArray]:

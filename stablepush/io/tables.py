@@ -31,11 +31,13 @@ def read_table(
     numbers: Sequence[str],
     filled: Sequence[str] = (),
     rules: Mapping[str, Rule] | None = None,
+    stamps: bool = False,
 ) -> tuple[dict[str, Column], Sequence[int]]:
     """Read a CSV file with a header into columns; also returns the line of the file that each row ends in.
 
     Columns named in ``numbers`` hold floats (blank: NaN); all others hold text (blank: ``""``). ``required`` columns must be
     there, ``filled`` ones must not have blanks; ``rules`` are what the numbers of a column must obey.
+    ``stamps``: a row may end after its first cell, the time; its other values are missing.
     """
     name = str(path)
     columns: list[Any] = []
@@ -55,6 +57,8 @@ def read_table(
                 if not "".join(row).strip():
                     continue
                 lines.append(reader.line_num)
+                if stamps and len(row) == 1:
+                    row += [""] * (len(header) - 1)
                 if len(row) != len(header):
                     raise InputError(
                         f"line {reader.line_num}: column {header[min(len(row), len(header) - 1)]}",
@@ -84,8 +88,9 @@ def read_table(
 def _check_header(header: list[str], required: Sequence[str], name: str) -> None:
     if not any(header):
         raise InputError("line 1", "expected a header of column names", file=name)
-    for i, column in enumerate(header):
-        if header.index(column) != i:
+    seen: set[str] = set()
+    for column in header:
+        if column in seen or seen.add(column):  # type: ignore[func-returns-value]
             raise InputError(f"line 1: column {column}", "expected a column to stand once, found it twice", file=name)
     missing = [column for column in required if column not in header]
     if missing:

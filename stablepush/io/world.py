@@ -23,13 +23,15 @@ from stablepush.core import (
 )
 from stablepush.geometry import compose, contacts_on_outline, nearest_on_outline, rotate_vectors
 from stablepush.identify import SlipPairs
-from stablepush.io.doubts import doubts, largest_step
+from stablepush.io.doubts import covers, doubts
 from stablepush.io.pushlog import PushLog, Rig
 from stablepush.io.recorded_pushes import (
     LEAST_TRAVEL,
     NOISY_TWISTS,
     SLIPS,
     WINDOWS,
+    bridged,
+    largest_step,
     named_rows,
     phases_of,
     pushes_in,
@@ -197,7 +199,8 @@ def log_from_arrays(
             words = f"the tracker is noisy: twists are slopes over {window:g} s (window) instead of {WINDOWS[0]:g} s"
             warnings.warn(StablepushWarning(words), stacklevel=2)
     twists = [twists_of(t[mine], body[mine], window) for mine in rows]
-    speeds = [speeds_of(rig.slider, one) for one in twists]
+    # what moves while the tracker sees nothing is pushed, too
+    speeds = [speeds_of(rig.slider, twists_of(t[mine], bridged(t[mine], body[mine]), window)) for mine in rows]
     away = np.full(n, np.nan)
     if tips is not None:
         # an object is lost later than in the beginning
@@ -248,7 +251,9 @@ def log_from_arrays(
     origin = min(begins)
     log = {"trial": names, "start_time": [begin - origin for begin in begins], "group": [""] * len(names)}
     made = PushLog(replace(rig, twist_window=window), log, columns)
-    for words in doubts(made, bool(zero_forces), t[rests] - origin):
+    channels = {"poses": tracked, "tip positions": tips, "forces": world}
+    lacking = [words for name, values in channels.items() if values is not None for words in covers(name, t, values)]
+    for words in (*lacking, *doubts(made, bool(zero_forces), t[rests] - origin)):
         warnings.warn(StablepushWarning(words), stacklevel=2)
     return made
 

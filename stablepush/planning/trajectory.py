@@ -81,7 +81,11 @@ class Trajectory:
         note_tool((height, *place[:3]), "tool, height")
         turn = Rotation.from_euler("z", self.pusher[:, 2:])
         origin = np.column_stack((self.pusher[:, :2], np.full(len(self.t), check_number(height, "height"))))
-        return np.column_stack((origin + turn.apply(place[:3]), (turn * Rotation.from_quat(place[3:])).as_quat()))
+        quaternions = (turn * Rotation.from_quat(place[3:])).as_quat()
+        # q and -q are the same turn: neighbours have the same sign
+        flips = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0, -1.0, 1.0)
+        quaternions[1:] *= np.cumprod(flips)[:, None]
+        return np.column_stack((origin + turn.apply(place[:3]), quaternions))
 
 
 def finger_frame(contact: PushContact, finger_radius: float) -> FloatArray:
@@ -154,7 +158,9 @@ def sample_plan(
         begin = float(ends[k - 1]) if k else 0.0
         done, pace = np.array([laws[k][1](now - begin) for now in t[rows]]).T
         table[rows, :3], table[rows, 3:6], table[rows, 6:], numbers[rows] = legs[k].states(done, pace)
-    table[:, 2], table[:, 5] = wrap_angle(table[:, 2]), wrap_angle(table[:, 5])
+    for column in (2, 5):
+        # from the first heading on they go on beyond half a turn: a controller that interpolates must not turn back
+        table[:, column] = np.unwrap(np.concatenate((wrap_angle(table[:1, column]), table[1:, column])))
     phase = np.array([legs[k].phase for k in which])
     return Trajectory(t, table[:, :3], table[:, 3:6], table[:, 6:], phase, numbers[:, 0], numbers[:, 1])
 

@@ -79,7 +79,7 @@ class CsvTables:
         if "trial" in named and named["trial"] in [column for name, column in named.items() if name != "trial"]:
             raise InputError("columns.trial", "expected a column of its own", repr(named["trial"]), file=mapping.root.file)
         required = [*named.values(), *own.values()]
-        table, lines = read_table(source.file, required=required, numbers=numbers, filled=[named["t"]])
+        table, lines = read_table(source.file, required=required, numbers=numbers, filled=[named["t"]], stamps=True)
 
         def values(*names: str) -> FloatArray | None:
             if names[0] not in named:

@@ -134,14 +134,20 @@ def _slider(root: Node, file: Path, slider: Slider | None) -> Slider:
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]
-    """YAML without tags, whose keys stand once."""
+    """YAML without tags and aliases, whose keys stand once: ten lines of aliases make a value that fills any memory."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.events.AliasEvent):
+            raise yaml.composer.ComposerError(None, None, "write the value instead of an alias (*)", self.peek_event().start_mark)
+        return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for key in keys:
+        seen: set[str] = set()
+        for name, _ in node.value:
+            key = self.construct_object(name, deep=True)
             if not isinstance(key, str):
                 raise yaml.constructor.ConstructorError(None, None, f"expected words as keys, got {key!r}", node.start_mark)
-            if keys.count(key) > 1:
+            if key in seen or seen.add(key):  # type: ignore[func-returns-value]
                 raise yaml.constructor.ConstructorError(None, None, f"the key {key} stands twice", node.start_mark)
         return dict(super().construct_mapping(node, deep))
 

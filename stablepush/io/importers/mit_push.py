@@ -66,7 +66,9 @@ class MitPushes:
         for file in files:
             try:
                 with within(file):
-                    logs.append(_push(file, rig, middle))
+                    log, begin, lacking = _push(file, rig, middle)
+                    logs.append((log, begin))
+                    notes += lacking
                     numbers.append(_labels(file))
             except InputError as error:
                 if len(files) == 1:
@@ -81,20 +83,20 @@ class MitPushes:
 PUSHES = MitPushes()
 
 
-def _push(file: Path, rig: Rig, middle: FloatArray) -> tuple[PushLog, float]:
-    """The log of one push, and when its clock begins (s since 1970)."""
+def _push(file: Path, rig: Rig, middle: FloatArray) -> tuple[PushLog, float, list[str]]:
+    """The log of one push, when its clock begins (s since 1970), and notes on its streams."""
     found = _json(file) if file.suffix.lower() == ".json" else _hdf5(file)
     streams = [
         Stream(name, found[name][:, 0], found[name][:, 1 : 4 if name != "tip_pose" else 3], 2 if name == "object_pose" else None)
         for name in _STREAMS
     ]
-    t, (poses, tips, loads) = on_one_clock(streams, _RATE, _LARGEST_GAP)
+    t, (poses, tips, loads), notes = on_one_clock(streams, _RATE, _LARGEST_GAP)
     assert loads is not None and poses is not None
     with warnings.catch_warnings():
         # the sign of the forces is that of all pushes together: what looks wrong is told of the whole log
         warnings.simplefilter("ignore", StablepushWarning)
         log = log_from_arrays(rig, t - t[0], poses, loads[:, :2], tips, ["1"] * len(t), body_pose=middle, window=3 / _RATE)
-    return log, float(t[0])
+    return log, float(t[0]), [f"{file.name}: {words}" for words in notes]
 
 
 def _joined(logs: list[tuple[PushLog, float]], labels: list[dict[str, str]]) -> PushLog:

@@ -30,7 +30,7 @@ _LARGEST_TILT = math.radians(20)
 @dataclass(slots=True)
 class _Topic:
     """A stream as it is read: ``child``: the frame wanted of transforms; what was seen of others. ``down``: the frame's z axis
-    points to the table; ``leans``: words, if it points neither there nor up all the time."""
+    points to the table, None if no message told; ``leans``: words, if it points neither there nor up all the time."""
 
     name: str
     topic: str
@@ -40,7 +40,7 @@ class _Topic:
     rows: list[tuple[float, ...]] = field(default_factory=list)
     frames: set[str] = field(default_factory=set)
     children: set[str] = field(default_factory=set)
-    down: bool = False
+    down: bool | None = None
     leans: str = ""
 
     def __str__(self) -> str:
@@ -77,17 +77,17 @@ class RosBags:
         name_of_world = "map" if world is None else world.text()
         _read(source.file, list(topics.values()))
         streams: dict[str, Stream] = {}
-        for name, topic in topics.items():
-            rows = np.array(topic.rows)
-            if name != "force":
-                rows = compose(_frame(topic, frames, name_of_world, source.file), rows)
-            elif turned is None or about == "frame":
-                origin = _frame(topic, frames, name_of_world, source.file)
-                if turned is None:
-                    rows[:, :2] = rotate_vectors(origin[2], rows[:, :2])
-            streams[name] = Stream(str(topic), np.array(topic.times), rows, None if name == "force" else 2)
         with within(source.file):
-            t, (poses, tips, loads) = on_one_clock(
+            for name, topic in topics.items():
+                rows = np.array(topic.rows)
+                if name != "force":
+                    rows = compose(_frame(topic, frames, name_of_world, source.file), rows)
+                elif turned is None or about == "frame":
+                    origin = _frame(topic, frames, name_of_world, source.file)
+                    if turned is None:
+                        rows[:, :2] = rotate_vectors(origin[2], rows[:, :2])
+                streams[name] = Stream(str(topic), np.array(topic.times), rows, None if name == "force" else 2)
+            t, (poses, tips, loads), notes = on_one_clock(
                 [streams.get(name) for name in TOPICS],
                 None if rate is None else rate.number(positive=True), 0.25 if gap is None else gap.number(positive=True),
             )  # fmt: skip
@@ -108,7 +108,8 @@ class RosBags:
                 loads[:, 2] += arm[:, 0] * loads[:, 1] - arm[:, 1] * loads[:, 0]
             # a round finger gives no moment: what the sensor reads as one is that of its own place
             moments = None if loads is None or mapping.rig.contact_kind == "point" else loads[:, 2]
-            return mapping.log(t, poses, forces, tips, moments=moments)  # type: ignore[arg-type]
+            log, more = mapping.log(t, poses, forces, tips, moments=moments)  # type: ignore[arg-type]
+            return log, [*notes, *more]
 
 
 BAGS = RosBags()
@@ -127,6 +128,8 @@ def _frame(topic: _Topic, frames: dict[str, FloatArray], world: str, file: Path)
     """The pose (3,) in W of the frame that the messages of a topic are in."""
     if len(topic.frames) > 1:
         raise InputError(str(topic), "expected one frame", " and ".join(sorted(topic.frames)), file=file)
+    if not topic.frames:
+        raise InputError(str(topic), "expected a message of finite numbers", f"none in {len(topic.rows)}", file=file)
     name = next(iter(topic.frames))
     if name in frames:
         return frames[name]
@@ -211,21 +214,32 @@ def _take(topic: _Topic, message: Any, kind: str, received: int) -> str | None:
             else:
                 place, q = part.pose.position, part.pose.orientation
             size = math.hypot(q.x, q.y, q.z, q.w)
-            if not 0.5 < size < 2.0:
+            # a tracker that has lost its object sends a quaternion of zeros or NaN
+            known = size > 0 and math.isfinite(size)
+            if known and not 0.5 < size < 2.0:
                 return f"a quaternion of length {size:.3g} at {at:.3f} s"
-            lean = math.acos(max(-1.0, min(1.0, 1 - 2 * (q.x**2 + q.y**2) / size**2)))
-            if topic.name == "pose" and lean > _LARGEST_TILT:
-                return f"one that leans by {math.degrees(lean):.0f} deg at {at:.3f} s"
-            if topic.name == "tip":
-                upright = lean <= _LARGEST_TILT
-                if topic.rows and topic.down == upright:
-                    topic.leans = f"one that turns over at {at:.3f} s"
-                topic.down = lean >= math.pi - _LARGEST_TILT
-                if not (upright or topic.down):
-                    topic.leans = f"one that leans by {math.degrees(lean):.0f} deg at {at:.3f} s"
+            complaint = _look(topic, (q.x**2 + q.y**2) / size**2, at) if known else None
+            if complaint is not None:
+                return complaint
             # the heading is that of the x axis, seen from above, for tools that look down, too
-            row = (place.x, place.y, math.atan2(2 * (q.x * q.y + q.w * q.z), q.w**2 + q.x**2 - q.y**2 - q.z**2))
-        topic.frames.add(part.header.frame_id)
+            heading = math.atan2(2 * (q.x * q.y + q.w * q.z), q.w**2 + q.x**2 - q.y**2 - q.z**2) if known else math.nan
+            row = (place.x, place.y, heading)
         topic.times.append(at)
         topic.rows.append(row)
+        if all(map(math.isfinite, row)):
+            topic.frames.add(part.header.frame_id)
+    return None
+
+
+def _look(topic: _Topic, across: float, at: float) -> str | None:
+    """Keep where the z axis of a frame points; return words if a slider leans. ``across``: x² + y² of its unit quaternion."""
+    lean = math.acos(max(-1.0, min(1.0, 1 - 2 * across)))
+    if topic.name == "pose":
+        return f"one that leans by {math.degrees(lean):.0f} deg at {at:.3f} s" if lean > _LARGEST_TILT else None
+    upright, down = lean <= _LARGEST_TILT, lean >= math.pi - _LARGEST_TILT
+    if topic.down is not None and topic.down == upright:
+        topic.leans = f"one that turns over at {at:.3f} s"
+    topic.down = down
+    if not (upright or down):
+        topic.leans = f"one that leans by {math.degrees(lean):.0f} deg at {at:.3f} s"
     return None
