@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+import scipy.optimize
 from conftest import one_line, small_scene, triangle
 
 import stablepush as sp
@@ -67,13 +68,48 @@ def test_what_gives_first_is_said_by_the_facet():
 
     def words(force, place):
         load = [*force, (place[0] * force[1] - place[1] * force[0]) / data["surface"]["rho"]]
-        return context.eval(f"whatGives(marginOf(K, {json.dumps(load)}).facet, 2)")
+        return context.eval(f"whatGives(K, {json.dumps(load)}, 2)")
 
     (left, right), middle = contact.points, contact.points.mean(axis=0)
     # a force beyond the second finger: the first one would have to pull
     assert words((0.0, 1.0), right + 0.3 * (right - left)) == "finger 1 lets go"
     assert words((0.0, 1.0), left - 0.3 * (right - left)) == "finger 2 lets go"
     assert words((1.2, 1.0), middle) == "both fingers slip to one side"
+    assert words((0.3, -1.0), middle) == "the load pulls: no finger can"
+
+
+def test_what_gives_is_the_face_of_the_cone_with_the_nearest_load():
+    """Of 2,000 loads, against non-negative least squares over the edges of the fingers' friction cones."""
+    racer = pytest.importorskip("py_mini_racer", reason="mini-racer is not installed")
+    problem = small_scene()
+    data, code = page_of(problem)
+    contact, rho = problem.contacts[0], data["surface"]["rho"]
+    loads = np.random.default_rng(3).normal(size=(2000, 3))
+    loads /= np.linalg.norm(loads, axis=1)[:, None]
+    context = racer.MiniRacer()
+    context.eval(code + f"const K = coneOf({json.dumps(data['scene']['contacts'][0])}, {rho}), L = {json.dumps(loads.tolist())};")
+    told = json.loads(context.eval("JSON.stringify(L.map((f) => [marginOf(K, f).margin, whatGives(K, f, 2)]))"))
+    edges = []
+    for point, normal in zip(contact.points, contact.normals, strict=True):
+        for side in (1, -1):
+            force = normal + side * contact.mu * np.array((-normal[1], normal[0]))
+            ray = np.array((*force, (point[0] * force[1] - point[1] * force[0]) / rho))
+            edges.append(ray / np.linalg.norm(ray))
+    words = {
+        (): "the load pulls: no finger can", (0, 1): "finger 2 lets go", (2, 3): "finger 1 lets go",
+        (0, 2): "both fingers slip to one side", (1, 3): "both fingers slip to one side",
+        (0, 3): "the fingers slip, each to its side", (1, 2): "the fingers slip, each to its side",
+        (0,): "finger 2 lets go, finger 1 slips", (1,): "finger 2 lets go, finger 1 slips",
+        (2,): "finger 1 lets go, finger 2 slips", (3,): "finger 1 lets go, finger 2 slips",
+    }  # fmt: skip
+    outside = 0
+    for load, (margin, said) in zip(loads, told, strict=True):
+        if margin < -1e-9:
+            shares, _ = scipy.optimize.nnls(np.array(edges).T, load)
+            pulls = (contact.normals @ load[:2] <= 0).all()
+            assert said == words[() if pulls else tuple(np.flatnonzero(shares > 1e-12))]
+            outside += 1
+    assert 1500 < outside < 2000
 
 
 def test_the_page_holds_the_scene_and_says_what_it_leaves_out(tmp_path, capsys):

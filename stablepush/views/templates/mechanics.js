@@ -46,9 +46,9 @@ function loadOf(surface, twist) {
 }
 // edges of the cone: of each finger, the force that slides left and the one that slides right along its face
 function coneOf(contact, rho) {
-  const edges = [];
+  const edges = [], normals = contact.normals.map((n) => unitOf([...n, 0]));
   contact.points.forEach(([x, y], finger) => {
-    const [nx, ny] = unitOf([...contact.normals[finger], 0]);
+    const [nx, ny] = normals[finger];
     for (const side of [1, -1]) {
       const fx = nx - side * contact.mu * ny, fy = ny + side * contact.mu * nx;
       edges.push({ finger, side, ray: unitOf([fx, fy, (x * fy - y * fx) / rho]) });
@@ -64,7 +64,7 @@ function coneOf(contact, rho) {
       if (edges.every((e) => dot(inward, e.ray) > -1e-12)) facets.push({ inward, between: [a, b] });
     }
   }));
-  return { edges, facets };
+  return { edges, facets, normals };
 }
 // angle (rad) from the load to the nearest facet, and that facet; negative outside
 function marginOf(cone, load) {
@@ -76,10 +76,30 @@ function marginOf(cone, load) {
   }
   return least;
 }
-// what gives where the load leaves the cone through a facet
-function whatGives(facet, fingers) {
+// what gives at a face of the cone: at its apex, or where the force that is nearest to the load has these edges
+function faceWords(between, fingers) {
+  const [a, b] = between;
+  if (!a) return "the load pulls: no finger can";
   if (fingers < 2) return "the finger slips";
-  const [a, b] = facet.between;
-  if (a.finger === b.finger) return "finger " + (2 - a.finger) + " lets go";
+  if (!b || a.finger === b.finger) return "finger " + (2 - a.finger) + " lets go" + (b ? "" : ", finger " + (a.finger + 1) + " slips");
   return a.side === b.side ? "both fingers slip to one side" : "the fingers slip, each to its side";
+}
+// for a load inside: what gives first, at the nearest facet; outside: at the face that holds the nearest load of the cone
+function whatGives(cone, load, fingers) {
+  const { margin, facet } = marginOf(cone, load), f = unitOf(load);
+  if (facet && margin >= 0) return faceWords(facet.between, fingers);
+  // fingers push: a force that has no part along any of their normals is out of their reach
+  if (cone.normals.every((n) => n[0] * f[0] + n[1] * f[1] <= 0)) return faceWords([], fingers);
+  let nearest = { left: 1, between: [] };
+  const consider = (part, between) => {
+    const left = Math.hypot(...f.map((v, k) => v - part[k]));
+    if (left < nearest.left) nearest = { left, between };
+  };
+  for (const e of cone.edges) consider(scaled(e.ray, Math.max(0, dot(e.ray, f))), [e]);
+  for (const { inward, between } of cone.facets) {
+    const part = f.map((v, k) => v - dot(inward, f) * inward[k]), [a, b] = between.map((e) => e.ray), c = dot(a, b);
+    // shares of the two edges in the load that is nearest in the plane of the facet
+    if (dot(a, part) >= c * dot(b, part) && dot(b, part) >= c * dot(a, part)) consider(part, between);
+  }
+  return faceWords(nearest.between, fingers);
 }
