@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import hashlib
 import pickle
 import time
 import zlib
@@ -96,6 +97,40 @@ class _Files(IndexDataCacheFile):  # type: ignore[misc]
         self._save_data(name, data)
         self._save_index(self._load_index() | {key: name})
 
+    # Both kinds of file begin with a checksum: what a disk or a kill has spoilt is not unpickled, let alone run, but built again.
+
+    def _load_index(self) -> dict[Any, str]:
+        found = self._read(Path(self._index_path))
+        stamp, version, names = found if found is not None else (None, None, {})
+        return names if (stamp, version) == (self._source_stamp, self._version) else {}
+
+    def _save_index(self, names: dict[Any, str]) -> None:
+        self._write(Path(self._index_path), (self._source_stamp, self._version, names))
+
+    def _load_data(self, name: str) -> Any:
+        found = self._read(Path(self._data_path(name)))
+        if found is None:
+            # as numba has it for a file that is not there
+            raise FileNotFoundError(name)
+        return found
+
+    def _save_data(self, name: str, data: Any) -> None:
+        self._write(Path(self._data_path(name)), data)
+
+    def _write(self, path: Path, value: Any) -> None:
+        content = self._dump(value)
+        with self._open_for_write(str(path)) as file:
+            file.write(hashlib.sha256(content).digest() + content)
+
+    def _read(self, path: Path) -> Any:
+        """The value of a file; None if there is none, it is not as it was written, or another version wrote it, with other types."""
+        size = hashlib.sha256().digest_size
+        with suppress(FileNotFoundError, AttributeError, ImportError):
+            content = path.read_bytes()
+            if hashlib.sha256(content[size:]).digest() == content[:size]:
+                return pickle.loads(content[size:])
+        return None
+
 
 class _Cache(FunctionCache):  # type: ignore[misc]
     """Machine code on disk, not used once a file has changed from which a function comes that it calls: numba itself looks at the
@@ -110,24 +145,16 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         return (*super()._index_key(sig, codegen), _stamps(self._py_func))
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        found = self._on_disk(sig, target_context)
+        found = super().load_overload(sig, target_context)
         if found is None and not self.lock.held:
             announce_build()
             with event.trigger_event(_WAITING):
                 self.lock.acquire()
             with self.lock.released_on_error():
-                found = self._on_disk(sig, target_context)
+                found = super().load_overload(sig, target_context)
             if found is not None:
                 self.lock.release()
         return found
-
-    def _on_disk(self, sig: Any, target_context: Any) -> Any:
-        try:
-            return super().load_overload(sig, target_context)
-        except (AttributeError, ImportError, EOFError, pickle.UnpicklingError):
-            # an index of another version, with types that this one does not have, or one that was cut short
-            self.flush()
-            return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         # a disk that is full: the code is built again next time

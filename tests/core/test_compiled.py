@@ -1,13 +1,14 @@
 """Machine code that is kept on disk."""
 
+import hashlib
 import os
-import pickle
 import subprocess
 import sys
 from contextlib import ExitStack
 from functools import partial
 from importlib import import_module
 
+import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
@@ -24,19 +25,40 @@ def twice(x):
 """
 
 
-@pytest.mark.parametrize("index", [b"", b"no pickle", pickle.dumps("1")[:-1], b"cstablepush.core\nNoSuchType\n."])
-def test_an_index_that_cannot_be_read_is_built_again(tmp_path, monkeypatch, index):
-    """As after an upgrade: numba's index of the version before may hold types that are gone."""
+def _flipped(data: bytes) -> bytes:
+    return data[:-7] + bytes([data[-7] ^ 0xFF]) + data[-6:]
+
+
+SPOILT = {
+    "empty": lambda data: b"",
+    "half": lambda data: data[: len(data) // 2],
+    "no pickle": lambda data: b"no pickle",
+    "flipped": _flipped,
+    "zeros": lambda data: bytes(len(data)),
+    "zero tail": lambda data: data[: len(data) // 2] + bytes(len(data) - len(data) // 2),
+    "random": lambda data: np.random.default_rng(0).bytes(len(data)),
+    # as after an upgrade: whole, and of types that are gone
+    "other types": lambda data: hashlib.sha256(gone := b"cstablepush.core\nNoSuchType\n.").digest() + gone,
+}
+
+
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+@pytest.mark.parametrize("how", SPOILT)
+def test_kept_code_that_is_spoilt_is_built_again(tmp_path, monkeypatch, how, ending):
     (tmp_path / "kept_code.py").write_text(SOURCE, encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
-    for _ in range(2):
+    whole = None
+    for _ in range(3):
         sys.modules.pop("kept_code", None)
         assert import_module("kept_code").twice(3.0) == 6.0
-        kept = list(tmp_path.rglob("*.nbi"))
+        kept = list(tmp_path.rglob(f"*.{ending}"))
         if not kept:
             pytest.skip("compiling is turned off")
-        head = pickle.dumps(pickle.loads(kept[0].read_bytes()))
-        kept[0].write_bytes(head + index)
+        if whole is not None:
+            # written anew
+            assert kept[0].read_bytes() != SPOILT[how](whole)
+        whole = kept[0].read_bytes()
+        kept[0].write_bytes(SPOILT[how](whole))
     sys.modules.pop("kept_code", None)
 
 
