@@ -117,8 +117,8 @@ def make_files(folder: Path) -> Path:
     """Make files for all commands with the commands themselves."""
     from stablepush.cli import main
     from stablepush.demo import demo_pokes, demo_slider
+    from stablepush.io import write_json
     from stablepush.io.formats import contact_to_json, slider_to_json
-    from stablepush.io.json_files import write_json
     from stablepush.planning.problem import save_scene
 
     sp.write_pushlog(demo_pokes(12), folder / "log")

@@ -5,9 +5,6 @@ from __future__ import annotations
 import json
 import os
 import secrets
-import subprocess
-import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,7 +14,7 @@ from stablepush import __version__
 from stablepush.blind.score import Score, score_of
 from stablepush.blind.seal import Files, Ledger, complaint, digest, digest_of_folder, open_label, read_files, write_files
 from stablepush.blind.supports import cases, imported, score_of_supports
-from stablepush.core import InputError, SolverError, run_parallel
+from stablepush.core import InputError, SolverError, run_child, run_parallel, scratch_folder
 from stablepush.io import write_atomically, write_json
 
 Progress = Callable[[str, int, int], None]
@@ -206,31 +203,22 @@ def code_of() -> str:
 
 def generated(number: int, generator: str, seed: int, pushes: int, key: bytes) -> tuple[int, Files]:
     """Return the files of a set: its generator is a process of its own, that ends before anything is diagnosed."""
-    with tempfile.TemporaryDirectory() as place:
-        command = [sys.executable, "-m", "stablepush.blind.generator", generator, str(seed), str(number), str(pushes), place]
-        done = subprocess.run(command, input=key.decode() + "\n", text=True, capture_output=True, check=False)
-        if done.returncode:
-            last = done.stderr.strip().splitlines()
-            raise SolverError(f"set {number}: its generator failed: {last[-1] if last else done.returncode}")
-        return number, read_files(Path(place))
+    with scratch_folder() as place:
+        arguments = [generator, str(seed), str(number), str(pushes), str(place)]
+        code, said = run_child("stablepush.blind.generator", arguments, key.decode())
+        if code:
+            raise SolverError(f"set {number}: its generator failed: {said or code}")
+        return number, read_files(place)
 
 
 def diagnosed(number: int, files: Files) -> tuple[int, bytes]:
     """Return the ``diagnosis/1`` that a process made of the files of a log, in a folder that has nothing else."""
-    with tempfile.TemporaryDirectory() as place:
-        write_files(Path(place) / "log", files)
-        command = [sys.executable, "-m", "stablepush.blind.diagnoser", "log", "answer.json"]
-        done = subprocess.run(command, cwd=place, text=True, capture_output=True, check=False, env=_environment())
-        if done.returncode:
-            last = done.stderr.strip().splitlines()
-            return number, json.dumps({**FAILED, "why": last[-1] if last else str(done.returncode)}).encode()
-        return number, (Path(place) / "answer.json").read_bytes()
-
-
-def _environment() -> dict[str, str]:
-    """Of a process that is to find this library, wherever it is run."""
-    paths = [str(Path(p).resolve()) for p in sys.path if p]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    with scratch_folder() as place:
+        write_files(place / "log", files)
+        code, said = run_child("stablepush.blind.diagnoser", ["log", "answer.json"], folder=place)
+        if code:
+            return number, json.dumps({**FAILED, "why": said or str(code)}).encode()
+        return number, (place / "answer.json").read_bytes()
 
 
 def known(number: int, files: Files, effects: list[str]) -> tuple[int, dict[str, float]]:
@@ -238,7 +226,7 @@ def known(number: int, files: Files, effects: list[str]) -> tuple[int, dict[str,
     from stablepush.diagnosis import gap_reductions_with
     from stablepush.io import read_pushlog
 
-    with tempfile.TemporaryDirectory() as place:
-        write_files(Path(place), files)
-        log = read_pushlog(Path(place))
+    with scratch_folder() as place:
+        write_files(place, files)
+        log = read_pushlog(place)
     return number, {entry.channel: entry.closed for entry in gap_reductions_with(log, effects)}

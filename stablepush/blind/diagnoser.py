@@ -10,11 +10,13 @@ import sys
 import time
 from pathlib import Path
 
+from stablepush.core import end_with_parent
 from stablepush.diagnosis import diagnose
 from stablepush.io import read_pushlog
 
 
 def main() -> None:
+    end_with_parent()
     log = read_pushlog(Path(sys.argv[1]))
     begin = time.perf_counter()
     answer = diagnose(log).to_json()

@@ -8,7 +8,9 @@ Writes ``FOLDER/log`` (``pushlog/1``) and ``FOLDER/label.sealed``.
 from __future__ import annotations
 
 import json
+import os
 import sys
+import threading
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -160,10 +162,22 @@ def size(world: World, a: Applied, truths: list[Truth]) -> float:
     return float(np.sqrt(left @ left + at_rest))
 
 
+def _end_with_parent() -> str:
+    """Return the line that the parent wrote first; from now on this process ends when the parent does."""
+    first = sys.stdin.readline().strip()
+
+    def wait() -> None:
+        sys.stdin.read()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
+    return first
+
+
 def main() -> None:
     generator, folder = sys.argv[1], Path(sys.argv[5])
     seed, number, pushes = (int(word) for word in sys.argv[2:5])
-    key = sys.stdin.readline().strip()
+    key = _end_with_parent()
     label, log = generate(generator, seed, number, pushes)
     folder.mkdir(parents=True, exist_ok=True)
     sealed = Fernet(key.encode()).encrypt(json.dumps(label).encode())

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -24,7 +23,7 @@ from stablepush.blind.loop_worlds import CAUSES, FINGER, LOGGED, NOISE, SPOILING
 from stablepush.blind.score import share
 from stablepush.blind.seal import Files, Ledger, complaint, digest, digest_of_folder, open_label, read_files, write_files
 from stablepush.blind.worlds import GRAVITY
-from stablepush.core import InputError, binomial_interval, run_parallel
+from stablepush.core import InputError, binomial_interval, run_parallel, scratch_folder
 from stablepush.diagnosis import diagnose
 from stablepush.effects import Effect, KnownEffect
 from stablepush.geometry import compose
@@ -105,8 +104,7 @@ def made(number: int, engine: str, seed: int, key: bytes) -> tuple[int, Files]:
         "finger_radius": FINGER, "noise": dict(zip(("force", "position", "angle"), NOISE, strict=True)),
     }  # fmt: skip
     label = {"cause": world.cause, "numbers": world.numbers}
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place)
+    with scratch_folder() as folder:
         save_scene(problem, folder / "scene.json")
         rig["model"] = json.loads((folder / "scene.json").read_text())["model"]
         write(folder / "log", rig, recorder.trials, recorder.samples)
@@ -118,9 +116,9 @@ def made(number: int, engine: str, seed: int, key: bytes) -> tuple[int, Files]:
 
 def solved(number: int, files: Files) -> tuple[int, bytes]:
     """Return the diagnosis of a log and the plans of all arms that do not know the truth."""
-    with tempfile.TemporaryDirectory() as place:
-        write_files(Path(place), files)
-        problem, log = load_scene(Path(place) / "scene.json"), read_pushlog(Path(place) / "log")
+    with scratch_folder() as place:
+        write_files(place, files)
+        problem, log = load_scene(place / "scene.json"), read_pushlog(place / "log")
         tasks = json.loads(files["tasks.json"])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

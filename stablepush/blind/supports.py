@@ -6,7 +6,6 @@ The labels are the importer's: it knows the arrangement from the name of the log
 from __future__ import annotations
 
 import json
-import tempfile
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from stablepush.blind.score import Row, Score, refused_words, share
-from stablepush.core import InputError
+from stablepush.core import InputError, scratch_folder
 from stablepush.io import PushLog, write_pushlog
 from stablepush.io.importers import Source, find_sources, import_source, triangle_slider
 
@@ -53,10 +52,10 @@ def imported(number: int, data: Path, key: bytes) -> tuple[int, dict[str, bytes]
         "arrangement": source.labels["arrangement"], "nominal": arrangement,
         "applied": [] if arrangement == source.labels["arrangement"] else [wrong],
     }  # fmt: skip
-    with tempfile.TemporaryDirectory() as place:
+    with scratch_folder() as place:
         # nothing of the source's name goes with it
-        write_pushlog(PushLog(replace(log.rig, slider=slider, extra=None), log.trials, log.samples), Path(place) / "log")
-        files = {f"log/{f.name}": f.read_bytes() for f in sorted((Path(place) / "log").iterdir())}
+        write_pushlog(PushLog(replace(log.rig, slider=slider, extra=None), log.trials, log.samples), place / "log")
+        files = {f"log/{f.name}": f.read_bytes() for f in sorted((place / "log").iterdir())}
     return number, {**files, "label.sealed": Fernet(key).encrypt(json.dumps(label).encode())}
 
 

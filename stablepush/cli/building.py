@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -13,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from stablepush.cli.common import Progress, told
-from stablepush.core import BuildLock, UnavailableError, usable_cores
+from stablepush.core import BuildLock, UnavailableError, end_with_parent, start_child, usable_cores
 
 #: Processes that help, at most: more would only wait for each other.
 _MOST_HELPERS = 3
@@ -81,29 +79,11 @@ def _start_helpers(built: Any) -> None:
         _running.append(lock)
         for first in range(min(usable_cores() - 1, _MOST_HELPERS)):
             with suppress(OSError):  # without help it takes longer
-                _running.append(_start(first))
-
-
-def _start(first: int) -> subprocess.Popen[bytes]:
-    """Start a process that builds, from the part ``first`` on, until it is done or this process ends."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "stablepush.cli.building", str(first)],
-        # never written to: its end tells the helper that nobody needs it any more
-        stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env=_environment(),
-    )
-
-
-def _environment() -> dict[str, str]:
-    """The environment of a helper: it finds modules where this process does, and not in the current folder."""
-    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONSAFEPATH": "1"}
-
-
-def _end_with_parent() -> None:
-    sys.stdin.read()
-    os._exit(1)
+                # it builds, from another part on, until it is done or this process ends
+                helper = start_child("stablepush.cli.building", [str(first)])
+                helper.stdin.write("\n")
+                helper.stdin.flush()
+                _running.append(helper)
 
 
 def _rollouts() -> None:
@@ -147,7 +127,7 @@ _PARTS: tuple[Callable[[], object], ...] = (_rollouts, _plans, _diagnoses, _fits
 
 
 if __name__ == "__main__":
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     from_part = int(sys.argv[1])
     for work in _PARTS[from_part:] + _PARTS[:from_part]:
         work()

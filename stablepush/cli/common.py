@@ -8,6 +8,7 @@ import math
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -17,7 +18,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stablepush.core import EffectError, InputError, StablepushError, UnsupportedContactError
+from stablepush.cli.stops import STOPS
+from stablepush.core import EffectError, InputError, StablepushError, UnsupportedContactError, shown
 
 if TYPE_CHECKING:
     from stablepush.planning import PlanningProblem, PlanResult
@@ -87,7 +89,7 @@ def about(path: Path, contact: Path | None = None, options: Mapping[str, str] | 
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], bool]]:
-    """Let a block end by itself at the first Ctrl-C, which the callable reports; the second ends it at once."""
+    """Let a block end by itself at the first Ctrl-C or signal like it, which the callable reports; the second ends it at once."""
     interrupted = False
 
     def interrupt(number: int, frame: object) -> None:
@@ -96,15 +98,16 @@ def interruptible() -> Iterator[Callable[[], bool]]:
             raise KeyboardInterrupt
         interrupted = True
 
-    try:
-        before = signal.signal(signal.SIGINT, interrupt)
-    except ValueError:  # not in the main thread, where nobody can press it
+    if threading.current_thread() is not threading.main_thread():
+        # nobody can press it there
         yield lambda: False
         return
+    before = {number: signal.signal(number, interrupt) for number in STOPS if signal.getsignal(number) is not signal.SIG_IGN}
     try:
         yield lambda: interrupted
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def require_outside(path: Path, folder: Path) -> None:
@@ -266,12 +269,12 @@ class Progress:
         now = time.perf_counter()
         if self._live and now - self._shown > 0.1:
             self._shown = now
-            print(f"\r\x1b[K{self._name}: {text}", end="", file=sys.stderr, flush=True)
+            print(f"\r\x1b[K{shown(self._name)}: {shown(text)}", end="", file=sys.stderr, flush=True)
 
     def say(self, line: str, error: bool = True) -> None:
         self._clear()
         if not (error and is_quiet()):
-            print(line, file=sys.stderr if error else sys.stdout)
+            print(shown(line, len(line)), file=sys.stderr if error else sys.stdout)
 
     def _clear(self) -> None:
         if self._live and self._shown:

@@ -13,7 +13,16 @@ from stablepush.demo import SLIPPERY, demo_log, demo_pokes, demo_scene, demo_sli
 from stablepush.diagnosis import diagnose
 from stablepush.geometry import wrap_angle
 from stablepush.identify import fit_limit_surface
-from stablepush.io import load_model, read_pushlog, save_model, write_atomically, write_json, write_pushlog
+from stablepush.io import (
+    LOG_FILES,
+    load_model,
+    read_pushlog,
+    save_model,
+    whole_folder,
+    write_atomically,
+    write_json,
+    write_pushlog,
+)
 from stablepush.planning import (
     PlanningProblem,
     PlanResult,
@@ -44,19 +53,33 @@ _NEXT = (
 )
 
 
-def run_demo(folder: Path, seed: int) -> int:
-    """Run the chain and leave its files in ``folder``; every step reads what the one before it wrote."""
+#: Files that a demo leaves.
+DEMO_FILES = (
+    *("model.json", "scene.json", "plan.json", "diagnosis.json", "corrected.json", "corrected-plan.json", "map.png", "plan.png"),
+    *("plan.html", "run.html", "second-run.html", "diagnosis.html", "report.html"),
+    *(f"{log}/{file}" for log in ("pokes", "run", "second-run") for file in LOG_FILES),
+)
+
+
+def run_demo(output: Path, seed: int) -> int:
+    """Run the chain and leave its files in ``output``, all at the end; every step reads what the one before it wrote."""
+    with whole_folder(output, *DEMO_FILES) as folder:
+        return _run(folder, output, seed)
+
+
+def _run(folder: Path, output: Path, seed: int) -> int:
+    """``folder``: where files are until the end; ``output``: where they are then."""
     started = time.perf_counter()
     write_pushlog(demo_pokes(seed=seed), folder / "pokes")
     pokes = read_pushlog(folder / "pokes")
     loads, twists, _ = pokes.pairs()
-    print(f"{folder / 'pokes'}: {len(pokes)} simulated pokes")
+    print(f"{output / 'pokes'}: {len(pokes)} simulated pokes")
 
     fit = fit_limit_surface(loads, twists, slider=pokes.rig.slider, seed=seed)
     save_model(fit.surface, folder / "model.json")
     surface = load_model(folder / "model.json")
     held_out = math.degrees(fit.validation_error or 0.0)
-    print(f"{folder / 'model.json'}: poly4-cvx, {held_out:.1f} deg on held-out pokes, {fit.total_time:.1f} s")
+    print(f"{output / 'model.json'}: poly4-cvx, {held_out:.1f} deg on held-out pokes, {fit.total_time:.1f} s")
 
     save_scene(demo_scene(surface), folder / "scene.json")
     scene = load_scene(folder / "scene.json")
@@ -68,7 +91,7 @@ def run_demo(folder: Path, seed: int) -> int:
     shading = probability_map(surface, contact, 5 * demo_slider().radius)
     map_png = figure_png(plot_regions(regions, contact, scene.slider, probability=shading))
     write_atomically(folder / "map.png", map_png)
-    print(f"{folder / 'map.png'}: stable rotation centres")
+    print(f"{output / 'map.png'}: stable rotation centres")
 
     # the first plan of an install builds compiled code: what is reported is how long planning takes after that
     plan(scene, time_limit=60.0, seed=seed, refinement_budget=0)
@@ -77,14 +100,14 @@ def run_demo(folder: Path, seed: int) -> int:
     report = check_plan(scene, load_plan(folder / "plan.json"))
     if result.solved:
         verdict = "check: valid" if report.valid else f"check: {report.objections[0]}"
-        print(f"{folder / 'plan.json'}: {len(result.pushes)} pushes, {result.duration:.1f} s, {result.outlook}; {verdict}")
+        print(f"{output / 'plan.json'}: {len(result.pushes)} pushes, {result.duration:.1f} s, {result.outlook}; {verdict}")
     else:
-        print(f"{folder / 'plan.json'}: {result.status}: {result.message}")
+        print(f"{output / 'plan.json'}: {result.status}: {result.message}")
     plan_png = figure_png(plot_plan(scene, result))
     write_atomically(folder / "plan.png", plan_png)
     write_atomically(folder / "plan.html", plan_html(scene, result))
 
-    story, after = _loop(folder, scene, result, seed) if result.solved else ("", [])
+    story, after = _loop(folder, output, scene, result, seed) if result.solved else ("", [])
 
     certificate = fit.certificate
     sections = [
@@ -145,22 +168,22 @@ def run_demo(folder: Path, seed: int) -> int:
         "feet, poked by one finger and pushed by two. The identification does not know where the feet are."
     )
     write_atomically(folder / "report.html", report_html("stablepush demo", lead, sections))
-    told(output=folder, report=folder / "report.html")
-    print(f"{folder / 'report.html'}: open it in a browser ({time.perf_counter() - started:.1f} s in all)")
+    told(output=output, report=output / "report.html")
+    print(f"{output / 'report.html'}: open it in a browser ({time.perf_counter() - started:.1f} s in all)")
     return 0 if result.solved and report.valid else 1
 
 
-def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -> tuple[str, list[Section]]:
+def _loop(folder: Path, output: Path, scene: PlanningProblem, result: PlanResult, seed: int) -> tuple[str, list[Section]]:
     """Carry out the plan, diagnose the log, correct the scene, plan again, carry that out; what happened, and sections on it."""
     first = demo_log(scene, result, seed)
     write_pushlog(first.log, folder / "run")
     away = _from_goal(scene, first)
-    print(f"{folder / 'run'}: the plan carried out on the rig: the object ends {away[0]:.1f} mm from the goal{_turned(away)}")
+    print(f"{output / 'run'}: the plan carried out on the rig: the object ends {away[0]:.1f} mm from the goal{_turned(away)}")
 
     found = diagnose(read_pushlog(folder / "run"), name="run")
     write_json(folder / "diagnosis.json", found.to_json())
     write_atomically(folder / "diagnosis.html", gap_html(found))
-    print(f"{folder / 'diagnosis.json'}: {found.verdict}{': ' + ', '.join(found.named) if found.named else ''}")
+    print(f"{output / 'diagnosis.json'}: {found.verdict}{': ' + ', '.join(found.named) if found.named else ''}")
 
     save_scene(correct(scene, load_corrections(folder / "diagnosis.json")), folder / "corrected.json")
     corrected = load_scene(folder / "corrected.json")
@@ -170,14 +193,14 @@ def _loop(folder: Path, scene: PlanningProblem, result: PlanResult, seed: int) -
     _show_run(folder / "run.html", scene, result, first, "The first plan on the rig")
     said = f"The object ended {away[0]:.0f} mm from the goal{_turned(away)}"
     if not again.solved:
-        print(f"{folder / 'corrected-plan.json'}: {again.status}: {again.message}")
+        print(f"{output / 'corrected-plan.json'}: {again.status}: {again.message}")
         diagnosed = Section("What the log of the run says", found.sentence, (), "", "diagnosis.html", "The diagnosis, in full")
         before = Section("The first run", pages=[(headings[0], "run.html")])
         return f"{said}, and the corrected scene has no plan: {again.message}.", [before, diagnosed]
     second = demo_log(corrected, again, seed + 1)
     write_pushlog(second.log, folder / "second-run")
     arrived = _from_goal(corrected, second)
-    print(f"{folder / 'corrected-plan.json'}: carried out, the object ends {arrived[0]:.1f} mm from the goal{_turned(arrived)}")
+    print(f"{output / 'corrected-plan.json'}: carried out, the object ends {arrived[0]:.1f} mm from the goal{_turned(arrived)}")
     _show_run(folder / "second-run.html", corrected, again, second, "The second plan on the rig")
     headings.append(f"After: {arrived[0]:.1f} mm from the goal")
 

@@ -15,6 +15,8 @@ from stablepush.core import InputError
 if TYPE_CHECKING:
     from stablepush.diagnosis import GapReport
 
+#: Files of a corrected simulation.
+_MENDED = ("rig.json", "model.json")
 #: What explains a gap where nothing is named, by verdict.
 _BY = {"absorbed": " by refitting the surface", "unknown": " by a fit that is not named"}
 #: Why plans reckon with less certain fingers than before, by verdict, where their friction was not found.
@@ -122,7 +124,7 @@ def _write_pushes(report: GapReport, path: Path) -> bool:
 
 def _write_corrected(report: GapReport, folder: Path) -> bool:
     """Write rig.json and model.json of the corrected simulation, if there is one."""
-    from stablepush.io import model_to_json, rig_to_json, write_json
+    from stablepush.io import model_to_json, rig_to_json, whole_folder, write_json
 
     if not report.corrected:
         _leave_out("mended", folder, "the log could not be diagnosed, or the differences belong to the other simulator")
@@ -133,8 +135,9 @@ def _write_corrected(report: GapReport, folder: Path) -> bool:
     surface = report.corrected[0].surface or report.surface
     effects = [{"effect": id, "parameters": values, "covariance": None} for id, values in report.effects_beside.items()]
     extra = {**(report.rig.extra or {}), "effects": effects}
-    write_json(folder / "rig.json", rig_to_json(replace(report.rig, extra=extra, model=surface)))
-    write_json(folder / "model.json", {**model_to_json(surface), "effects": effects})
+    with whole_folder(folder, *_MENDED) as place:
+        write_json(place / "rig.json", rig_to_json(replace(report.rig, extra=extra, model=surface)))
+        write_json(place / "model.json", {**model_to_json(surface), "effects": effects})
     return True
 
 

@@ -6,16 +6,22 @@ import errno
 import io
 import os
 import re
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from stablepush.cli import clock
+from stablepush.cli.stops import STOPS
 
 #: Exit codes, besides 0 and 1, a negative answer.
 BAD_INPUT, INTERRUPTED = 2, 130
+#: Characters of a message that are shown at most.
+_LONGEST_NOTE = 6000
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -42,8 +48,8 @@ def main(arguments: list[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        with heard():
-            with _notes() as notes:
+        with _shown(), heard():
+            with _notes() as notes, _stopped_alike():
                 code = _run(app, arguments, usage_error)
             if code != BAD_INPUT and not is_quiet():
                 for note in notes:
@@ -60,6 +66,55 @@ def main(arguments: list[str] | None = None) -> int:
     return code
 
 
+class _Shown:
+    """A stream whose text has no control characters: names from files may hold some."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        from stablepush.core import shown
+
+        return int(self._stream.write(shown(text, len(text), keep="\n\t")))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextmanager
+def _shown() -> Iterator[None]:
+    before = sys.stdout
+    sys.stdout = _Shown(before)
+    try:
+        yield
+    finally:
+        sys.stdout = before
+
+
+@contextmanager
+def _stopped_alike() -> Iterator[None]:
+    """Let the signals of a system that shuts down, of ``kill`` and of a terminal that closes end the program as Ctrl-C does.
+
+    One that is ignored, as by ``nohup``, stays ignored.
+    """
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    def is_default(number: int) -> bool:
+        return signal.getsignal(number) is signal.SIG_DFL
+
+    mine = threading.current_thread() is threading.main_thread()
+    changed = [number for number in STOPS if number != signal.SIGINT and mine and is_default(number)]
+    for number in changed:
+        signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number in changed:
+            signal.signal(number, signal.SIG_DFL)
+
+
 def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
     import typer
 
@@ -68,6 +123,7 @@ def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
     code: object
     try:
         given = sys.argv[1:] if arguments is None else arguments
+        _require_current_folder()
         _require_values(given)
         program: Any = typer.main.get_command(app)
         chosen = next((program.commands[word] for word in given if word in program.commands), None)
@@ -111,6 +167,16 @@ def _drop_output() -> None:
     """Send to nowhere what is not yet written, which the interpreter would write once more when it ends."""
     if sys.__stdout__ is not None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno())
+
+
+def _require_current_folder() -> None:
+    """Refuse to work in a folder that was deleted, where no relative path leads anywhere."""
+    from stablepush.core import InputError
+
+    try:
+        Path.cwd()
+    except OSError:
+        raise InputError("", "the current folder does not exist any more: change to one that does") from None
 
 
 def _require_values(arguments: list[str]) -> None:
@@ -163,7 +229,7 @@ def _is_number(text: str) -> bool:
 @contextmanager
 def _notes() -> Iterator[list[str]]:
     """Collect, as lines to be printed, what the library warns of in a block: each value once, however often it is looked at."""
-    from stablepush.core import PlausibilityWarning, StablepushWarning
+    from stablepush.core import PlausibilityWarning, StablepushWarning, shown
 
     lines: list[str] = []
     printed: set[str] = set()
@@ -175,7 +241,7 @@ def _notes() -> Iterator[list[str]]:
             if not issubclass(category, StablepushWarning):
                 others(message, category, *rest, **named)
                 return
-            text = " ".join(str(message).split())
+            text = shown(" ".join(str(message).split()), _LONGEST_NOTE)
             doubt, file = (message.doubt, message.file) if isinstance(message, PlausibilityWarning) else (text, "")
             # of drawn values each is another: one note says enough
             doubt = f"{getattr(message, 'place', '')}: {re.sub(r'[0-9][0-9.e+-]*', '#', doubt)}"
@@ -190,5 +256,7 @@ def _notes() -> Iterator[list[str]]:
 
 
 def _complain(message: str) -> int:
-    print(f"stablepush: error: {' '.join(message.split())}", file=sys.stderr)
+    from stablepush.core import shown
+
+    print(f"stablepush: error: {shown(' '.join(message.split()), _LONGEST_NOTE)}", file=sys.stderr)
     return BAD_INPUT

@@ -18,6 +18,13 @@ from .arrays import (
 )
 from .brief import brief as brief
 from .build_lock import BuildLock as BuildLock
+from .children import (
+    end_with_parent as end_with_parent,
+    isolated_environment as isolated_environment,
+    run_child as run_child,
+    start_child as start_child,
+)
+from .collecting import without_collecting as without_collecting
 from .compiled import (
     compiled as compiled,
     inlined as inlined,
@@ -75,5 +82,7 @@ from .plausibility import (
 from .plugins import load_plugin as load_plugin, plugin_names as plugin_names, what_failed as what_failed
 from .renamed import renamed as renamed, renamed_fields as renamed_fields
 from .rich import shown_as as shown_as
+from .scratch import clear_scratch as clear_scratch, scratch_folder as scratch_folder, scratch_prefix as scratch_prefix
 from .shares import binomial_interval as binomial_interval
+from .shown import shown as shown
 from .words import Word as Word, closest as closest, counted as counted, did_you_mean as did_you_mean

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import hashlib
 import pickle
 import time
@@ -18,6 +17,7 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
 
 from stablepush.core.build_lock import BuildLock
+from stablepush.core.collecting import without_collecting
 from stablepush.core.first_build import announce_build
 
 #: Multiply-adds may be fused, which only makes them more accurate; nothing else of fast maths, for NaN must stay NaN. Threads may
@@ -64,23 +64,11 @@ def _kept(dispatcher: Any) -> Any:
             build = dispatcher._compiler.compile
 
             def build_or_release(args: Any, return_type: Any) -> Any:
-                with cache.lock.released_on_error(), _no_collecting():
+                with cache.lock.released_on_error(), without_collecting():
                     return build(args, return_type)
 
             dispatcher._compiler.compile = build_or_release
     return dispatcher
-
-
-@contextmanager
-def _no_collecting() -> Iterator[None]:
-    """Building makes many objects, most of which stay: the search for cycles among them took a seventh of the time."""
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
 
 
 def is_cached(function: Any) -> bool:
@@ -123,7 +111,7 @@ class _Files(IndexDataCacheFile):  # type: ignore[misc]
             file.write(hashlib.sha256(content).digest() + content)
 
     def _read(self, path: Path) -> Any:
-        """The value of a file; None if there is none, it is not as it was written, or another version wrote it, with other types."""
+        """The value of a file; None if there is none, if it is not as it was written, or has types of another version."""
         size = hashlib.sha256().digest_size
         with suppress(FileNotFoundError, AttributeError, ImportError):
             content = path.read_bytes()

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from typing import Self
 
+from stablepush.core.shown import shown
+
+#: Characters of a path and of a sentence that are shown at most.
+_PATH, _WORDS = 4096, 2000
+
 
 class StablepushError(Exception):
     """Root of every error that the library raises on purpose."""
@@ -31,7 +36,7 @@ class PlausibilityWarning(StablepushWarning):
         self.place, self.doubt, self.file = place, doubt, str(file)
 
     def __str__(self) -> str:
-        return ": ".join(filter(None, (self.file, self.place, self.doubt)))
+        return ": ".join(filter(None, (shown(self.file, _PATH), shown(self.place), shown(self.doubt, _WORDS))))
 
 
 class PlanWarning(StablepushWarning):
@@ -60,8 +65,8 @@ class InputError(StablepushError, ValueError):
         self.place, self.expected, self.got, self.file = place, expected, got, str(file)
 
     def __str__(self) -> str:
-        text = ": ".join(filter(None, (self.file, self.place, self.expected)))
-        return text if self.got is None else f"{text}, got {self.got}"
+        text = ": ".join(filter(None, (shown(self.file, _PATH), shown(self.place), shown(self.expected, _WORDS))))
+        return text if self.got is None else f"{text}, got {shown(self.got)}"
 
     def within(self, place: str = "", *, file: object = "") -> Self:
         """Return the same error as seen from further out: its place lies within ``place``, its input in ``file``."""

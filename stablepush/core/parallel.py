@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from contextvars import copy_context
 from typing import Any
 
+from stablepush.core.children import work_under
 from stablepush.core.errors import InputError
 
 #: Threads at most: what is not compiled takes turns.
@@ -63,10 +64,13 @@ def _in_processes(function: Callable[..., Any], jobs: list[tuple[Any, ...]], pro
     import joblib
 
     order = "generator" if in_order else "generator_unordered"
+    # inherited by the workers: they do not look for modules in the current folder
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
     with joblib.parallel_config(backend="loky", inner_max_num_threads=1):
         # arrays are copied, not shared
         pool = joblib.Parallel(n_jobs=processes, return_as=order, max_nbytes=None)
-    results = pool(joblib.delayed(function)(*job) for job in jobs)
+    results = pool(joblib.delayed(work_under)(os.getpid(), function, *job) for job in jobs)
     try:
         for result in results:  # noqa: UP028 (closed below, not by "yield from")
             yield result
@@ -75,6 +79,10 @@ def _in_processes(function: Callable[..., Any], jobs: list[tuple[Any, ...]], pro
             # that work is given up is what whoever leaves early wants
             warnings.simplefilter("ignore")
             results.close()
+        if before is None:
+            del os.environ["PYTHONSAFEPATH"]
+        else:
+            os.environ["PYTHONSAFEPATH"] = before
 
 
 def _client(scheduler: str) -> Any:

@@ -29,15 +29,15 @@ def surface_from_scaled(
     """Return the surface whose coefficients are given for loads in units of ``force_scale`` (N).
 
     Without a scale, or where coefficients for newtons would be larger than a file may hold, the surface keeps the unit that
-    it has and says so (``"mu*N"``); the latter gives a :class:`StablepushWarning`. A covariance that is larger, as its entries grow with their square, is left out: the
-    ensemble carries the same information.
+    it has and says so (``"mu*N"``); the latter gives a :class:`StablepushWarning`. A covariance that is larger, as its entries
+    grow with their square, is left out: the ensemble carries the same information.
     """
     factor, force_unit = (1.0, FORCE_UNIT) if force_scale is None else (force_scale ** (-degree), "N")
     largest = factor * max(np.abs(a).max() for a in (coefficients, *ensemble))
     if force_scale is not None and largest > LARGEST_MAGNITUDE:
         words = (
-            f"loads of {force_scale:.2g} N are too small for coefficients of degree {degree} in N: the surface is in units of the "
-            f"friction force ({FORCE_UNIT}), H = 1 holds for loads over {force_scale:.4g} N"
+            f"loads of {force_scale:.2g} N are too small for coefficients of degree {degree} in N: the surface is in units of "
+            f"the friction force ({FORCE_UNIT}), H = 1 holds for loads over {force_scale:.4g} N"
         )
         warnings.warn(StablepushWarning(words), stacklevel=3)
         factor, force_unit = 1.0, FORCE_UNIT

@@ -14,14 +14,10 @@ from .formats import (
     slider_or_path as slider_or_path,
     slider_to_json as slider_to_json,
 )
-from .json_files import (
-    read_json as read_json,
-    whole_folder as whole_folder,
-    write_atomically as write_atomically,
-    write_json as write_json,
-)
+from .json_files import read_json as read_json
 from .movingai import load_movingai_map as load_movingai_map
 from .pushlog import (
+    LOG_FILES as LOG_FILES,
     Noise as Noise,
     PushLog as PushLog,
     Rig as Rig,
@@ -40,3 +36,9 @@ from .tables import (
     table_text as table_text,
 )
 from .world import centered_rig as centered_rig, log_from_arrays as log_from_arrays, pokes_from_world as pokes_from_world
+from .writing import (
+    require_own_files as require_own_files,
+    whole_folder as whole_folder,
+    write_atomically as write_atomically,
+    write_json as write_json,
+)

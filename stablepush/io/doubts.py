@@ -53,7 +53,8 @@ def doubts(log: PushLog, zeroed: bool = True, rests: Sequence[float] | FloatArra
     elsewhere = list(_away(log)) or list(_apart(log))
     # normals are known where the fingers are at the outline
     of_forces = list(_opposed(log)) or ([] if elsewhere else list(_aslant(log)))
-    return [*of_forces, *(_restless(log, rests) if zeroed else ()), *elsewhere, *_large(log), *_clock(log), *_unseen(log), *_unchanging(log)]
+    of_channels = (*_large(log), *_clock(log), *_unseen(log), *_unchanging(log))
+    return [*of_forces, *(_restless(log, rests) if zeroed else ()), *elsewhere, *of_channels]
 
 
 def covers(name: str, t: FloatArray, values: FloatArray) -> list[str]:
@@ -85,7 +86,8 @@ def _unchanging(log: PushLog) -> Iterator[str]:
         (stuck, "forces", "while the slider stands and moves: is the sensor stuck?"),
     ):
         if number:
-            yield f"{channel} do not change in {'any push' if number == len(trials) else f'{number} of {len(trials)} pushes'}, {asked}"
+            pushes = "any push" if number == len(trials) else f"{number} of {len(trials)} pushes"
+            yield f"{channel} do not change in {pushes}, {asked}"
 
 
 def _is_same(values: FloatArray) -> bool:
@@ -288,6 +290,8 @@ def _unseen(log: PushLog) -> Iterator[str]:
                 gaps.append(float(lost))
     if blind:
         named = ", ".join(blind[:3]) + (", …" if len(blind) > 3 else "")
-        yield f"in {len(blind)} of {number} pushes ({named}) fewer than two rows have a pose while the slider moves: they show no load and no twist"
+        without = "fewer than two rows have a pose while the slider moves: they show no load and no twist"
+        yield f"in {len(blind)} of {number} pushes ({named}) {without}"
     if gaps:
-        yield f"in {len(gaps)} of {number} pushes the pose is missing for up to {max(gaps):.3g} s: nothing is known of the motion there"
+        most = f"for up to {max(gaps):.3g} s"
+        yield f"in {len(gaps)} of {number} pushes the pose is missing {most}: nothing is known of the motion there"

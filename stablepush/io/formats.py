@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 from stablepush.core import InputError, Node, describe
 from stablepush.effects import CATALOGUE
-from stablepush.io.json_files import read_json, write_json
+from stablepush.io.json_files import read_json
+from stablepush.io.writing import write_json
 from stablepush.objects import PushContact, Slider, SupportDistribution
 from stablepush.surfaces import LimitSurface, surface_kinds, surface_of_kind
 
@@ -73,6 +75,9 @@ def _value_or_path(node: Node, folder: Path, read: Callable[[Node], _T], *format
     if not node.value.strip():
         node.fail("expected an object, or the path of a file that has it", describe(node.value))
     path = folder / node.value
+    if os.path.exists(path) and not os.path.isfile(path):
+        # what a file names is read without anybody looking: a pipe might never end
+        node.fail("expected an object, or the path of a file", describe(node.value))
     try:
         return read(read_json(path, *formats))
     except InputError as error:

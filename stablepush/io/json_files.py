@@ -1,21 +1,24 @@
-"""Reading JSON with errors that name the place, and writing files that are never half there."""
+"""Reading JSON and text with errors that name the place."""
 
 from __future__ import annotations
 
 import json
 import math
 import os
-import shutil
-import tempfile
+import re
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TextIO
 
-from stablepush.core import InputError, Node
+from stablepush.core import InputError, Node, without_collecting
 
-#: A JSON file larger than this is not one of ours; refusing it keeps memory bounded.
-_LARGEST_FILE = 512 * 1024 * 1024
+#: Files larger than this (bytes) are refused, whatever they are read from, so that memory is bounded. A number of a table takes 8
+#: bytes there, one of JSON up to 32.
+_LARGEST_FILE, _LARGEST_JSON = 512 * 2**20, 64 * 2**20
+#: What a number has that may be too large: three digits of an exponent, or hundreds of others.
+_MAY_OVERFLOW = re.compile(r"[eE][+]?[0-9]{3}|[0-9]{300}")
 
 
 def read_json(path: str | Path, *formats: str) -> Node:
@@ -25,7 +28,7 @@ def read_json(path: str | Path, *formats: str) -> Node:
     numbers that are not finite and for keys that stand twice.
     """
     name = str(path)
-    text = read_text(path)
+    text = read_text(path, _LARGEST_JSON)
 
     def reject_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         result = dict(pairs)
@@ -35,8 +38,15 @@ def read_json(path: str | Path, *formats: str) -> Node:
             raise InputError(twin, "expected a key to stand once, found it twice", file=name)
         return result
 
+    infinite: list[str] = []
+
+    def note_constant(word: str) -> float:
+        infinite.append(word)
+        return float(word)
+
     try:
-        value = json.loads(text, object_pairs_hook=reject_twins)
+        with without_collecting():
+            value = json.loads(text, object_pairs_hook=reject_twins, parse_constant=note_constant)
     except json.JSONDecodeError as error:
         raise InputError(f"line {error.lineno} column {error.colno}", f"expected JSON, {error.msg}", file=name) from None
     except RecursionError:
@@ -46,24 +56,32 @@ def read_json(path: str | Path, *formats: str) -> Node:
     except ValueError:  # an integer of thousands of digits
         raise InputError("", "expected JSON with numbers of ordinary length", file=name) from None
     root = Node(value, name)
-    _reject_infinite(root)
+    if infinite or _MAY_OVERFLOW.search(text):
+        _reject_infinite(root)
     root.object()
     if formats:
         root["format"].text(formats)
     return root
 
 
-def read_text(path: str | Path) -> str:
-    """Read a UTF-8 text file; every failure is one line that names it."""
+def read_text(path: str | Path, most: int = _LARGEST_FILE) -> str:
+    """Read a UTF-8 text file of at most so many characters; every failure is one line that names it."""
     with open_text(path) as stream:
-        return stream.read()
+        text = stream.read(most + 1)
+    if len(text) > most:
+        raise InputError("", f"expected at most {most // 2**20} million characters", file=path)
+    return text
 
 
 @contextmanager
 def open_text(path: str | Path, newline: str | None = None) -> Iterator[TextIO]:
     """Open a UTF-8 text file to be read; every failure, also while it is read, is one line that names it."""
     try:
-        too_large = os.path.getsize(path) > _LARGEST_FILE
+        about = os.stat(path)
+        too_large = about.st_size > _LARGEST_FILE
+        if stat.S_ISCHR(about.st_mode) or stat.S_ISBLK(about.st_mode):
+            # one that never ends would fill the memory
+            raise InputError("", "cannot read: expected a file, not a device", file=path)
         stream = open(path, encoding="utf-8-sig", newline=newline)  # noqa: SIM115 (closed below)
     except ValueError as error:  # a NUL in the path
         raise InputError("", f"cannot read: {error}", file=repr(str(path))) from None
@@ -91,68 +109,21 @@ def _first_bad_byte(path: str | Path) -> str:
     return ""
 
 
-def _reject_infinite(node: Node) -> None:
-    stack = [node]
-    while stack:
-        current = stack.pop()
-        value = current.value
-        if isinstance(value, float) and not math.isfinite(value):
-            current.fail("expected a finite number", value)
-        elif isinstance(value, dict):
-            stack.extend(current._child(k, v) for k, v in reversed(value.items()))
-        elif isinstance(value, list):
-            stack.extend(current._child(i, v) for i, v in reversed(list(enumerate(value))))
+def _reject_infinite(root: Node) -> None:
+    """Refuse the first number, in the order of the file, that is not finite."""
+    open_still = [(root, _entries(root.value))]
+    while open_still:
+        node, entries = open_still[-1]
+        for key, value in entries:
+            if isinstance(value, dict | list):
+                child = node._child(key, value)
+                open_still.append((child, _entries(value)))
+                break
+            if isinstance(value, float) and not math.isfinite(value):
+                node._child(key, value).fail("expected a finite number", value)
+        else:
+            open_still.pop()
 
 
-def write_atomically(path: str | Path, content: str | bytes) -> None:
-    """Write a file as a whole or not at all: into a neighbour first, then renamed over the target."""
-    target = Path(path)
-    data = content.encode() if isinstance(content, str) else content
-    temporary = None
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        if target.is_dir():
-            raise InputError("", "cannot write: is a directory", file=target)
-        if target.exists() and not target.is_file():  # a pipe or a terminal takes what it gets
-            target.write_bytes(data)
-            return
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".stablepush-")
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-        # mkstemp makes private files; give the mode that open() would have given
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
-        os.replace(temporary, target)
-        temporary = None
-    except OSError as error:
-        raise InputError("", f"cannot write: {error.strerror or error}", file=target) from None
-    finally:
-        if temporary is not None and os.path.exists(temporary):
-            os.unlink(temporary)
-
-
-@contextmanager
-def whole_folder(path: str | Path) -> Iterator[Path]:
-    """Give a place for files that all appear at ``path`` when the block ends well, and not at all when it does not."""
-    target = Path(path)
-    staging = None
-    try:
-        if target.exists() and not target.is_dir():
-            raise InputError("", "cannot write: exists and is not a folder", file=target)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        staging = Path(tempfile.mkdtemp(dir=target.parent, prefix=".stablepush-"))
-        yield staging
-        target.mkdir(exist_ok=True)
-        for file in sorted(staging.iterdir()):
-            os.replace(file, target / file.name)
-    except OSError as error:
-        raise InputError("", f"cannot write: {error.strerror or error}", file=target) from None
-    finally:
-        if staging is not None:
-            shutil.rmtree(staging, ignore_errors=True)
-
-
-def write_json(path: str | Path, value: Any) -> None:
-    """Write JSON with full precision; NaN and infinity are a bug of the caller."""
-    write_atomically(path, json.dumps(value, indent=1, allow_nan=False) + "\n")
+def _entries(value: Any) -> Iterator[tuple[Any, Any]]:
+    return iter(value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ())

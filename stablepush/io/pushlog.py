@@ -33,12 +33,15 @@ from stablepush.effects import effects_from_node
 from stablepush.geometry import compose, inverse, log, wrap_angle
 from stablepush.identify import SlipPairs
 from stablepush.io.formats import model_or_path, model_to_json, slider_or_path, slider_to_json
-from stablepush.io.json_files import read_json, whole_folder, write_atomically, write_json
+from stablepush.io.json_files import read_json
 from stablepush.io.parquet import read_parquet
 from stablepush.io.tables import IS_FLAG, IS_POSITIVE, IS_SENSE, Column, read_table, table_text
+from stablepush.io.writing import whole_folder, write_atomically, write_json
 from stablepush.objects import Slider
 from stablepush.surfaces import LimitSurface
 
+#: Files of a log.
+LOG_FILES = ("rig.json", "trials.csv", "samples.csv", "samples.parquet")
 CONTACT_KINDS = ("point", "two-point", "held")
 PHASES = ("rest", "approach", "push", "retract")
 
@@ -298,9 +301,11 @@ def _doubt(rig: Rig, trials: Mapping[str, Column], samples: Mapping[str, Column]
 
 
 def write_pushlog(log: PushLog, path: str | Path) -> None:
-    """Write a ``pushlog/1`` folder. It appears as a whole; in a folder that exists, each file is replaced as a whole."""
-    folder = Path(path)
-    with whole_folder(folder) as place:
+    """Write a ``pushlog/1`` folder. It appears as a whole; a log that is there is replaced as a whole.
+
+    Raises :class:`InputError` for a folder that holds files that are no part of a log.
+    """
+    with whole_folder(path, *LOG_FILES) as place:
         write_atomically(place / "trials.csv", table_text(log.trials))
         write_atomically(place / "samples.csv", table_text(log.samples))
         write_json(place / "rig.json", rig_to_json(log.rig))

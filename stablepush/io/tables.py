@@ -58,7 +58,7 @@ def read_table(
                     continue
                 lines.append(reader.line_num)
                 if stamps and len(row) == 1:
-                    row += [""] * (len(header) - 1)
+                    row.extend([""] * (len(header) - 1))
                 if len(row) != len(header):
                     raise InputError(
                         f"line {reader.line_num}: column {header[min(len(row), len(header) - 1)]}",

@@ -11,6 +11,8 @@ from stablepush.core import FloatArray, InputError, UnavailableError, read_only
 from stablepush.io import whole_folder
 from stablepush.planning.trajectory import PHASES, Trajectory
 
+#: Files of a bag.
+_FILES = ("metadata.yaml", "*.db3", "*.mcap")
 #: Topics: paths of the slider's body frame, of the pusher's and of the tool's, velocities of the pusher in W (three numbers a
 #: pose), and segments followed by contacts and phases (numbers of ``PHASES``), one each a pose.
 SLIDER, PUSHER, TOOL = "/stablepush/slider_path", "/stablepush/pusher_path", "/stablepush/tool_path"
@@ -79,7 +81,7 @@ def save_rosbag(trajectory: Trajectory, path: str | Path, frame_id: str = "map",
     messages[COMMAND] = types["trajectory_msgs/msg/MultiDOFJointTrajectory"](
         header=types["std_msgs/msg/Header"](stamp=_stamp(types, 0.0), frame_id=frame_id), joint_names=[name], points=points
     )
-    with whole_folder(path) as folder:
+    with whole_folder(path, *_FILES) as folder:
         with writer_class(folder / "bag", version=9) as bag:
             for topic, message in messages.items():
                 connection = bag.add_connection(topic, message.__msgtype__, typestore=store)

@@ -7,7 +7,6 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -366,21 +365,21 @@ def test_the_diagnosing_process_gets_the_log_alone(tmp_path: Path, monkeypatch: 
     from stablepush.blind import check as module
 
     seen: dict[str, object] = {}
-    run = subprocess.run
+    run = module.run_child
 
-    def spy(command: list[str], **more: Any) -> subprocess.CompletedProcess[str]:
-        if command[2].endswith("diagnoser"):
-            there = Path(more["cwd"])
-            seen["files"] = sorted(f.relative_to(there).as_posix() for f in there.rglob("*") if f.is_file())
-            seen["command"], seen["input"] = command[3:], more.get("input")
-        return run(command, **more)
+    def spy(name: str, arguments: list[str], line: str = "", folder: Path | None = None) -> tuple[int, str]:
+        if name.endswith("diagnoser"):
+            assert folder is not None
+            seen["files"] = sorted(f.relative_to(folder).as_posix() for f in folder.rglob("*") if f.is_file())
+            seen["command"], seen["input"] = arguments, line
+        return run(name, arguments, line, folder)
 
-    monkeypatch.setattr(module.subprocess, "run", spy)
+    monkeypatch.setattr(module, "run_child", spy)
     check = module.BlindCheck(tmp_path / "check", "mujoco", 1, seed=3, pushes=4)
     check.seal(said)
     check.diagnose(said)
     assert seen["files"] == ["log/rig.json", "log/samples.csv", "log/trials.csv"]
-    assert seen["command"] == ["log", "answer.json"] and seen["input"] is None
+    assert seen["command"] == ["log", "answer.json"] and seen["input"] == ""
 
 
 def test_a_diagnosis_that_breaks_down_is_an_answer(tmp_path: Path) -> None:

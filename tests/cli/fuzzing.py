@@ -205,8 +205,8 @@ def broken(path: Path, rng: np.random.Generator) -> None:
 def seeds(folder: Path) -> dict[str, Path]:
     """Write one valid input of every kind."""
     from stablepush.demo import demo_pokes, demo_slider
+    from stablepush.io import write_json
     from stablepush.io.formats import contact_to_json, slider_to_json
-    from stablepush.io.json_files import write_json
 
     sp.write_pushlog(demo_pokes(6), folder / "log")
     log = sp.read_pushlog(folder / "log")

@@ -8,7 +8,7 @@ import sys
 import pytest
 from conftest import one_line
 
-from stablepush.io.json_files import write_json
+from stablepush.io import write_json
 
 COMMANDS = {
     "fit": ["fit", "{log}", "-o", "{out}"],

@@ -11,7 +11,7 @@ from conftest import one_line
 
 import stablepush as sp
 from stablepush.cli import main
-from stablepush.io.json_files import write_json
+from stablepush.io import write_json
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 
 import stablepush as sp
 from stablepush.cli import main
-from stablepush.io.json_files import write_json
+from stablepush.io import write_json
 from stablepush.io.tables import read_table
 
 

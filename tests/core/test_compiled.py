@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from stablepush.cli import building
-from stablepush.core import BuildLock
+from stablepush.core import BuildLock, isolated_environment, start_child
 
 SOURCE = """
 from stablepush.core import compiled
@@ -208,12 +207,16 @@ def test_a_process_does_not_wait_again_and_again(tmp_path, monkeypatch):
 
 
 def test_a_helper_ends_with_its_parent_and_reads_no_module_of_the_current_folder(tmp_path, monkeypatch):
-    (tmp_path / "numba.py").write_text("raise SystemExit(77)")
+    for name in ("numba", "random", "stablepush"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit(77)")
     monkeypatch.chdir(tmp_path)
-    with building._start(0) as helper:
+    helper = start_child("stablepush.cli.building", ["0"])
+    helper.stdin.write("\n")
+    helper.stdin.flush()
+    with helper:
         helper.stdin.close()
         assert helper.wait(timeout=120) == 1
-    found = subprocess.run([sys.executable, "-c", "import numba"], env=building._environment(), check=False)
+    found = subprocess.run([sys.executable, "-c", "import numba"], env=isolated_environment(), check=False)
     assert found.returncode == 0
 
 

@@ -14,11 +14,12 @@ import pytest
 from conftest import make_log
 
 import stablepush as sp
-from stablepush.io.json_files import open_text, write_atomically, write_json
+from stablepush.io.json_files import open_text
+from stablepush.io.writing import write_atomically, write_json
 
 WRITER = """
 import sys
-from stablepush.io.json_files import write_json
+from stablepush.io import write_json
 word, target = sys.argv[1:]
 print("ready", flush=True)
 while True:

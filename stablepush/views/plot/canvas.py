@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from stablepush.core import InputError
+from stablepush.core import InputError, shown
 from stablepush.io import write_atomically
 from stablepush.objects import PushContact
 
@@ -25,6 +25,8 @@ COUNTER_CLOCKWISE, CLOCKWISE = "#0072B2", "#E69F00"
 SLIDER, PUSHER, OBSTACLE, START, GOAL, LOST = "#999999", "#D55E00", "#4D4D4D", "#0072B2", "#009E73", "#CC3311"
 #: Projections that no flat picture is drawn in.
 _OTHER = ("3d", "polar")
+#: Characters of a label that is a name.
+_LONGEST_LABEL = 40
 #: Pixels an inch of PNG pictures.
 PNG_DPI = 150
 SENSES = ((1, "counter-clockwise", COUNTER_CLOCKWISE), (-1, "clockwise", CLOCKWISE))
@@ -49,6 +51,11 @@ def figure_of(drawn: Drawn) -> Figure:
     figure = np.ravel(drawn)[0].get_figure(root=True)  # type: ignore[arg-type]
     assert figure is not None
     return figure
+
+
+def plain(name: object) -> str:
+    """Return a name that a file gave as a label: no formula, no control characters, and short."""
+    return shown(name, _LONGEST_LABEL).replace("$", r"\$")
 
 
 def canvas(size: tuple[float, float], equal: bool = True, ax: Axes | None = None, **projection: str) -> Axes:

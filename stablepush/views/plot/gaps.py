@@ -21,7 +21,7 @@ from stablepush.effects import (
     friction_over_speed,
 )
 from stablepush.geometry import rotate_vectors
-from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, OBSTACLE, PUSHER, SLIDER, canvas, legend, panels
+from stablepush.views.plot.canvas import CLOCKWISE, COUNTER_CLOCKWISE, OBSTACLE, PUSHER, SLIDER, canvas, legend, panels, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -224,7 +224,7 @@ def plot_forms(report: GapReport, ax: ArrayLike | None = None) -> np.ndarray:
     shown = panels((columns * 4.2, rows * 3.5), rows, columns, ax).ravel()
     for axes, entry in zip(shown, entries, strict=False):
         _CURVES[entry.effect](axes, entry, report)
-        axes.set_title(entry.effect)
+        axes.set_title(plain(entry.effect))
     for axes in shown[len(entries) :]:
         axes.set_axis_off()
     return shown[: len(entries)]
@@ -249,14 +249,14 @@ def plot_signatures(report: GapReport, ax: ArrayLike | None = None) -> np.ndarra
             # a component that the effect leaves alone says nothing of it
             if sizes[k] > _UNTOUCHED * sizes.max():
                 style = {"linestyle": "none", "marker": marker, "markersize": 4, "color": color, "alpha": 0.7}
-                axes.plot(given[:, k], left[:, k], label=signature.parts[k], **style)
+                axes.plot(given[:, k], left[:, k], label=plain(signature.parts[k]), **style)
         axes.axhline(0.0, color=OBSTACLE, linewidth=0.8)
         axes.axline((0.0, 0.0), slope=1.0, color="black", linewidth=1.4)
         axes.grid(visible=True, color="0.9", linewidth=0.6)
         axes.locator_params(axis="x", nbins=5)
         axes.set_xlabel(f"predicted by the effect [{unit.strip()}]")
         axes.set_ylabel(f"measured, other causes removed [{unit.strip()}]")
-        axes.set_title(signature.effect, fontsize=11)
+        axes.set_title(plain(signature.effect), fontsize=11)
         axes.legend(fontsize=8, framealpha=0.5, edgecolor="none")
     return np.asarray(shown)
 
@@ -303,7 +303,7 @@ def _name_pushes(axes: Axes, report: GapReport, told: bool = True) -> None:
     if not report.logs and names:
         places = sorted(names)
         shown = places[:: math.ceil(len(places) / (4 if max(map(len, names.values())) > _SHORT else 10))]
-        axes.set_xticks(shown, labels=[names[place] for place in shown])
+        axes.set_xticks(shown, labels=[plain(names[place]) for place in shown])
 
 
 def _over_direction(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
