@@ -9,6 +9,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -41,16 +42,14 @@ def run_child(module: str, arguments: Sequence[str], line: str = "", folder: Pat
     ``line``: what it reads first.
     """
     with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as error:
-        child = start_child(module, arguments, error, folder)
-        try:
-            child.stdin.write(f"{line}\n")
-            child.stdin.flush()
-            code = child.wait()
-        except BrokenPipeError:
-            code = child.wait()
-        finally:
-            child.kill()
-            child.wait()
+        with start_child(module, arguments, error, folder) as child:
+            try:
+                with suppress(BrokenPipeError):
+                    child.stdin.write(f"{line}\n")
+                    child.stdin.flush()
+                code = child.wait()
+            finally:
+                child.kill()
         error.seek(0)
         said = error.read().strip().splitlines()
     return code, said[-1] if said else ""

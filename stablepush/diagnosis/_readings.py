@@ -7,22 +7,19 @@ import math
 from stablepush.core import compiled, inner
 from stablepush.effects import FASTEST, PLACE, SLOWEST
 from stablepush.geometry.kernels import exp_of
-from stablepush.mechanics.kernels import share_at_place, share_at_speed
+from stablepush.mechanics.kernels import joint_anisotropy, share_at_place, share_at_speed
 
 
 @inner
-def _direction(vx, vy, xx, xy, mean):  # type: ignore[no-untyped-def]
-    """Friction along the direction of a velocity, over its geometric mean along the principal axes. Its squares there, over their
-    own mean, are ``1 ± √(xx² + xy²)``; ``mean``: :func:`_mean`."""
-    ax, ay = vx + xx * vx + xy * vy, vy + xy * vx - xx * vy
-    size = mean * math.sqrt(max(1e-12, vx * ax + vy * ay))
-    return ax / size, ay / size
-
-
-@inner
-def _mean(a, b):  # type: ignore[no-untyped-def]
-    """The geometric mean of friction along the principal axes, over the root of the mean of their squares."""
-    return max(1e-3, 1.0 - a * a - b * b) ** 0.25
+def _principal(a, b):  # type: ignore[no-untyped-def]
+    """Entries ``xx, xy, yy`` of ``A`` and of ``A²``: friction along its principal axes, over the geometric mean. Its squares,
+    over their own mean, are ``1 ± √(a² + b²)``, the greater along ``atan2(b, a)/2``."""
+    share = min(math.sqrt(a * a + b * b), 1.0 - 1e-6)
+    mean = (1.0 - share * share) ** 0.25
+    great, small = math.sqrt(1.0 + share), math.sqrt(1.0 - share)
+    middle, half = 0.5 * (great + small) / mean, 1.0 / ((great + small) * mean)
+    square = mean * mean
+    return (middle + half * a, half * b, middle - half * a), ((1.0 + a) / square, b / square, (1.0 - a) / square)
 
 
 @inner
@@ -60,7 +57,9 @@ def read(  # type: ignore[no-untyped-def]
     slope, bias, angle, delay and offset. All 0 without effects. ``tool`` (n,): heading of the pusher, which carries the sensor.
     """
     split = matrix.shape[0] > 0
-    mean_w, mean_b = _mean(theta[0], theta[1]), _mean(theta[2], theta[3])
+    table, _ = _principal(theta[0], theta[1])
+    _, body = _principal(theta[2], theta[3])
+    isotropic = theta[0] == 0.0 and theta[1] == 0.0 and theta[2] == 0.0 and theta[3] == 0.0
     for i in range(pose.shape[0]):
         x, y, angle = pose[i, 0], pose[i, 1], pose[i, 2]
         vx, vy, w = twist[i, 0], twist[i, 1], twist[i, 2]
@@ -77,9 +76,7 @@ def read(  # type: ignore[no-untyped-def]
         ox, oy = theta[17] + late * theta[51], theta[18] + late * theta[52]
         x, y = x - c * ox + s * oy, y - s * ox - c * oy
         vx, vy = vx + w * oy, vy - w * ox
-        cos2, sin2 = c * c - s * s, 2 * c * s
-        # the table's anisotropy in B
-        xx, xy = theta[0] * cos2 + theta[1] * sin2, theta[1] * cos2 - theta[0] * sin2
+        mxx, mxy, myy = joint_anisotropy(table, body, c, s)
         hump = 4 * order[i] * (1.0 - order[i])
         scale = 1.0 + theta[7] * order[i] + hump * (theta[37] + 4 * late * (theta[38] + 2 * late * theta[39]))
         waves_w = theta[20] != 0.0 or theta[21] != 0.0 or theta[22] != 0.0 or theta[23] != 0.0
@@ -100,10 +97,10 @@ def read(  # type: ignore[no-untyped-def]
             speed = math.sqrt(ux * ux + uy * uy + 1e-18)
             ex, ey = ux / speed, uy / speed
             nx, ny = ex, ey
-            if theta[0] != 0.0 or theta[1] != 0.0:
-                ex, ey = _direction(ex, ey, xx, xy, mean_w)
-            if theta[2] != 0.0 or theta[3] != 0.0:
-                ex, ey = _direction(ex, ey, theta[2], theta[3], mean_b)
+            if not isotropic:
+                mx, my = mxx * nx + mxy * ny, mxy * nx + myy * ny
+                size = math.sqrt(max(1e-12, nx * mx + ny * my))
+                ex, ey = mx / size, my / size
             if waves_w:
                 # from B into W the angle is greater by the heading
                 mx, my = _waves(nx, ny, c, -s, theta, 20)

@@ -261,11 +261,11 @@ def pushes_of(groups: Sequence[str]) -> np.ndarray:
 
 def _stands(poses: FloatArray, noise: Noise | None) -> bool:
     """Whether poses (n, 3) in the order of time are one, but for the stated noise: none is far off, nor do the means of the first
-    and the second half differ."""
+    and the second half differ. Without a stated noise they have to be the same."""
     half = len(poses) // 2
-    if noise is None or not half:
+    if not half:
         return False
-    sizes = np.array((noise.position, noise.position, noise.angle))
+    sizes = np.zeros(3) if noise is None else np.array((noise.position, noise.position, noise.angle))
     off = poses - poses[0]
     off[:, 2] = wrap_angle(off[:, 2])
     moved = np.abs(off[:half].mean(axis=0) - off[-half:].mean(axis=0))

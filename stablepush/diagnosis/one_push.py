@@ -21,6 +21,7 @@ from stablepush.io import PushLog
 #: p-value below which a push ends elsewhere than simulated.
 _OFF = 1e-3
 _WHY = "one push cannot tell causes apart"
+_WHY_STILL = "did the tracker freeze, or the fingers miss?"
 _TOO_LITTLE = "the log has fewer than two pushes in which the slider is seen to move: it cannot be diagnosed"
 
 
@@ -32,7 +33,7 @@ def of_one_push(log: PushLog, name: str, observations: Observations) -> GapRepor
     """
     pushes = replays(log, observations)
     if len(pushes) != 1:
-        return _too_little(log, name)
+        return _too_little(log, name, observations)
     believed, slider, noise = nominal_of(log.rig), log.rig.slider, noise_of(log.rig, observations, 1.0)
     mu = log.rig.contact_friction if log.rig.contact_friction is not None else 1.0
     (error,), (moved,) = carried(pushes, friction_of(believed, believed.points, {}, 0.0), slider, mu, noise)
@@ -40,7 +41,7 @@ def of_one_push(log: PushLog, name: str, observations: Observations) -> GapRepor
     own = np.array((noise.position, noise.position, rho * noise.angle))
     variance = own**2 + moved**2 + rigid_square(slider) / 3
     if not np.isfinite(error + variance).all():
-        return _too_little(log, name)
+        return _too_little(log, name, observations)
     far, floor = float(np.linalg.norm(error)), float(np.sqrt(variance.sum()))
     p = float(chi2.sf((error**2 / variance).sum(), 3))
     where = f"{1000 * float(np.hypot(*error[:2])):.3g} mm and {abs(math.degrees(error[2] / rho)):.2g} deg"
@@ -51,7 +52,10 @@ def of_one_push(log: PushLog, name: str, observations: Observations) -> GapRepor
     return without_causes(log, name, verdict, [gap], [reduced], sentence, [], dict.fromkeys(CATALOGUE, _WHY))
 
 
-def _too_little(log: PushLog, name: str) -> GapReport:
-    """The answer to a log that can show nothing."""
+def _too_little(log: PushLog, name: str, observations: Observations) -> GapReport:
+    """The answer to a log that can show nothing. A slider that no push moves is not as simulated, whatever the reason."""
+    still = len(observations.still)
     sentence = f"{_TOO_LITTLE[0].upper()}{_TOO_LITTLE[1:]}."
-    return without_causes(log, name, Verdict.NONE, [], [], sentence, [_TOO_LITTLE], UNSEEN)
+    if still:
+        sentence += f" In {still} of {len(log)} pushes it stands: {_WHY_STILL}"
+    return without_causes(log, name, Verdict.UNKNOWN if still else Verdict.NONE, [], [], sentence, [_TOO_LITTLE], UNSEEN)

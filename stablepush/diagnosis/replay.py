@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -13,7 +13,7 @@ import numpy as np
 
 from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError, in_threads
 from stablepush.diagnosis.fingers_seen import finger_places
-from stablepush.diagnosis.nominal import Nominal
+from stablepush.diagnosis.nominal import Nominal, nominal_of
 from stablepush.diagnosis.observations import Observations
 from stablepush.effects import principal
 from stablepush.geometry import (
@@ -48,6 +48,10 @@ MOVING: Mapping[str, float] = {
 _THIN = 1e-4
 #: Largest number of pieces of constant twist that stand for a logged path, but for one in which the pusher stands at its end.
 _MOST_PIECES = 16
+#: A final pose is told if noise of the first pose moves it by no more than so many times that noise.
+AMPLIFIED = 10.0
+#: Least rows of a stretch of a push, and noise of poses where none is stated: what it is does not matter, how it grows does.
+_FEWEST_ROWS, _NOISE = 4, Noise(0.0, 1e-4, 1e-3)
 #: Lever (m) by which turns of the pusher count as travel, and how near (m) it is to its last place when it stands.
 _ARM, _STANDS = 0.05, 3e-4
 #: Draws of the noise of first poses.
@@ -124,6 +128,12 @@ class _Sheet:
         rows = self.log.rows(trial)
         return np.asarray(rows[np.argsort(self.times[rows], kind="stable")])
 
+    def path(self, trial: str) -> np.ndarray:
+        """Rows of a trial, in the order of time, in which slider and pusher are seen."""
+        rows = self.rows(trial)
+        rows = rows[self.known[rows]]
+        return np.asarray(rows[distinct(self.times[rows])])
+
     def contact(self, rows: np.ndarray) -> PushContact | None:
         """Where two fingers are nearest to the outline in the first row that shows it, else the contact points that it logs."""
         known, touched = rows[self.known[rows]], rows[self.touched[rows]]
@@ -151,23 +161,55 @@ def first_contacts(log: PushLog, observations: Observations) -> dict[int, PushCo
 
 
 def replays(log: PushLog, observations: Observations) -> list[Replay]:
-    """Return the pushes of a log whose path is known, and where the slider was before and after."""
+    """Return the pushes of a log whose path is known, and where the slider was before and after.
+
+    A push by one finger is unstable: after some widths of the slider nobody can tell from its first pose where it ends. It is
+    replayed in stretches, each from where the slider was seen, that are as long as its end can be told from their first pose.
+    """
     if log.rig.contact_kind == "held":
         return []
     sheet = _Sheet(log, observations)
-    found = []
+    whole, paths = [], {}
     for k, name in enumerate(observations.names):
         # a pusher whose poses jump farther than anything moves
         with suppress(InputError):
-            found.append(_logged(sheet, k, name) or _commanded(sheet, k, name))
-    return [push for push in found if push is not None]
+            rows = sheet.path(name)
+            push = _logged(sheet, k, rows) or _commanded(sheet, k, name)
+            if push is not None:
+                whole.append(push)
+                paths[push] = rows
+    return list(_in_stretches(sheet, whole, paths))
 
 
-def _logged(sheet: _Sheet, trial: int, name: str) -> Replay | None:
-    """A push by the pusher's logged path."""
-    rows = sheet.rows(name)
-    rows = rows[sheet.known[rows]]
-    rows = rows[distinct(sheet.times[rows])]
+def _in_stretches(sheet: _Sheet, pushes: list[Replay], paths: Mapping[Replay, np.ndarray]) -> Iterator[Replay]:
+    """Yield pushes whose final pose can be told, and the halves of others by a logged path, and theirs."""
+    rig = sheet.log.rig
+    believed, noise = nominal_of(rig), rig.noise or _NOISE
+    table = friction_of(believed, believed.points, {}, 0.0)
+    own = np.linalg.norm((noise.position, noise.position, rig.slider.characteristic_length * noise.angle))
+    while pushes:
+        _, moved = carried(pushes, table, rig.slider, sheet.mu, noise)
+        halves: list[Replay] = []
+        for push, far in zip(pushes, np.linalg.norm(moved, axis=1), strict=True):
+            rows = paths[push]
+            # where it cannot be simulated, or has too few rows, nothing is gained
+            if not far > AMPLIFIED * own or not push.logged or len(rows) < 2 * _FEWEST_ROWS:
+                yield push
+                continue
+            middle = len(rows) // 2
+            parts = [(part, _logged(sheet, push.trial, part)) for part in (rows[: middle + 1], rows[middle:])]
+            if any(half is None for _, half in parts):
+                yield push
+                continue
+            for part, half in parts:
+                if half is not None:
+                    halves.append(half)
+                    paths = {**paths, half: part}
+        pushes = halves
+
+
+def _logged(sheet: _Sheet, trial: int, rows: np.ndarray) -> Replay | None:
+    """A push, or a stretch of one, by the pusher's logged path in these rows."""
     if len(rows) < 2:
         return None
     rows = _knots(rows, sheet.pushers, sheet.phases)

@@ -29,7 +29,7 @@ from stablepush.diagnosis.equations import (
 from stablepush.diagnosis.forward import PARAMETERS, SMALL, ForwardModel
 from stablepush.diagnosis.nominal import CELLS, nominal_of, unit_loads
 from stablepush.diagnosis.observations import Observations, beyond_noise, contact_velocity, pushes_of, rows_of, smeared
-from stablepush.diagnosis.replay import Replay, carried, friction_of, pose_errors
+from stablepush.diagnosis.replay import AMPLIFIED, Replay, carried, friction_of, pose_errors
 from stablepush.diagnosis.row_noise import of_readings, of_turns
 from stablepush.effects import FAMILIES, LabEffect, LogRows
 from stablepush.io import Noise, Rig
@@ -50,8 +50,6 @@ _FRICTION_OF_SPEED = 0.05
 _STEADY = 0.3
 #: Noise of a gain of speed, over that of a difference of poses: three times the standard deviation of differences of differences.
 _OF_NOISE = 1.8
-#: A push does not measure its final pose if noise of its first pose moves that pose so many times as far as noise of its last.
-_AMPLIFIED = 10.0
 #: Motions over which pressures are compared.
 _MOTIONS = 150
 #: Effects that show in the clearances between fingers and outline, and numbers of their parameters.
@@ -215,7 +213,7 @@ class System(Equations):
         nominal, moved = carried(pushes, table, self.rig.slider, self.mu, self.noise)
         self._nominal_errors = dict(zip(pushes, nominal, strict=True))
         own = np.array((self.noise.position, self.noise.position, self.rho * self.noise.angle))
-        kept = np.linalg.norm(moved, axis=1) <= _AMPLIFIED * np.linalg.norm(own)
+        kept = np.linalg.norm(moved, axis=1) <= AMPLIFIED * np.linalg.norm(own)
         left = ~kept & np.isfinite(moved).all(axis=1)
         self.unpredictable = [push for push, out in zip(pushes, left, strict=True) if out], np.hypot(moved[left], own)
         return [push for push, good in zip(pushes, kept, strict=True) if good], np.hypot(moved[kept], own)

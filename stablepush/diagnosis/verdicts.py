@@ -9,7 +9,7 @@ import numpy as np
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.attribution import Attribution
-from stablepush.diagnosis.equations import OF_PRESSURE, robust_variance
+from stablepush.diagnosis.equations import ANISOTROPIES, OF_PRESSURE, robust_variance
 from stablepush.diagnosis.folds import folds_of, predicted
 from stablepush.diagnosis.forward import PARAMETERS
 from stablepush.diagnosis.gap_reduction import (
@@ -44,6 +44,8 @@ _UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
 _NO_FIT = 4.0
 #: Nor are means of trials so large over the noise, in mean square, if repeats of a push share them with so small a p-value.
 _COMMON, _P_COMMON = 8.0, 1e-3
+#: Places of the last wave of a family of anisotropy in its values: two lobes, four, six.
+_WAVES = 4
 #: So many pushes whose fingers slip though the nominal simulation calls them stable are not "none".
 _SLIPPING = 2
 #: A p-value as small is significant. Pose errors are if they are also so many times their floor.
@@ -114,6 +116,9 @@ def judge(
     elif found.named and not system.opened and _spoils_poses(held, reduced):
         # a form that the catalogue does not have cannot be simulated
         verdict, unnamed = Verdict.UNKNOWN, "its correction would throw off final poses that the nominal simulation has right"
+    elif waves := _other_waves(found):
+        # with another law of friction, what the fingers do is no measure of theirs either
+        verdict, unnamed = Verdict.UNKNOWN, waves
     elif leaves_lost_pushes(system, found, held, pushes):
         verdict, unnamed = Verdict.UNKNOWN, "pushes that the nominal simulation has elsewhere end as far from where it puts them"
     elif patterned and not explains_most(held, found.named):
@@ -127,6 +132,26 @@ def judge(
     else:
         verdict = nameless()
     return Judgement(verdict, effects, apart, gaps, clear, reduced, touch, lost, slipping, share, p_share, unnamed)
+
+
+def _other_waves(found: Attribution) -> str:
+    """Why friction over direction is no anisotropy; blank if it is, or is even.
+
+    Anisotropy has two lobes, of an amplitude of half the difference of its squares over their mean. A family may give it more of
+    four and six; where these are larger it is another law, of which anisotropy is the part that its family happens to hold.
+    """
+    for id in ANISOTROPIES:
+        if id in found.named and len(values := found.final.values.get(id, ())) > _WAVES:
+            two, *others = (float(np.hypot(*values[k : k + 2])) for k in range(0, _WAVES + 1, 2))
+            largest = int(np.argmax(others))
+            if others[largest] > two / 2:
+                lobes = 4 + 2 * largest
+                maker = "; four are those of a simulator's pyramidal friction cone" if lobes == 4 else ""
+                return (
+                    f"friction over direction has {lobes} lobes of an amplitude of {others[largest]:.3f}, larger than the two that "
+                    f"anisotropy has{maker}"
+                )
+    return ""
 
 
 def _fits_nothing(system: System, held: HeldOut, size: float, shared: bool) -> bool:

@@ -265,8 +265,8 @@ def test_logs_that_can_show_nothing():
     log = make_log(count=16, rows=3, noise=None)
     still = {**log.samples, **{name: np.zeros(len(log.samples["t"])) for name in ("x", "y", "theta")}}
     report = sp.diagnose(sp.PushLog(log.rig, log.trials, still))
-    assert check_schema(report)["verdict"] == "none"
-    assert "cannot be diagnosed" in report.sentence
+    assert check_schema(report)["verdict"] == "unknown"
+    assert "cannot be diagnosed" in report.sentence and "did the tracker freeze" in report.sentence
     assert gap_html(report).count(">not identifiable from this log: needs ") == len(CATALOGUE)
     axes = plot_effects(report)
     assert [bar.get_width() for bar in axes.patches] == [0.0] * len(CATALOGUE)

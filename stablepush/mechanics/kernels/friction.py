@@ -79,6 +79,20 @@ def share_at_speed(speed, slope, reference):  # type: ignore[no-untyped-def]
 
 
 @inner
+def joint_anisotropy(world, body, c, s):  # type: ignore[no-untyped-def]
+    """Entries ``xx, xy, yy`` of ``M = A_w M_o A_w`` in B, of a slider turned by (c, s); ``world``: of ``A_w`` in W, ``body``: of
+    ``M_o`` in B. A point of friction 1 that moves by ``w`` takes the force ``M w/√(w·M w)``."""
+    a, b, d = world
+    axx = c * c * a + 2 * c * s * b + s * s * d
+    axy = c * s * (d - a) + (c * c - s * s) * b
+    ayy = s * s * a - 2 * c * s * b + c * c * d
+    oxx, oxy, oyy = body
+    pxx, pxy = axx * oxx + axy * oxy, axx * oxy + axy * oyy
+    pyx, pyy = axy * oxx + ayy * oxy, axy * oxy + ayy * oyy
+    return pxx * axx + pxy * axy, pxx * axy + pxy * ayy, pyx * axy + pyy * ayy
+
+
+@inner
 def _friction_of_points(table, at, vx, vy, w):  # type: ignore[no-untyped-def]
     """Load of the points, with all that changes their friction."""
     fx = fy = tau = 0.0
@@ -93,16 +107,7 @@ def _friction_of_points(table, at, vx, vy, w):  # type: ignore[no-untyped-def]
     plain = table.isotropic
     mxx, mxy, myy = 1.0, 0.0, 1.0
     if not plain:
-        # A_w in B, then M = A_w M_o A_w
-        c, s = at.cos, at.sin
-        a, b, d = table.world_anisotropy[0], table.world_anisotropy[1], table.world_anisotropy[2]
-        axx = c * c * a + 2 * c * s * b + s * s * d
-        axy = c * s * (d - a) + (c * c - s * s) * b
-        ayy = s * s * a - 2 * c * s * b + c * c * d
-        oxx, oxy, oyy = table.body_anisotropy[0], table.body_anisotropy[1], table.body_anisotropy[2]
-        pxx, pxy = axx * oxx + axy * oxy, axx * oxy + axy * oyy
-        pyx, pyy = axy * oxx + ayy * oxy, axy * oxy + ayy * oyy
-        mxx, mxy, myy = pxx * axx + pxy * axy, pxx * axy + pxy * ayy, pyx * axy + pyy * ayy
+        mxx, mxy, myy = joint_anisotropy(table.world_anisotropy, table.body_anisotropy, at.cos, at.sin)
     for k in range(n):
         x, y = table.points[k, 0], table.points[k, 1]
         px, py = vx - w * y, vy + w * x
