@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from stablepush.core import BoolArray, ConvergenceError, Deadline, FloatArray, InputError, OutOfTimeError, UnsupportedContactError
+from stablepush.core import BoolArray, ConvergenceError, Deadline, FloatArray, InputError, UnsupportedContactError
 from stablepush.geometry import compose, exp
 from stablepush.planning import (
     PlanningProblem,
@@ -25,7 +25,7 @@ from stablepush.planning import (
 )
 from stablepush.planning.kernels import Body
 from stablepush_planners._connection import Connections, connect
-from stablepush_planners._goal import Goal, at_goal, least_time, unobstructed_times
+from stablepush_planners._goal import Goal, least_time, unobstructed_times
 from stablepush_planners._search import Graph
 from stablepush_planners._transfer import ANY_PATH, KNOWN_PATHS, Bodies, Transfers, route_between
 from stablepush_planners.blend import blended
@@ -76,8 +76,9 @@ class PlanningContext:
     """
 
     def __init__(self, problem: PlanningProblem, options: PlanOptions, deadline: Deadline) -> None:
-        if deadline.passed():
-            raise OutOfTimeError("the deadline has passed")
+        if len(problem.contacts) > _MOST_CONTACTS:
+            raise InputError("contacts", f"expected at most {_MOST_CONTACTS}", len(problem.contacts))
+        deadline.check()
         self.problem, self.deadline, self._rate = problem, deadline, options.max_twist_rate
         self.infeasible_reason, self.bound = "", 0.0
         self.world = world_of(problem)
@@ -85,12 +86,11 @@ class PlanningContext:
         self.field = DistanceField(problem)
         self.routes: Routes | None = None
         if len(problem.contacts) > 1:
-            self.routes = routes_of(problem)
-        if len(problem.contacts) > _MOST_CONTACTS:
-            raise InputError("contacts", f"expected at most {_MOST_CONTACTS}", len(problem.contacts))
+            self.routes = routes_of(problem, deadline)
         self.stable: dict[int, StableSet] = {}
         refused: UnsupportedContactError | None = None
         for i in range(len(problem.contacts)):
+            deadline.check()
             try:
                 self.stable[i] = StableSet(problem, i, options, deadline)
             except UnsupportedContactError as error:
@@ -100,6 +100,7 @@ class PlanningContext:
             raise refused
         self.steerings: dict[int, Steering] = {}
         for i, stable in self.stable.items():
+            deadline.check()
             for headings in self._steered(stable):
                 found = steering(problem, stable, headings)
                 if found is not None:
@@ -276,22 +277,6 @@ class PlanningContext:
         ends = [backed_off(dock, route)[:2] for dock, route in zip(docks, retreats, strict=True)]
         points = path_among_obstacles(self.problem, pose, ends[0], ends[1], self.routes.radius)
         return None if points is None else docking_path((docks[0], docks[1]), points)
-
-    def nudge(self) -> list[ContactSegment] | None:
-        """A short push that stays within the tolerance, if the start is within it: a plan has at least one push."""
-        problem = self.problem
-        if 0 not in self.steerings or not at_goal(self.goal, *problem.start):
-            return None
-        twist = self.steerings[0].twist(0.0)
-        twist = twist * (problem.speed / float(problem.push_speed(twist)))
-        slack = problem.tolerance[0] - float(np.hypot(*(problem.start[:2] - problem.goal[:2])))
-        for length in (1e-3 * problem.slider.radius, slack / 2, slack / 16):
-            duration = length / problem.speed
-            end = compose(problem.start, exp(twist * duration))
-            usable = self.stable[0].accepts(twist[None], (float(problem.start[2]), 0.0))[0]
-            if length > 0 and usable and at_goal(self.goal, *end) and self.bodies[0].push_is_free(problem.start, twist, duration):
-                return [(0, [(twist, duration)])]
-        return None
 
 
 def stable_parts(stable: StableSet, twists: FloatArray) -> BoolArray:

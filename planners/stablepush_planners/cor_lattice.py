@@ -90,10 +90,6 @@ class _Planner:
         Returns why there is no plan, if there is none.
         """
         context = self._context
-        nudge = context.nudge()
-        if nudge is not None:
-            self._take(nudge, "the start is within tolerance")
-            return ""
         useful = self._climb(refinement_budget, context.transfers)
         if self.best is None and context.routes is not None and self._search_budget > 0:
             # the pusher may still reach another contact on a path that does not hug the slider

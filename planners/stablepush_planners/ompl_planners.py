@@ -66,9 +66,6 @@ def plan_ompl(
 
     if context.infeasible_reason:
         return without("no-path", context.infeasible_reason)
-    nudge = context.nudge()
-    if nudge is not None:
-        return context.result(nudge, name, seed, "the start is within tolerance")
     if 0 not in context.steerings:
         words = "the first contact has no stable straight push with stable turns to both sides"
         if context.stable[0].loads is not None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from stablepush.core import FloatArray, first_least, order_with_ties
+from stablepush.core import Deadline, FloatArray, first_least, order_with_ties
 from stablepush.geometry import compose, transform_points, wrap_angle
 from stablepush.objects import PushContact
 from stablepush.planning import PlanningProblem, body_of, disc_outlines, world_of
@@ -57,8 +57,8 @@ class Routes:
     points: FloatArray
 
 
-def routes_of(problem: PlanningProblem) -> Routes:
-    """Return the paths round the slider between all contacts of a problem."""
+def routes_of(problem: PlanningProblem, deadline: Deadline | None = None) -> Routes:
+    """Return the paths round the slider between all contacts of a problem; raises :class:`OutOfTimeError` at the deadline."""
     docks = np.array([contact.frame for contact in problem.contacts])
     outlines = [pusher_shapes(problem, contact) for contact in problem.contacts]
     radius = max(float(np.linalg.norm(np.concatenate(shape), axis=1).max()) for shape in outlines)
@@ -78,6 +78,8 @@ def routes_of(problem: PlanningProblem) -> Routes:
                 retreats[i] = route
     first, points = [0], [np.zeros((0, 2))]
     for i in range(len(docks)):
+        if deadline is not None:
+            deadline.check()
         for j in range(len(docks)):
             found = (np.zeros((0, 2)),) * 2
             if i != j and min(retreats[i], retreats[j]) >= 0:

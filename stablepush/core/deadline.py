@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from stablepush.core.errors import OutOfTimeError
+
 #: Time (s) that a search that was stopped has left to shorten the path that it has.
 _GRACE = 1.0
 
@@ -45,6 +47,11 @@ class Deadline:
     def passed(self) -> bool:
         """Return whether the search is to end."""
         return self.stopped or self.left() < 0
+
+    def check(self) -> None:
+        """Raise :class:`OutOfTimeError` if the computation is to end."""
+        if self.passed():
+            raise OutOfTimeError("the deadline has passed")
 
     def extend(self, seconds: float) -> None:
         """Add to the time."""

@@ -148,8 +148,8 @@ def _other_waves(found: Attribution) -> str:
                 lobes = 4 + 2 * largest
                 maker = "; four are those of a simulator's pyramidal friction cone" if lobes == 4 else ""
                 return (
-                    f"friction over direction has {lobes} lobes of an amplitude of {others[largest]:.3f}, larger than the two that "
-                    f"anisotropy has{maker}"
+                    f"friction over direction has {lobes} lobes of an amplitude of {others[largest]:.3f}, larger than the two "
+                    f"that anisotropy has{maker}"
                 )
     return ""
 

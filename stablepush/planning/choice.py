@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from stablepush.core import BoolArray, FloatArray
+from stablepush.core import BoolArray, Deadline, FloatArray
 from stablepush.geometry import normalize_wrench, unit
 from stablepush.planning.loads import PushLoads, loads_of
 from stablepush.planning.problem import PlanningProblem
@@ -45,23 +45,39 @@ class Choice:
             drawn = drawn.after(alignment_push(problem))
         # no push holds a slider that is not flush
         self._all = drawn.take(drawn.flush) if drawn.flush.any() else drawn
+        self._problem = problem
         self._contacts = range(len(problem.contacts))
-        self._compared = [_compared(problem, number) for number in self._contacts]
-        self._margins = [np.empty((0, len(twists))) for twists in self._compared]
+        self._compared: dict[int, FloatArray] = {}
+        self._margins: dict[int, FloatArray] = {}
         self._cases: dict[tuple[int, int], Case] = {}
 
-    def regions(self, count: int, left_out: int = 0) -> list[StableRegion]:
-        """Return for each contact the motions that are stable in all of the first ``count`` scenarios but some."""
+    def regions(self, count: int, left_out: int, deadline: Deadline) -> list[StableRegion]:
+        """Return for each contact the motions that are stable in all of the first ``count`` scenarios but some.
+
+        Raises :class:`OutOfTimeError` when the deadline passes; what is known by then serves the next.
+        """
         count = min(count, len(self._all))
-        new = self._all.take(np.arange(len(self._margins[0]), count))
-        if len(new):
-            self._margins = [
-                np.concatenate((known, new.margins(number, self._compared[number]))) if known.shape[1] else np.empty((count, 0))
-                for number, known in enumerate(self._margins)
-            ]
-        table = np.concatenate([margins[:count] for margins in self._margins], axis=1)
+        for number in self._contacts:
+            deadline.check()
+            self._compare(number, count)
+        table = np.concatenate([self._margins[number][:count] for number in self._contacts], axis=1)
         kept = _kept(table < -BOUNDARY_SLACK, min(left_out, count - 1))
-        return [self._region(kept, number) for number in self._contacts]
+        found = []
+        for number in self._contacts:
+            deadline.check()
+            found.append(self._region(kept, number))
+        return found
+
+    def _compare(self, number: int, count: int) -> None:
+        """Work out the margins (count, k) of a contact at the compared twists, as far as they are not known."""
+        if number not in self._compared:
+            self._compared[number] = _compared(self._problem, number)
+            self._margins[number] = np.empty((0, len(self._compared[number])))
+        known = self._margins[number]
+        new = self._all.take(np.arange(len(known), max(count, len(known))))
+        if len(new):
+            more = new.margins(number, self._compared[number]) if known.shape[1] else np.empty((len(new), 0))
+            self._margins[number] = np.concatenate((known, more))
 
     def _region(self, kept: np.ndarray, number: int) -> StableRegion:
         """The exact common region of a contact, from the scenarios that bound it: others are added while it violates them."""
@@ -104,14 +120,15 @@ class ArcChoice:
 
     def __init__(self, problem: PlanningProblem, seed: int) -> None:
         drawn = draw_scenarios(problem, MOST, seed)
-        self._all, self._contacts = drawn, range(len(problem.contacts))
-        self._margins = []
-        for number in self._contacts:
-            twists, poses = _compared_at(problem, number)
-            self._margins.append(drawn.margins(number, twists, poses))
+        self._all, self._contacts, self._problem = drawn, range(len(problem.contacts)), problem
+        self._margins: list[FloatArray] = []
 
-    def regions(self, count: int, left_out: int = 0) -> list[ArcSet]:
-        """Return for each contact the pushes that are stable in the first ``count`` scenarios but some."""
+    def regions(self, count: int, left_out: int, deadline: Deadline) -> list[ArcSet]:
+        """Return for each contact the pushes that are stable in the first ``count`` scenarios but some, as :class:`Choice` does."""
+        for number in self._contacts[len(self._margins) :]:
+            deadline.check()
+            twists, poses = _compared_at(self._problem, number)
+            self._margins.append(self._all.margins(number, twists, poses))
         count = min(count, len(self._all))
         table = np.concatenate([margins[:count] for margins in self._margins], axis=1)
         kept = _kept(table < -BOUNDARY_SLACK, min(left_out, count - 1))

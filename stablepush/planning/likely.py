@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stablepush.core import Deadline
+from stablepush.core import Deadline, OutOfTimeError
 from stablepush.planning.choice import CHOICE, choice_of
 from stablepush.planning.options import PushSet
 from stablepush.planning.problem import PlanningProblem
@@ -78,7 +78,10 @@ class _Search:
         """
         best, refined = _Candidate(PlanResult("no-path", ""), -1.0), 0
         for count, left_out in self._choices():
-            regions = self._choice.regions(count, left_out)
+            try:
+                regions = self._choice.regions(count, left_out, deadline if best.result.solved else first)
+            except OutOfTimeError:
+                break
             tried = self._tested(regions, first, 0.0)
             if not tried.result.solved and best.result.solved:
                 break
@@ -103,7 +106,11 @@ class _Search:
         for share in _LESS:
             if share >= self._level or deadline.passed() or not best.result.solved:
                 continue
-            tried = self._tested(self._choice.regions(CHOICE, round((1 - share) * CHOICE)), deadline, 0.0)
+            try:
+                regions = self._choice.regions(CHOICE, round((1 - share) * CHOICE), deadline)
+            except OutOfTimeError:
+                break
+            tried = self._tested(regions, deadline, 0.0)
             if tried.held > best.held:
                 return tried
         return best

@@ -54,6 +54,8 @@ _ROUND = float(np.cos(np.pi / 16))
 _QUARTER = 8
 #: A clearance (m) that is none.
 _NEGLIGIBLE = 1e-6
+#: A pusher that is docked may reach so far (m) into the slider: coordinates are rounded.
+_DEEP = 1e-4
 
 
 #: How much farther (over the slider's radius) than the nearest edge another one counts as near, and rounding of a cosine.
@@ -186,6 +188,7 @@ class PlanningProblem:
         # another unit is noted also where it ends in an error
         self._doubt()
         self._require_inward_normals()
+        self._require_pusher_outside()
 
     def _require_inward_normals(self) -> None:
         """Refuse a contact on the outline whose fingers would pull."""
@@ -200,6 +203,16 @@ class PlanningProblem:
                 # of a point far off the outline nobody knows which edge it is meant for
                 if away.min() < _NEARBY * self.slider.radius and (near @ normal).max() < -_BESIDE:
                     raise InputError(f"contacts[{i}].normals[{k}]", "expected a normal that points into the slider")
+
+    def _require_pusher_outside(self) -> None:
+        """Refuse a pusher whose outline, docked at a contact, fills a part of the slider."""
+        for i, contact in enumerate(self.contacts if self.pusher is not None else ()):
+            for docked in self.docked_outlines(contact):
+                shared = shapely.intersection(shapely.Polygon(docked), self.slider.polygon)
+                # what touches may overlap by what it was rounded to
+                if not shapely.buffer(shared, -_DEEP / 2).is_empty:
+                    words = f"expected a pusher that only touches; docked at contact {i} it overlaps the slider"
+                    raise InputError("pusher.outline", words, f"{1e4 * shared.area:.3g} cm²")
 
     def _doubt(self) -> None:
         """Note what looks like another unit."""

@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 
 from stablepush.core import Deadline, StablepushError, UnavailableError, what_failed
 from stablepush.planning.alignment import aligns
+from stablepush.planning.arrived import arrived
 from stablepush.planning.collision import SweptBody
 from stablepush.planning.feasibility import infeasibility
 from stablepush.planning.likely import likely_plan
@@ -70,6 +71,9 @@ class Search:
         aligning, impossible, doubt = (None, reason, "") if reason else _alignment(asked, self.options.region)
         if impossible:
             return Found(PlanResult("no-path", self.planner, seed=self.seed, message=impossible), 0.0)
+        here = None if reason or aligning is not None else arrived(asked, self.planner, self.seed)
+        if here is not None:
+            return Found(here, self.level)
         alone = asked if aligning is None else asked.starting_at(aligning.end)
 
         def attempt(regions: Sequence[StableRegion | PushSet], until: Deadline, effort: float) -> PlanResult:

@@ -10,7 +10,7 @@ from conftest import RHO, one_line, small_scene, three_feet, triangle
 
 import stablepush as sp
 from stablepush.cli import main
-from stablepush.core import binomial_interval
+from stablepush.core import Deadline, binomial_interval
 from stablepush.planning.choice import MOST, Choice, choice_of
 from stablepush.planning.scenarios import draw_scenarios, likely_surfaces
 from stablepush.planning.success import _cause, first_losses
@@ -79,7 +79,7 @@ def test_the_common_region_is_what_every_case_calls_stable():
 
 def test_chosen_scenarios_all_hold_what_is_in_their_region():
     choice = Choice(problem(), seed=0)
-    most_hold, all_hold, more_hold = (choice.regions(*asked)[0] for asked in ((100, 10), (100,), (200,)))
+    most_hold, all_hold, more_hold = (choice.regions(*asked, Deadline())[0] for asked in ((100, 10), (100, 0), (200, 0)))
     scenarios = draw_scenarios(problem(), MOST, seed=0).take(np.arange(100))
     assert more_hold.solid_angle() < all_hold.solid_angle()
     assert 0 < all_hold.solid_angle() < most_hold.solid_angle()
