@@ -9,6 +9,7 @@ import re
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +21,8 @@ from stablepush.cli.stops import STOPS
 
 #: Exit codes, besides 0 and 1, a negative answer.
 BAD_INPUT, INTERRUPTED = 2, 130
+#: How long (s) a program that was told to end has for it.
+_PATIENCE = 5.0
 #: Characters of a message that are shown at most.
 _LONGEST_NOTE = 6000
 
@@ -95,24 +98,41 @@ def _shown() -> Iterator[None]:
 def _stopped_alike() -> Iterator[None]:
     """Let the signals of a system that shuts down, of ``kill`` and of a terminal that closes end the program as Ctrl-C does.
 
-    One that is ignored, as by ``nohup``, stays ignored.
+    One that is ignored, as by ``nohup``, stays ignored. Compiled code that runs on does not keep the program from ending.
     """
 
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
+
+    def end_all_the_same() -> None:
+        # a byte, the number, is written when a signal comes; its handler is called between two steps of Python
+        while number := os.read(came, 1):
+            if number[0] in changed:
+                time.sleep(_PATIENCE)
+                os._exit(INTERRUPTED)
 
     def is_default(number: int) -> bool:
         return signal.getsignal(number) is signal.SIG_DFL
 
     mine = threading.current_thread() is threading.main_thread()
     changed = [number for number in STOPS if number != signal.SIGINT and mine and is_default(number)]
+    if not changed:
+        yield
+        return
+    came, comes = os.pipe()
+    os.set_blocking(comes, False)
     for number in changed:
         signal.signal(number, stop)
+    before = signal.set_wakeup_fd(comes, warn_on_full_buffer=False)
+    threading.Thread(target=end_all_the_same, daemon=True).start()
     try:
         yield
     finally:
+        signal.set_wakeup_fd(before)
         for number in changed:
             signal.signal(number, signal.SIG_DFL)
+        # ends the thread, which may be waiting
+        os.close(comes)
 
 
 def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:

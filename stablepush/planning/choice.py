@@ -124,7 +124,7 @@ class ArcChoice:
         self._margins: list[FloatArray] = []
 
     def regions(self, count: int, left_out: int, deadline: Deadline) -> list[ArcSet]:
-        """Return for each contact the pushes that are stable in the first ``count`` scenarios but some, as :class:`Choice` does."""
+        """Return for each contact the pushes that are stable in the first ``count`` scenarios but some, as by :class:`Choice`."""
         for number in self._contacts[len(self._margins) :]:
             deadline.check()
             twists, poses = _compared_at(self._problem, number)
