@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -97,7 +98,7 @@ def simulate(
     a list: edge (from 0), along (m, from its first vertex), direction (rad, off the inward normal), way (m), and others that
     docs/simulation.md names. Obstacles are not simulated.
     """
-    from stablepush.core import check_number, note_finger, note_friction, note_noise
+    from stablepush.core import PlausibilityWarning, check_number, note_finger, note_friction, note_noise
     from stablepush.effects import CATALOGUE, lab_effects, parse_effect
     from stablepush.io import Noise, write_pushlog
     from stablepush.mechanics import Pusher
@@ -122,6 +123,12 @@ def simulate(
     except InputError as error:
         place = error.place.removeprefix("effect").strip()
         raise InputError(f"--effect{f': {place}' if place else ''}", error.expected, error.got) from None
+    for entry in effects:
+        for parameter in CATALOGUE[entry.id].parameters:
+            if any(not parameter.low <= value <= parameter.high for value in entry.values.get(parameter.name, ())):
+                found = f"rigs are found with {parameter.low:g} to {parameter.high:g} {parameter.unit}"
+                place = f"--effect: {entry.id}: {parameter.name}"
+                warnings.warn(PlausibilityWarning(place, f"{found}: it is simulated all the same"), stacklevel=2)
     require_folder(output)
     require_files(view, read=(scene, plan_file))
     for path in (view, scene, plan_file):

@@ -98,6 +98,8 @@ def rank(system: System, found: Attribution, effects: list[str]) -> list[RankedE
         else:
             entry = _of_fit(id, system, found, effects)
         probability, parameters, seen = entry
+        # a log shows what is named from it
+        seen = seen or id in effects
         if id in apart:
             probability = shared
         elif id not in effects and probability < _MOST:

@@ -277,10 +277,13 @@ def _unseen(log: PushLog) -> Iterator[str]:
     blind, gaps, number = [], [], 0
     for name in map(str, log.trials["trial"]):
         rows = log.rows(name)
+        known = np.isfinite(body[rows]).all(axis=1)
+        lost = float(np.ptp(log.samples["t"][rows][~known])) if not known.all() else 0.0
+        unseen = not pushed[rows].any() and lost > largest_step(np.diff(log.samples["t"][rows]))
         rows = rows[pushed[rows]]
         known = np.flatnonzero(np.isfinite(body[rows]).all(axis=1))
-        number += bool(len(rows))
-        if len(rows) > 1 and len(known) < 2:
+        number += bool(len(rows)) or unseen
+        if unseen or (len(rows) > 1 and len(known) < 2):
             blind.append(name)
         elif len(rows) > 1:
             steps = np.diff(log.samples["t"][rows[known]])

@@ -17,6 +17,8 @@ from stablepush.core import InputError, Node, without_collecting
 #: Files larger than this (bytes) are refused, whatever they are read from, so that memory is bounded. A number of a table takes 8
 #: bytes there, one of JSON up to 32.
 _LARGEST_FILE, _LARGEST_JSON = 512 * 2**20, 64 * 2**20
+#: Characters that are read at a time.
+_PART = 2**18
 #: What a number has that may be too large: three digits of an exponent, or hundreds of others.
 _MAY_OVERFLOW = re.compile(r"[eE][+]?[0-9]{3}|[0-9]{300}")
 
@@ -66,11 +68,14 @@ def read_json(path: str | Path, *formats: str) -> Node:
 
 def read_text(path: str | Path, most: int = _LARGEST_FILE) -> str:
     """Read a UTF-8 text file of at most so many characters; every failure is one line that names it."""
+    parts, length = [], 0
     with open_text(path) as stream:
-        text = stream.read(most + 1)
-    if len(text) > most:
-        raise InputError("", f"expected at most {most // 2**20} million characters", file=path)
-    return text
+        while part := stream.read(_PART):
+            parts.append(part)
+            length += len(part)
+            if length > most:
+                raise InputError("", f"expected at most {most // 2**20} million characters", file=path)
+    return "".join(parts)
 
 
 @contextmanager

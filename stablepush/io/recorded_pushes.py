@@ -142,7 +142,9 @@ def phases_of(
     """
     phases = np.full(len(speed), "push", dtype=object)
     moving = np.flatnonzero(speed > _MOVES * speed.max())
-    if not len(moving):
+    if not len(moving) or travel(slider, poses) < LEAST_TRAVEL:
+        # of what is not seen to move no load is made
+        phases[:] = "rest"
         return phases
     if forces is None:
         begin, end = _in_motion(slider, poses, speed, away, moving)

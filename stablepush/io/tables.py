@@ -127,12 +127,14 @@ def _number(cell: str, name: str, line: int, column: str) -> float:
 def table_text(columns: Mapping[str, Column]) -> str:
     """Return the CSV text of columns of equal length; NaN becomes a blank, floats keep every digit."""
     stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
     cells = [
         values.tolist() if values.dtype == object else [_cell(v) for v in values.tolist()]
         for values in (np.asarray(c) for c in columns.values())
     ]
+    # a lone carriage return ends a row for readers, and is not quoted by the writer
+    returns = any("\r" in str(cell) for column in cells for cell in column if isinstance(cell, str))
+    writer = csv.writer(stream, lineterminator="\n", quoting=csv.QUOTE_ALL if returns else csv.QUOTE_MINIMAL)
+    writer.writerow(columns)
     writer.writerows(zip(*cells, strict=True))
     return stream.getvalue()
 

@@ -1,0 +1,165 @@
+"""What strangers do to a table of recordings: the same answer, or a refusal or a note that names the place.
+
+Each transformation of a faultless table has an effect on the answer that is known.
+"""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from recordings import mapping_file, recorded
+
+import stablepush as sp
+from stablepush.cli import main
+from stablepush.geometry import rotate_vectors
+
+NAMES = ("clock", "X", "Y", "yaw", "TX", "TY", "FX", "FY")
+COLUMNS = dict(zip(("t", "x", "y", "theta", "tip_x", "tip_y", "fx", "fy"), NAMES, strict=True)) | {"trial": "push"}
+#: Rows of a push.
+ROWS = 151
+
+
+def good():
+    (t, poses, tips, forces), trials, _ = recorded()
+    return np.column_stack((t, poses, tips, forces)), list(trials)
+
+
+def moved(x=0.0, y=0.0, turn=0.0, turns=0):
+    def change(rows, trials):
+        for place in (slice(1, 3), slice(4, 6)):
+            rows[:, place] = rotate_vectors(turn, rows[:, place]) + np.array((x, y))
+        rows[:, 6:8] = rotate_vectors(turn, rows[:, 6:8])
+        rows[:, 3] += turn + 2 * np.pi * turns
+        return rows, trials
+
+    return change
+
+
+def later(rows, trials):
+    rows[:, 0] += 1.7e9
+    return rows, trials
+
+
+def blocks_turned_round(rows, trials):
+    order = np.concatenate([np.arange(k * ROWS, (k + 1) * ROWS) for k in (2, 0, 1)])
+    return rows[order], [trials[k] for k in order]
+
+
+def reversed_rows(rows, trials):
+    return rows[::-1], trials[::-1]
+
+
+def doubled_rows(rows, trials):
+    return np.repeat(rows, 2, axis=0), [word for word in trials for _ in range(2)]
+
+
+def step_back(rows, trials):
+    rows[ROWS + 120 :, 0] -= 0.3
+    return rows, trials
+
+
+def renamed(word):
+    def change(rows, trials):
+        return rows, [f"{word}{name}" for name in trials]
+
+    return change
+
+
+def blank(columns, first, last):
+    def change(rows, trials):
+        rows[first:last, columns] = np.nan
+        return rows, trials
+
+    return change
+
+
+def frozen(columns, first=0, last=None):
+    def change(rows, trials):
+        rows[first:last, columns] = rows[first, columns]
+        return rows, trials
+
+    return change
+
+
+def stamps_only(rows, trials):
+    rows[7::9, 1:] = np.nan
+    return rows, trials
+
+
+POSE, TIP, FORCE = slice(1, 4), slice(4, 6), slice(6, 8)
+SAME = {
+    "1 km away": (moved(1000.0, -1000.0), 1e-6),
+    "500 km away": (moved(5e5, 3e5), 1e-4),
+    "turned by 1 rad": (moved(turn=1.0), 1e-9),
+    "turned by 50 turns": (moved(turns=50), 1e-9),
+    "seconds since 1970": (later, 1e-4),
+    "pushes in another order": (blocks_turned_round, 1e-9),
+    "rows of a lost tracker": (stamps_only, 1e-9),
+    **{f"named {word!r}": (renamed(word), 1e-9) for word in ("$\\frac{$", "\x1b[31m", "=1+1", "é" * 300, "<b>", "{{7*7}}")},
+}
+NOTED = {
+    "the tracker ends": (blank(POSE, 2 * ROWS, None), r"poses cover .* of 21\.5 s"),
+    "no pose in a push": (blank(POSE, 100, ROWS), r"1 of 3 pushes \(p0\) fewer than two rows have a pose"),
+    "no pose for a while": (blank(POSE, 110, 140), r"in 1 of 3 pushes the pose is missing for up to 0\.3"),
+    "forces stuck": (frozen(FORCE, 120), r"forces do not change in 2 of 3 pushes"),
+    "forces stuck from the first": (frozen(FORCE), r"forces do not change in any push"),
+    "tracker frozen in a push": (frozen(POSE, ROWS, 2 * ROWS), r"poses do not change in 1 of 3 pushes"),
+    "robot frozen in a push": (frozen(TIP, ROWS, 2 * ROWS), r"tip positions do not change in 1 of 3 pushes"),
+}
+REFUSED = {
+    "rows reversed": (reversed_rows, r"line \d+: column clock: expected times that grow"),
+    "rows doubled": (doubled_rows, r"line \d+: column clock: expected times that grow"),
+    "clock set back": (step_back, r"line \d+: column clock: expected times that grow"),
+}
+
+
+def run(folder, capsys, change):
+    rows, trials = change(*good())
+    lines = [",".join([*NAMES, "push"])]
+    for row, word in zip(rows.tolist(), trials, strict=True):
+        quoted = '"' + word.replace('"', '""') + '"'
+        lines.append(",".join(["" if math.isnan(v) else repr(v) for v in row] + [quoted]))
+    table = folder / "table.csv"
+    table.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    mapping = mapping_file(folder, columns=COLUMNS)
+    code = main(["import", str(table), "--mapping", str(mapping), "-o", str(folder / "log")])
+    said = capsys.readouterr()
+    for line in (said.out + said.err).splitlines():
+        assert line.isprintable()
+    return code, said.err
+
+
+@pytest.mark.parametrize("what", SAME)
+def test_the_answer_is_the_same(what, tmp_path, capsys):
+    change, tolerance = SAME[what]
+    code, said = run(tmp_path, capsys, change)
+    assert code == 0 and "note" not in said
+    _, _, loads = recorded()
+    found = sp.read_pushlog(tmp_path / "log").pairs()
+    order = np.argsort([name[-1] for name in found.trials])
+    assert found.wrenches[order] == pytest.approx(loads, abs=tolerance)
+
+
+@pytest.mark.parametrize("what", NOTED)
+def test_a_note_names_what_is_lost(what, tmp_path, capsys):
+    change, words = NOTED[what]
+    code, said = run(tmp_path, capsys, change)
+    assert code == 0
+    notes = [line for line in said.splitlines() if line.startswith("note: ")]
+    assert any(re.search(words, line) for line in notes), notes
+    # no load is made up
+    _, _, loads = recorded()
+    pairs = sp.read_pushlog(tmp_path / "log").pairs()
+    for name, load in zip(pairs.trials, pairs.wrenches, strict=True):
+        if "forces" not in what and "frozen" not in what:
+            assert load == pytest.approx(loads[int(name[1:])], abs=1e-9)
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_a_refusal_names_the_line(what, tmp_path, capsys):
+    change, words = REFUSED[what]
+    code, said = run(tmp_path, capsys, change)
+    (line,) = said.splitlines()
+    assert code == 2 and "table.csv" in line and re.search(words, line)
+    assert not (tmp_path / "log").exists()
