@@ -94,24 +94,32 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         words = " ".join([of_table] * (not all(kinds)) + [of_fingers] * any(kinds))
         found = [] if report.signatures else [(entry.effect, _numbers(entry)) for entry in drawn_forms(report)]
         sections.append(Section.with_picture("What was found", figure_png(plot_forms(report)), words, found))
-    first = len(sections)
+    first, channels = len(sections), _channels(report)
     if report.gap:
-        sections.append(Section("How large the gap is", size, [(entry.channel, _gap(entry)) for entry in report.gap]))
+        gaps = sorted(report.gap, key=lambda entry: channels.index(entry.channel))
+        sections.append(Section("How large the gap is", size, [(entry.channel, _gap(entry)) for entry in gaps]))
     left_out = "Root mean squares on held-out trials. Floor: what the noise, and the compliance of fingers and table, leave."
     if report.verdict == "absorbed":
         left_out += " No effect is named: what reduces the gap is a refitted surface."
     if report.verdict == "unknown":
         left_out += " No effect is named: what reduces the gap is a fit for which no cause is known."
     reductions = [
-        (e.channel, f"{e.sizes}; {e.explained}, {counted(e.held_out_trials, 'held-out trial')}") for e in report.reductions
+        (e.channel, f"{e.sizes}; {e.explained}, {counted(e.held_out_trials, 'held-out trial')}")
+        for e in sorted(report.reductions, key=lambda e: channels.index(e.channel))
     ]
     sections.append(Section("Gap reduction", left_out, reductions))
+    pictures: dict[str, list[Section]] = {}
     if report.residuals:
-        sections.append(Section.with_picture("Where: over the table", figure_png(plot_residuals(report))))
         text = " and ".join(f"of the {word} simulation" for word in simulations(report).values())
-        sections.append(
-            Section.with_picture("Where: heading and order", figure_png(plot_residuals_against(report)), f"Residuals {text}.")
-        )
+        pictures["wrench"] = [
+            Section.with_picture("Where: over the table", figure_png(plot_residuals(report))),
+            Section.with_picture("Where: heading and order", figure_png(plot_residuals_against(report)), f"Residuals {text}."),
+        ]
+    if report.ends and len(report.places):
+        words = "Each push is simulated again from the logged start pose, along the logged path of the pusher."
+        pictures["pose"] = [Section.with_picture("Where: final poses", figure_png(plot_final_poses(report)), words)]
+    for channel in sorted(pictures, key=channels.index):
+        sections += pictures[channel]
     if report.where:
         found = [
             (
@@ -123,9 +131,6 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         sections.append(
             Section("Where: what the errors follow", "Errors of the nominal simulation, on pushes left out of the fit.", found)
         )
-    if report.ends and len(report.places):
-        words = "Each push is simulated again from the logged start pose, along the logged path of the pusher."
-        sections.append(Section.with_picture("Where: final poses", figure_png(plot_final_poses(report)), words))
     rows = [(entry.effect, _effect(entry, report.evidence[entry.effect])) for entry in report.ranking]
     text = (
         "For each effect: its probability, its estimate with 95 % intervals, and what speaks for and against it; or why this log "
@@ -171,7 +176,8 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     lead = ", ".join(filter(None, (report.log, counted(report.trials, "push"))))
     # what convinces comes before what can be looked at row by row
     values = {"title": title, "lead": lead, "sections": sections, "first": first}
-    seen = _rows_of_loads(report) if report.residuals else _rows_of_final_poses(report)
+    looks = {"wrench": _rows_of_loads, "pose": _rows_of_final_poses}
+    seen = looks[next((name for name in channels if name in pictures), "pose")](report)
     if not seen.rows:
         return render("report.html", **values)
     about, label = seen.about, "the slider on the table with what the simulations leave, as arrows"
@@ -183,6 +189,19 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         label=label,
         data=seen.data(report.rig.slider),
     )
+
+
+def _channels(report: GapReport) -> list[str]:
+    """Channels in the order in which they show what the sentence says: first those whose gap the correction surely reduces, the
+    most reduced first; those within the noise come last."""
+    by_name = {entry.channel: entry for entry in report.reductions}
+
+    def rank(name: str) -> tuple[bool, bool, float]:
+        entry = by_name.get(name)
+        return (True, True, 0.0) if entry is None else (entry.before <= entry.noise_floor, not entry.ci95[0] > 0, -entry.closed)
+
+    names = dict.fromkeys([*by_name, *(entry.channel for entry in report.gap), "wrench", "pose"])
+    return sorted(names, key=rank)
 
 
 @dataclass(frozen=True, slots=True)

@@ -348,14 +348,22 @@ def _over_place(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     assert isinstance(gradient, list)
     low, high = report.poses[:, :2].min(axis=0), report.poses[:, :2].max(axis=0)
     x, y = (np.linspace(a, b, 61) for a, b in zip(low, high, strict=True))
-    share = friction_over_place(gradient, _terms(entry), np.stack(np.meshgrid(x, y), axis=-1))
-    most = max(0.02, float(np.abs(share - 1).max()))
+    at = np.stack(np.meshgrid(x, y), axis=-1)
+    # the form is that over the origin of W, the level that of the refitted surface
+    believed, found = report.rig.support_friction, report.support_friction
+    level = 1.0 if found is None or not believed else found / believed
+    share = level * friction_over_place(gradient, _terms(entry), at)
+    # nothing is known of friction where the slider has not been
+    nearest = np.linalg.norm(at[:, :, None] - report.poses[None, None, :, :2], axis=-1).min(axis=-1)
+    share = np.where(nearest <= report.rig.slider.radius, share, np.nan)
+    most = max(0.02, float(np.nanmax(np.abs(share - 1))))
     picture = axes.pcolormesh(x, y, share, cmap="PuOr_r", vmin=1 - most, vmax=1 + most, shading="auto")
     axes.plot(*report.poses[:, :2].T, linestyle="none", marker=".", markersize=2, color=OBSTACLE)
     axes.set_aspect("equal")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    axes.figure.colorbar(picture, ax=axes, label="friction over nominal", shrink=0.85)
+    believed_as = "" if believed is None else f" ({believed:.3g})"
+    axes.figure.colorbar(picture, ax=axes, label=f"friction over the one believed{believed_as}", shrink=0.85)
 
 
 def _of_fingers(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
