@@ -28,6 +28,7 @@ from stablepush.diagnosis.results import GapReduction, NextExperiment, RankedEff
 from stablepush.diagnosis.signatures import estimates, signatures
 from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
 from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
+from stablepush.diagnosis.stopped import without_stopped
 from stablepush.diagnosis.system import System, log_rows, system_of
 from stablepush.diagnosis.together import join, observe_each, together_of
 from stablepush.diagnosis.verdicts import judge, leaves_lost_pushes, refit_leaves_noise, stands_clear
@@ -88,7 +89,8 @@ def diagnose(
     Returns
     -------
     GapReport
-        A log of fewer than two pushes in which the slider moves gets the verdict ``"none"`` with a note that says so.
+        A log of fewer than two pushes in which the slider moves gets the verdict ``"none"`` with a note that says so, or
+        ``"unknown"`` if there are pushes that do not move it.
     """
     logs = [log] if isinstance(log, PushLog) else list(log) if isinstance(log, Sequence) else []
     strangers = [type(one).__name__ for one in logs if not isinstance(one, PushLog)]
@@ -97,10 +99,16 @@ def diagnose(
     if simulated is not None and not isinstance(simulated, PushLog):
         raise InputError("simulated", "expected a PushLog, as of read_pushlog", type(simulated).__name__)
     names = [name] if isinstance(name, str) else list(name or ())
+    told: list[str] = []
     with one_blas_thread():
+        for k, (one, words) in enumerate(map(without_stopped, logs)):
+            logs[k] = one
+            told += words
         if len(logs) > 1:
-            return _diagnose_together(logs, names, simulated, effects, progress)
-        return _diagnose(logs[0], names[0] if names else "", None, simulated, effects, progress)
+            report = _diagnose_together(logs, names, simulated, effects, progress)
+        else:
+            report = _diagnose(logs[0], names[0] if names else "", None, simulated, effects, progress)
+    return replace(report, notes=[*told, *report.notes]) if told else report
 
 
 def _diagnose_together(
@@ -302,15 +310,16 @@ def _equations(
     number: np.ndarray | None = None,
 ) -> tuple[System, list[Replay], int]:
     """The equations of a log, the pushes whose final poses are measurements, and how many others the log has."""
-    replayed = replays(log, observations)
+    replayed = replays(log, observations, whole=comparison is not None)
+    trials = {push.trial for push in replayed}
     if comparison is not None:
         observations, replayed = less_simulated(comparison, observations, replayed)
     if replayed and not observations.has_wrench.any():
         motions = motions_of(observations, log.rig, replayed)
-        return motions, motions.pushes, len(replayed) - len(motions.pushes)
+        return motions, motions.pushes, len(trials - {push.trial for push in motions.pushes})
     system = system_of(observations, log.rig, own) if number is None else together_of(observations, log.rig, number, own)
     pushes, system.final_pose_noise = system.predictable(replayed)
-    return system, pushes, len(replayed) - len(pushes)
+    return system, pushes, len(trials - {push.trial for push in pushes})
 
 
 def _found(system: System, log: PushLog, pushes: list[Replay], progress: Callable[[str], None]) -> tuple[Attribution, HeldOut]:

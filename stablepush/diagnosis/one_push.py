@@ -31,7 +31,7 @@ def of_one_push(log: PushLog, name: str, observations: Observations) -> GapRepor
     The push is off if its pose error (3,) is more than noise of its poses, noise of its start as the simulation carries it on,
     and the error of a simulation with rigid bodies explain (a chi-square test).
     """
-    pushes = replays(log, observations)
+    pushes = replays(log, observations, whole=True)
     if len(pushes) != 1:
         return _too_little(log, name, observations)
     believed, slider, noise = nominal_of(log.rig), log.rig.slider, noise_of(log.rig, observations, 1.0)

@@ -160,25 +160,26 @@ def first_contacts(log: PushLog, observations: Observations) -> dict[int, PushCo
     return {k: contact for k, contact in found.items() if contact is not None}
 
 
-def replays(log: PushLog, observations: Observations) -> list[Replay]:
+def replays(log: PushLog, observations: Observations, whole: bool = False) -> list[Replay]:
     """Return the pushes of a log whose path is known, and where the slider was before and after.
 
     A push by one finger is unstable: after some widths of the slider nobody can tell from its first pose where it ends. It is
-    replayed in stretches, each from where the slider was seen, that are as long as its end can be told from their first pose.
+    replayed in stretches, each from where the slider was seen, that are as long as its end can be told from their first pose;
+    not if pushes are to be ``whole``.
     """
     if log.rig.contact_kind == "held":
         return []
     sheet = _Sheet(log, observations)
-    whole, paths = [], {}
+    found, paths = [], {}
     for k, name in enumerate(observations.names):
         # a pusher whose poses jump farther than anything moves
         with suppress(InputError):
             rows = sheet.path(name)
             push = _logged(sheet, k, rows) or _commanded(sheet, k, name)
             if push is not None:
-                whole.append(push)
+                found.append(push)
                 paths[push] = rows
-    return list(_in_stretches(sheet, whole, paths))
+    return found if whole else list(_in_stretches(sheet, found, paths))
 
 
 def _in_stretches(sheet: _Sheet, pushes: list[Replay], paths: Mapping[Replay, np.ndarray]) -> Iterator[Replay]:

@@ -330,7 +330,7 @@ def less_simulated(comparison: Comparison, observations: Observations, pushes: l
     believed = nominal_of(rig)
     table = friction_of(believed, believed.points, {}, 0.0)
     mu = rig.contact_friction if rig.contact_friction is not None else 1.0
-    carried = replays(other, o)
+    carried = replays(other, o, whole=True)
     off = {push.trial: error for push, error in zip(carried, pose_errors(carried, table, rig.slider, mu, {}), strict=True)}
     shifted = []
     for push in pushes:

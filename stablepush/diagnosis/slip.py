@@ -88,7 +88,7 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
             if abs(shown - nominal) > _CLEARLY and abs(mu - nominal) > _CLEARLY and agrees and not alone:
                 error = float(np.hypot(_ROUGHLY * mu, (mu - shown) / 2))
                 return _with_error(mu, error, len(trials), "forces and final poses")
-    if off.sum() < _LEAST:
+    if len({push.trial for push, is_off in zip(pushes, off, strict=True) if is_off}) < _LEAST:
         return None
     best, tried = _scanned(loss, _TRIED)
     after = sizes(best)

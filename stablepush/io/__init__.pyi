@@ -1,3 +1,4 @@
+from .doubts import stopped as stopped, stopped_words as stopped_words
 from .formats import (
     contact_or_path as contact_or_path,
     contact_to_json as contact_to_json,

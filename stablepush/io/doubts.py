@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import shapely
@@ -34,8 +34,14 @@ _REST_SERVES = 60.0
 _WORKS = 0.01
 #: Nobody pushes so slowly or so fast (m/s).
 _SLOWEST, _FASTEST = 5e-5, 10.0
-#: A slider that is slower than this share of its greatest speed stands.
-_STANDS = 0.15
+#: What may be wrong where a channel does not change.
+_ASKED = {
+    "poses": "while the tip moves: did the tracker freeze, or the finger miss?",
+    "tip positions": "while the slider moves: did their record stop?",
+    "forces": "while the slider stands and moves: is the sensor stuck?",
+}
+#: A slider that is slower than this share of its greatest speed stands: friction of one that moves slowly is the same.
+_STANDS = 0.02
 #: Readings that differ by a smaller share of the largest do not change: noise of every sensor is more.
 _SAME = 1e-9
 #: A tip that goes so far (m) while it pushes takes the slider along.
@@ -53,7 +59,7 @@ def doubts(log: PushLog, zeroed: bool = True, rests: Sequence[float] | FloatArra
     elsewhere = list(_away(log)) or list(_apart(log))
     # normals are known where the fingers are at the outline
     of_forces = list(_opposed(log)) or ([] if elsewhere else list(_aslant(log)))
-    of_channels = (*_large(log), *_clock(log), *_unseen(log), *_unchanging(log))
+    of_channels = (*_large(log), *_clock(log), *_unseen(log), *stopped_words(stopped(log), len(log)))
     return [*of_forces, *(_restless(log, rests) if zeroed else ()), *elsewhere, *of_channels]
 
 
@@ -67,27 +73,39 @@ def covers(name: str, t: FloatArray, values: FloatArray) -> list[str]:
     return [f"{name} cover {t[known[-1]] - t[known[0]]:.3g} of {t[-1] - t[0]:.3g} s: {sum(left_out):.3g} s are left out"]
 
 
-def _unchanging(log: PushLog) -> Iterator[str]:
-    """Channels that stand still while others say that something moves."""
+def stopped(log: PushLog) -> dict[str, list[str]]:
+    """Return the trials in which channels stand still while others say that something moves: poses, tip positions, forces."""
     body, tips, forces = log.columns("x", "y", "theta"), log.columns("px", "py"), log.columns("fx", "fy")
     speed = np.nan_to_num(np.linalg.norm(point_velocity(log.twists(), log.rig.slider.vertices), axis=-1).max(axis=1))
-    trials = [log.rows(name) for name in map(str, log.trials["trial"])]
-    frozen = stopped = stuck = 0
-    for rows in trials:
+    found: dict[str, list[str]] = {"poses": [], "tip positions": [], "forces": []}
+    constant: dict[str, float] = {}
+    stuck: set[str] = set()
+    for name in map(str, log.trials["trial"]):
+        rows = log.rows(name)
         moves = speed[rows] > _STANDS * speed[rows].max(initial=0.0)
-        frozen += _ptp(tips[rows]) > _TAKES_ALONG and _is_same(body[rows])
-        stopped += bool(moves.any()) and _is_same(tips[rows])
+        if _ptp(tips[rows]) > _TAKES_ALONG and _is_same(body[rows]):
+            found["poses"].append(name)
+        if moves.any() and _is_same(tips[rows]):
+            found["tip positions"].append(name)
         # in whatever axes they were recorded
         size = np.linalg.norm(forces[rows], axis=1)[:, None]
-        stuck += bool(moves.any() and not moves.all()) and _is_same(size)
-    for number, channel, asked in (
-        (frozen, "poses", "while the tip moves: did the tracker freeze, or the finger miss?"),
-        (stopped, "tip positions", "while the slider moves: did their record stop?"),
-        (stuck, "forces", "while the slider stands and moves: is the sensor stuck?"),
-    ):
-        if number:
-            pushes = "any push" if number == len(trials) else f"{number} of {len(trials)} pushes"
-            yield f"{channel} do not change in {pushes}, {asked}"
+        if _is_same(size):
+            constant[name] = float(np.nanmean(size))
+            stuck |= {name} if moves.any() and not moves.all() else set()
+    # a push without rest reads the same as those that show it
+    values = np.array([constant[name] for name in stuck])
+    found["forces"] = [name for name, size in constant.items() if (np.abs(values - size) <= _SAME * abs(size)).any()]
+    return found
+
+
+def stopped_words(found: Mapping[str, Sequence[str]], total: int) -> list[str]:
+    """Return a line for each channel that :func:`stopped` has ``found`` in some of ``total`` trials."""
+    lines = []
+    for channel, names in found.items():
+        if names:
+            pushes = "any push" if len(names) == total else f"{len(names)} of {total} pushes"
+            lines.append(f"{channel} do not change in {pushes}, {_ASKED[channel]}")
+    return lines
 
 
 def _is_same(values: FloatArray) -> bool:
