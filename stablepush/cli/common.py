@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stablepush.cli.stops import STOPS
+from stablepush.cli.stops import CLEAR, STOPS
 from stablepush.core import EffectError, InputError, StablepushError, UnsupportedContactError, shown
 
 if TYPE_CHECKING:
@@ -269,7 +269,7 @@ class Progress:
         now = time.perf_counter()
         if self._live and now - self._shown > 0.1:
             self._shown = now
-            print(f"\r\x1b[K{shown(self._name)}: {shown(text)}", end="", file=sys.stderr, flush=True)
+            print(f"{CLEAR}{shown(self._name)}: {shown(text)}", end="", file=sys.stderr, flush=True)
 
     def say(self, line: str, error: bool = True) -> None:
         self._clear()
@@ -278,4 +278,4 @@ class Progress:
 
     def _clear(self) -> None:
         if self._live and self._shown:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+            print(CLEAR, end="", file=sys.stderr, flush=True)

@@ -9,7 +9,6 @@ import re
 import signal
 import sys
 import threading
-import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from stablepush.cli import clock
-from stablepush.cli.stops import STOPS
+from stablepush.cli.stops import CLEAR, STOPS
 
 #: Exit codes, besides 0 and 1, a negative answer.
 BAD_INPUT, INTERRUPTED = 2, 130
@@ -78,7 +77,9 @@ class _Shown:
     def write(self, text: str) -> int:
         from stablepush.core import shown
 
-        return int(self._stream.write(shown(text, len(text), keep="\n\t")))
+        # what clears a line of progress is the program's own
+        words = text.removeprefix(CLEAR)
+        return int(self._stream.write(text[: len(text) - len(words)] + shown(words, len(words), keep="\n\t")))
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
@@ -86,12 +87,12 @@ class _Shown:
 
 @contextmanager
 def _shown() -> Iterator[None]:
-    before = sys.stdout
-    sys.stdout = _Shown(before)
+    before = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (_Shown(stream) for stream in before)
     try:
         yield
     finally:
-        sys.stdout = before
+        sys.stdout, sys.stderr = before
 
 
 @contextmanager
@@ -107,9 +108,9 @@ def _stopped_alike() -> Iterator[None]:
     def end_all_the_same() -> None:
         # a byte, the number, is written when a signal comes; its handler is called between two steps of Python
         while number := os.read(came, 1):
-            if number[0] in changed:
-                time.sleep(_PATIENCE)
+            if number[0] in changed and not over.wait(_PATIENCE):
                 os._exit(INTERRUPTED)
+        os.close(came)
 
     def is_default(number: int) -> bool:
         return signal.getsignal(number) is signal.SIG_DFL
@@ -119,7 +120,7 @@ def _stopped_alike() -> Iterator[None]:
     if not changed:
         yield
         return
-    came, comes = os.pipe()
+    (came, comes), over = os.pipe(), threading.Event()
     os.set_blocking(comes, False)
     for number in changed:
         signal.signal(number, stop)
@@ -131,7 +132,8 @@ def _stopped_alike() -> Iterator[None]:
         signal.set_wakeup_fd(before)
         for number in changed:
             signal.signal(number, signal.SIG_DFL)
-        # ends the thread, which may be waiting
+        # both end the thread, whatever it waits for
+        over.set()
         os.close(comes)
 
 
@@ -143,7 +145,6 @@ def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
     code: object
     try:
         given = sys.argv[1:] if arguments is None else arguments
-        _require_current_folder()
         _require_values(given)
         program: Any = typer.main.get_command(app)
         chosen = next((program.commands[word] for word in given if word in program.commands), None)
@@ -173,10 +174,14 @@ def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
     except MemoryError:
         code = _complain("out of memory")
     except OSError as error:
-        if error.errno != errno.ENOSPC:
+        if not _has_current_folder():
+            # no relative path leads anywhere
+            code = _complain("the current folder does not exist any more: change to one that does")
+        elif error.errno == errno.ENOSPC:
+            _drop_output()
+            code = _complain(f"cannot write: {error.strerror}")
+        else:
             raise
-        _drop_output()
-        code = _complain(f"cannot write: {error.strerror}")
     if code == INTERRUPTED:
         # from here, or from typer: newer versions turn a Ctrl-C into this code themselves
         print("stablepush: interrupted", file=sys.stderr)
@@ -189,14 +194,12 @@ def _drop_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno())
 
 
-def _require_current_folder() -> None:
-    """Refuse to work in a folder that was deleted, where no relative path leads anywhere."""
-    from stablepush.core import InputError
-
+def _has_current_folder() -> bool:
     try:
         Path.cwd()
     except OSError:
-        raise InputError("", "the current folder does not exist any more: change to one that does") from None
+        return False
+    return True
 
 
 def _require_values(arguments: list[str]) -> None:

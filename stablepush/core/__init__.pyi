@@ -82,7 +82,12 @@ from .plausibility import (
 from .plugins import load_plugin as load_plugin, plugin_names as plugin_names, what_failed as what_failed
 from .renamed import renamed as renamed, renamed_fields as renamed_fields
 from .rich import shown_as as shown_as
-from .scratch import clear_scratch as clear_scratch, scratch_folder as scratch_folder, scratch_prefix as scratch_prefix
+from .scratch import (
+    ASIDE as ASIDE,
+    clear_scratch as clear_scratch,
+    scratch_folder as scratch_folder,
+    scratch_prefix as scratch_prefix,
+)
 from .shares import binomial_interval as binomial_interval
 from .shown import shown as shown
 from .words import Word as Word, closest as closest, counted as counted, did_you_mean as did_you_mean

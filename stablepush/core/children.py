@@ -17,21 +17,31 @@ from typing import Any
 _LOOK = 0.5
 
 
-def isolated_environment() -> dict[str, str]:
-    """Return the environment of a child that finds modules where this process does.
+#: What a child does first: it takes the package from its folder, wherever else on the path another copy lies, and runs a module.
+_START = (
+    "import importlib.util as u, runpy, sys; folder, module = sys.argv[1:3]; del sys.argv[1:3]; "
+    "spec = u.spec_from_file_location('stablepush', folder + '/__init__.py', submodule_search_locations=[folder]); "
+    "package = sys.modules['stablepush'] = u.module_from_spec(spec); spec.loader.exec_module(package); "
+    "runpy.run_module(module, run_name='__main__', alter_sys=True)"
+)
 
-    Neither the current folder nor that of a script comes first: a ``random.py`` that lies there is not the library's. The package
-    itself comes last, so that nothing beside it stands before a module of Python.
-    """
-    here, package = Path.cwd(), str(Path(__file__).resolve().parents[2])
-    paths = [path for path in sys.path if path and Path(path).resolve() != here and path != package]
-    return os.environ | {"PYTHONPATH": os.pathsep.join([*paths, package]), "PYTHONSAFEPATH": "1"}
+
+def isolated_environment() -> dict[str, str]:
+    """Return the environment of a child that finds modules where this process does, but not in the current folder: a
+    ``random.py`` that lies there is not the library's."""
+    with suppress(OSError):
+        # not in a folder that was deleted
+        here = Path.cwd()
+        paths = [path for path in sys.path if path and Path(path).resolve() != here]
+        return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "PYTHONSAFEPATH": "1"}
+    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONSAFEPATH": "1"}
 
 
 def start_child(module: str, arguments: Sequence[str], error: Any = subprocess.DEVNULL, folder: Path | None = None) -> Any:
-    """Start ``python -m module`` in a process that is told by the end of its standard input when this one has ended."""
+    """Start a module of this very package in a process that is told by the end of its standard input when this one has ended."""
+    package = str(Path(__file__).resolve().parents[1])
     return subprocess.Popen(
-        [sys.executable, "-m", module, *arguments],
+        [sys.executable, "-c", _START, package, module, *arguments],
         stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=error, env=isolated_environment(), cwd=folder, text=True,
     )  # fmt: skip
 
@@ -67,8 +77,12 @@ def end_with_parent() -> str:
     return first
 
 
-def work_under(parent: int, function: Callable[..., Any], *job: Any) -> Any:
-    """Return ``function(*job)``, in a worker that ends soon after its ``parent`` (number of a process) has ended."""
+def work_under(parent: int, scratch: str, function: Callable[..., Any], *job: Any) -> Any:
+    """Return ``function(*job)``, in a worker that ends soon after its ``parent`` (number of a process) has ended.
+
+    ``scratch``: folder for its temporary files, which the parent clears however the worker ends.
+    """
+    tempfile.tempdir = scratch
     if parent not in _watched:
         _watched.add(parent)
         threading.Thread(target=_watch, args=(parent,), daemon=True).start()

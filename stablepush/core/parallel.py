@@ -6,12 +6,13 @@ import os
 import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from contextvars import copy_context
 from typing import Any
 
 from stablepush.core.children import work_under
 from stablepush.core.errors import InputError
+from stablepush.core.scratch import scratch_folder
 
 #: Threads at most: what is not compiled takes turns.
 _MOST_THREADS = 4
@@ -70,7 +71,9 @@ def _in_processes(function: Callable[..., Any], jobs: list[tuple[Any, ...]], pro
     with joblib.parallel_config(backend="loky", inner_max_num_threads=1):
         # arrays are copied, not shared
         pool = joblib.Parallel(n_jobs=processes, return_as=order, max_nbytes=None)
-    results = pool(joblib.delayed(work_under)(os.getpid(), function, *job) for job in jobs)
+    stack = ExitStack()
+    scratch = str(stack.enter_context(scratch_folder()))
+    results = pool(joblib.delayed(work_under)(os.getpid(), scratch, function, *job) for job in jobs)
     try:
         for result in results:  # noqa: UP028 (closed below, not by "yield from")
             yield result
@@ -79,6 +82,7 @@ def _in_processes(function: Callable[..., Any], jobs: list[tuple[Any, ...]], pro
             # that work is given up is what whoever leaves early wants
             warnings.simplefilter("ignore")
             results.close()
+        stack.close()
         if before is None:
             del os.environ["PYTHONSAFEPATH"]
         else:

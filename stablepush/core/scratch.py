@@ -12,6 +12,8 @@ from pathlib import Path
 
 #: What the names of all of them begin with.
 SCRATCH = ".stablepush-"
+#: Folder in one of them that holds what is being replaced.
+ASIDE = "aside"
 
 
 @contextmanager
@@ -26,7 +28,7 @@ def scratch_folder(parent: str | Path | None = None) -> Iterator[Path]:
     try:
         yield folder
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        _remove(folder)
 
 
 def scratch_prefix() -> str:
@@ -44,9 +46,17 @@ def clear_scratch(parent: Path) -> None:
         number = left.name.removeprefix(mine).partition("-")[0]
         if number.isdigit() and not _runs(int(number)):
             if left.is_dir():
-                shutil.rmtree(left, ignore_errors=True)
+                _remove(left)
             else:
                 left.unlink(missing_ok=True)
+
+
+def _remove(folder: Path) -> None:
+    """Remove a folder for work; what it had set aside, and nothing has come in the place of, goes back beside it."""
+    for kept in folder.glob(f"{ASIDE}/*"):
+        if not (folder.parent / kept.name).exists():
+            os.replace(kept, folder.parent / kept.name)
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _runs(process: int) -> bool:

@@ -84,15 +84,16 @@ def open_text(path: str | Path, newline: str | None = None) -> Iterator[TextIO]:
     try:
         about = os.stat(path)
         too_large = about.st_size > _LARGEST_FILE
-        if stat.S_ISCHR(about.st_mode) or stat.S_ISBLK(about.st_mode):
-            # one that never ends would fill the memory
-            raise InputError("", "cannot read: expected a file, not a device", file=path)
+        # one that never ends would fill the memory
+        is_device = stat.S_ISCHR(about.st_mode) or stat.S_ISBLK(about.st_mode)
         stream = open(path, encoding="utf-8-sig", newline=newline)  # noqa: SIM115 (closed below)
     except ValueError as error:  # a NUL in the path
         raise InputError("", f"cannot read: {error}", file=repr(str(path))) from None
     except OSError as error:
         raise InputError("", f"cannot read: {error.strerror or error}", file=path) from None
     with stream:
+        if is_device:
+            raise InputError("", "cannot read: expected a file, not a device", file=path)
         if too_large:
             raise InputError("", f"expected a file of at most {_LARGEST_FILE // 2**20} MB", file=path)
         try:

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from stablepush.core import InputError, clear_scratch, scratch_folder, scratch_prefix
+from stablepush.core import ASIDE, InputError, clear_scratch, scratch_folder, scratch_prefix
 
 #: So many files that do not belong into a folder are named.
 _NAMED = 3
@@ -60,7 +60,9 @@ def whole_folder(path: str | Path, *names: str) -> Iterator[Path]:
             raise InputError("", "cannot write: exists and is not a folder", file=path)
         target.parent.mkdir(parents=True, exist_ok=True)
         require_own_files(path, *names)
-        fixed = target.exists() and (target == Path.cwd() or os.path.ismount(target) or not os.access(target.parent, os.W_OK))
+        # somebody may stand in it: a shell
+        here = target in (Path.cwd(), *Path.cwd().parents)
+        fixed = target.exists() and (here or os.path.ismount(target) or not os.access(target.parent, os.W_OK))
         with scratch_folder(target if fixed else target.parent) as staging:
             new = staging / "new"
             new.mkdir()
@@ -97,7 +99,10 @@ def _take_place(new: Path, target: Path) -> None:
             raise
         new.chmod(target.stat().st_mode)
         if not _exchange(new, target):
-            os.replace(target, new.with_name("old"))
+            # whoever clears this scratch folder puts back first what was set aside
+            aside = new.with_name(ASIDE)
+            aside.mkdir()
+            os.replace(target, aside / target.name)
             os.replace(new, target)
 
 

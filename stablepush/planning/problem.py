@@ -206,11 +206,13 @@ class PlanningProblem:
 
     def _require_pusher_outside(self) -> None:
         """Refuse a pusher whose outline, docked at a contact, fills a part of the slider."""
+        edge = self.slider.polygon.exterior
         for i, contact in enumerate(self.contacts if self.pusher is not None else ()):
+            # contact points that are off the outline are noted, and move the pusher as far
+            off = float(shapely.distance(edge, shapely.points(contact.points)).max())
             for docked in self.docked_outlines(contact):
                 shared = shapely.intersection(shapely.Polygon(docked), self.slider.polygon)
-                # what touches may overlap by what it was rounded to
-                if not shapely.buffer(shared, -_DEEP / 2).is_empty:
+                if not shapely.buffer(shared, -(_DEEP + off) / 2).is_empty:
                     words = f"expected a pusher that only touches; docked at contact {i} it overlaps the slider"
                     raise InputError("pusher.outline", words, f"{1e4 * shared.area:.3g} cm²")
 

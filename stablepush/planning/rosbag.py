@@ -12,7 +12,7 @@ from stablepush.io import whole_folder
 from stablepush.planning.trajectory import PHASES, Trajectory
 
 #: Files of a bag.
-_FILES = ("metadata.yaml", "*.db3", "*.mcap")
+_FILES = ("metadata.yaml", "bag.db3")
 #: Topics: paths of the slider's body frame, of the pusher's and of the tool's, velocities of the pusher in W (three numbers a
 #: pose), and segments followed by contacts and phases (numbers of ``PHASES``), one each a pose.
 SLIDER, PUSHER, TOOL = "/stablepush/slider_path", "/stablepush/pusher_path", "/stablepush/tool_path"

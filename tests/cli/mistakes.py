@@ -150,12 +150,12 @@ MISTAKES = (
     ),
     Mistake("outline drawn clockwise", MAP, 2, ("slider.json", "clockwise"), "slider", lambda v: v["vertices"].reverse()),
     Mistake(
-        "outline closed with its first vertex",
+        "outline whose first vertex stands twice",
         MAP,
         2,
         ("slider.json", "zero length"),
         "slider",
-        lambda v: v["vertices"].append(v["vertices"][0]),
+        lambda v: v["vertices"].insert(0, v["vertices"][0]),
     ),
     Mistake(
         "slider of 1 µm",
