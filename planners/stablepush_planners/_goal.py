@@ -12,10 +12,12 @@ from stablepush_planners._heap import heap_pop, heap_push
 
 
 class Goal(NamedTuple):
-    """Goal pose, tolerance (m, rad), outline (k, 2) of the slider, speed limit (m/s); least times (s) by place, and the place's
-    grid (:class:`DistanceField`); times without obstacles by contact, heading and cells from the goal's cell ``at``."""
+    """Goal pose, poses (n, 3) within its tolerance that connections lead to, tolerance (m, rad), outline (k, 2) of the slider,
+    speed limit (m/s); least times (s) by place, and the place's grid (:class:`DistanceField`); times without obstacles by
+    contact, heading and cells from the goal's cell ``at``."""
 
     pose: FloatArray
+    ends: FloatArray
     tolerance: FloatArray
     outline: FloatArray
     speed: float
@@ -68,10 +70,10 @@ def guessed_time(goal, contact, heading, i, j, least):  # type: ignore[no-untype
 
 
 @compiled
-def unobstructed_times(edge_first, steps, durations, headings, contacts, switch_cost, goal_heading, size, table):  # type: ignore[no-untyped-def]
-    """Fill ``table`` (contacts, headings, size, size) with least times (s) to its middle without obstacles.
+def unobstructed_times(edge_first, steps, durations, headings, contacts, switch_cost, ends, size, table):  # type: ignore[no-untyped-def]
+    """Fill ``table`` (contacts, headings, size, size) with least times (s) to ``ends`` without obstacles.
 
-    Dijkstra from the goal along edges turned round.
+    ``ends`` (n, 3): headings, and cells from the table's middle. Dijkstra from them along edges turned round.
     """
     table[:] = math.inf
     middle = (size - 1) // 2
@@ -94,9 +96,13 @@ def unobstructed_times(edge_first, steps, durations, headings, contacts, switch_
     value, code = np.empty(capacity), np.empty(capacity, dtype=np.int64)
     n = 0
     for a in range(contacts):
-        table[a, goal_heading, middle, middle] = 0.0
-        value[n], code[n] = 0.0, ((a * headings + goal_heading) * size + middle) * size + middle
-        n += 1
+        for m in range(len(ends)):
+            k, i, j = ends[m, 0], middle + ends[m, 1], middle + ends[m, 2]
+            table[a, k, i, j] = 0.0
+            heap_push(value, code, n, 0.0, ((a * headings + k) * size + i) * size + j)
+            n += 1
+    # the first contact there is the cheapest to change from: the others need not ask again
+    changed = np.zeros((headings, size, size), dtype=np.bool_)
     while n > 0:
         cost, at = value[0], heap_pop(value, code, n)
         n -= 1
@@ -105,7 +111,9 @@ def unobstructed_times(edge_first, steps, durations, headings, contacts, switch_
         if cost > table[a, k, i, j]:
             continue
         number = first[a * headings + k + 1] - first[a * headings + k]
-        for q in range(number + contacts):
+        changes = 0 if changed[k, i, j] else contacts
+        changed[k, i, j] = True
+        for q in range(number + changes):
             if q < number:
                 e = listed[first[a * headings + k] + q]
                 b, h, u, v = a, origin[first[a * headings + k] + q], i - steps[e, 0], j - steps[e, 1]

@@ -24,7 +24,7 @@ START, TRANSFER, CONNECTION = -1, -2, -3
 _INTERVAL = 16
 
 #: Bits of a key: position along either axis, heading, contact.
-_POSITION, _HEADING, _CONTACT = 21, 10, 8
+_POSITION, _HEADING, _CONTACT = 21, 10, 11
 _HALF = 1 << (_POSITION - 1)
 
 
@@ -186,8 +186,11 @@ def expand(graph, world, tree, weight, limit, quota, denied):  # type: ignore[no
             goal = tree.counts[3]
             if goal >= 0:
                 most = min(most, tree.cost[goal] - cost)
-            g = graph.goal.pose
-            time = connect(graph.connections, world, body, contact, x, y, theta, g[0], g[1], g[2], most, lengths, pieces)
+            time = most
+            for g in graph.goal.ends:
+                time = min(
+                    time, connect(graph.connections, world, body, contact, x, y, theta, g[0], g[1], g[2], time, lengths, pieces)
+                )
             if time < most:
                 time = in_ticks(lattice, time)
                 # connections are nodes of their own, one at most is of use

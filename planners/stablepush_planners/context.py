@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from stablepush.core import BoolArray, ConvergenceError, Deadline, FloatArray, InputError, UnsupportedContactError
-from stablepush.geometry import compose, exp
+from stablepush.geometry import compose, exp, wrap_angle
 from stablepush.planning import (
     PlanningProblem,
     PlanOptions,
@@ -58,8 +58,13 @@ TABLE_REACH = 20
 PIECES = (24, 40, 60)
 #: Halves are rounded up, also those that are less by rounding.
 _UP = 0.5 + 1e-9
+#: Poses within the tolerance that connections lead to: how far apart their headings (rad) and how far from the goal the first
+#: ring of places (radii of the slider) are.
+END_TURN, END_STEP = math.pi / 8, 0.25
+#: How many places there are at most, and how far (m, rad) all are inside.
+_MOST_PLACES, _INSIDE = 33, 1e-6
 #: Contacts that a search can number.
-_MOST_CONTACTS = 200
+_MOST_CONTACTS = 2000
 
 
 class PlanningContext:
@@ -91,6 +96,8 @@ class PlanningContext:
         refused: UnsupportedContactError | None = None
         for i in range(len(problem.contacts)):
             deadline.check()
+            if options.regions and options.regions[i] is None:
+                continue
             try:
                 self.stable[i] = StableSet(problem, i, options, deadline)
             except UnsupportedContactError as error:
@@ -117,8 +124,9 @@ class PlanningContext:
         if math.isinf(self.bound):
             self.infeasible_reason, self.bound = "obstacles enclose the goal", 0.0
 
-    def graph(self, lattice: Lattice, transfers: Transfers | None = None) -> Graph:
-        """Return what a search on a lattice runs on; ``transfers``: the changes of contact that it may make, if not all known."""
+    def graph(self, lattice: Lattice, transfers: Transfers, tolerance: tuple[float, float]) -> Graph:
+        """Return what a search on a lattice runs on; ``transfers``: the changes of contact that it may make; ``tolerance``
+        (m, rad): of the goal."""
         problem, contacts = self.problem, len(self.problem.contacts)
         theta = float(problem.start[2])
         turn = np.array(((math.cos(theta), math.sin(theta)), (-math.sin(theta), math.cos(theta))))
@@ -127,9 +135,26 @@ class PlanningContext:
         change = round(problem.switch_cost / lattice.tick) * lattice.tick
         size = 2 * TABLE_REACH + 1
         table = np.zeros((contacts, lattice.headings, size, size))
-        unobstructed_times(lattice.first, lattice.steps, lattice.costs, lattice.headings, contacts, change, heading, size, table)
-        goal = self.goal._replace(table=table, at=there)
-        return Graph(lattice, self._docked, goal, self.connections, (transfers or self.transfers)._replace(cost=change))
+        ends = self._lattice_ends(lattice, there, heading, tolerance)
+        unobstructed_times(lattice.first, lattice.steps, lattice.costs, lattice.headings, contacts, change, ends, size, table)
+        goal = self.goal._replace(
+            table=table, at=there, tolerance=np.array(tolerance), ends=goal_ends(problem.goal, tolerance, problem.slider.radius)
+        )
+        return Graph(lattice, self._docked, goal, self.connections, transfers._replace(cost=change))
+
+    def _lattice_ends(self, lattice: Lattice, there: np.ndarray, heading: int, tolerance: tuple[float, float]) -> np.ndarray:
+        """Headings and cells (n, 3), from those next to the goal, of lattice poses within a tolerance; the next one always."""
+        goal, (near, turned) = self.problem.goal, tolerance
+        reach = np.arange(-TABLE_REACH, TABLE_REACH + 1)
+        k, i, j = (a.ravel() for a in np.meshgrid(np.arange(lattice.headings), reach, reach, indexing="ij"))
+        x, y, theta = lattice.origin
+        u, v = (there[0] + i) * lattice.cell, (there[1] + j) * lattice.cell
+        away = np.hypot(
+            x + math.cos(theta) * u - math.sin(theta) * v - goal[0], y + math.sin(theta) * u + math.cos(theta) * v - goal[1]
+        )
+        off = np.abs(wrap_angle(theta + 2 * math.pi / lattice.headings * k - goal[2]))
+        within = ((away <= near) & (off <= turned)) | ((k == heading) & (i == 0) & (j == 0))
+        return np.column_stack((k, i, j))[within]
 
     def _steered(self, stable: StableSet) -> list[tuple[float, float]]:
         """Headings, from and by how much, at which a contact's turns are to be stable: all, or ever fewer about the goal's."""
@@ -141,6 +166,7 @@ class PlanningContext:
         problem = self.problem
         return Goal(
             pose=np.array(problem.goal),
+            ends=goal_ends(problem.goal, problem.tolerance, problem.slider.radius),
             tolerance=np.array(problem.tolerance),
             outline=np.array(problem.slider.vertices),
             speed=problem.speed,
@@ -188,6 +214,15 @@ class PlanningContext:
         if cost >= most:
             return None
         return [(pieces[k, :3].copy(), float(pieces[k, 3])) for k in range(3) if pieces[k, 3] * self.problem.speed > LEAST_TRAVEL]
+
+    def connect_to_goal(self, contact: int, start: FloatArray, most: float = math.inf) -> list[TimedTwist] | None:
+        """Return the pushes of the cheapest free connection to one of the goal's ends, of less than ``most`` (s), if any."""
+        found: list[TimedTwist] | None = None
+        for end in self.goal.ends:
+            pushes = self.connect(contact, start, end, most)
+            if pushes is not None:
+                found, most = pushes, float(self.stable[contact].costs(np.array([twist * time for twist, time in pushes])).sum())
+        return found
 
     def shortened(self, contact_segments: Sequence[ContactSegment]) -> list[ContactSegment]:
         """Return a path with the same changes of contact, at the same poses, that costs no more."""
@@ -277,6 +312,33 @@ class PlanningContext:
         ends = [backed_off(dock, route)[:2] for dock, route in zip(docks, retreats, strict=True)]
         points = path_among_obstacles(self.problem, pose, ends[0], ends[1], self.routes.radius)
         return None if points is None else docking_path((docks[0], docks[1]), points)
+
+
+def goal_ends(goal: FloatArray, tolerance: tuple[float, float], radius: float) -> FloatArray:
+    """Return poses (n, 3) within a tolerance (m, rad) of a goal, itself first, for a slider of a radius (m).
+
+    They are of a grid that does not depend on the tolerance: a larger one has those of a smaller one.
+    """
+    near, turned = (max(0.0, limit - _INSIDE) for limit in tolerance)
+    count = min(int(turned / END_TURN), round(math.pi / END_TURN) - 1)
+    turns = np.concatenate(([0], *((k, -k) for k in range(1, count + 1)), [count + 1] if turned >= math.pi - 2 * _INSIDE else []))
+    places, size = [np.zeros(2)], END_STEP * radius
+    angles = np.arange(8) * math.pi / 4
+    while size <= near and len(places) < _MOST_PLACES:
+        places += list(size * np.column_stack((np.cos(angles), np.sin(angles))))
+        size *= 2
+    return np.array([(*(goal[:2] + place), goal[2] + turn) for place in places for turn in turns * END_TURN])
+
+
+def narrower(tolerance: tuple[float, float], radius: float) -> list[tuple[float, float]]:
+    """Return tolerances (m, rad) within one, of values that do not depend on it, for a slider of a radius (m).
+
+    Searches within them find other paths, some of them shorter: without them a larger tolerance would at times make plans longer.
+    """
+    near, turned = tolerance
+    headings = [END_TURN * 2.0**k for k in range(2, -2, -1)]
+    places = [END_STEP * radius * 2.0**k for k in range(3, -2, -1)]
+    return [(near, less) for less in headings if less < turned] + [(less, turned) for less in places if less < near]
 
 
 def stable_parts(stable: StableSet, twists: FloatArray) -> BoolArray:

@@ -20,7 +20,7 @@ from stablepush.planning import PlanningProblem, PlanOptions, PlanResult
 from stablepush_planners import _search
 from stablepush_planners._search import Graph, Tree
 from stablepush_planners._transfer import ANY_PATH, Transfers
-from stablepush_planners.context import ContactSegment, PlanningContext, end_of
+from stablepush_planners.context import ContactSegment, PlanningContext, end_of, narrower
 from stablepush_planners.lattice import Lattice, make_lattice
 
 NAME = "cor-lattice"
@@ -56,7 +56,7 @@ def plan_cor_lattice(
     status, message = "no-path", context.infeasible_reason
     if not message:
         try:
-            message = planner.run(options.refinement_budget)
+            message = planner.run(options.refinement_budget * len(problem.contacts))
         except OutOfTimeError:
             status, message = "timeout", "the time limit passed before a path was found"
             if not deadline.passed():
@@ -85,16 +85,21 @@ class _Planner:
         self._lattices: dict[int, Lattice] = {}
 
     def run(self, refinement_budget: float) -> str:
-        """Climb the ladder; once there is a plan, look for better ones: at most ``refinement_budget`` poses are expanded.
+        """Climb the ladder; once there is a plan, look for better ones: at most ``refinement_budget`` poses are expanded within
+        the tolerance of the goal, and within each smaller one.
 
         Returns why there is no plan, if there is none.
         """
-        context = self._context
-        useful = self._climb(refinement_budget, context.transfers)
+        context, tolerance = self._context, self._context.problem.tolerance
+        useful = self._climb(refinement_budget, context.transfers, tolerance)
+        for within in (
+            narrower(tolerance, context.problem.slider.radius) if self.best is not None and refinement_budget > 0 else ()
+        ):
+            self._climb(refinement_budget, context.transfers, within)
         if self.best is None and context.routes is not None and self._search_budget > 0:
             # the pusher may still reach another contact on a path that does not hug the slider
             self._progress("any path of the pusher round the slider")
-            self._climb(refinement_budget, context.transfers._replace(kind=ANY_PATH))
+            self._climb(refinement_budget, context.transfers._replace(kind=ANY_PATH), tolerance)
         if self._search_budget <= 0:
             raise OutOfTimeError("search: the budget is spent")
         if not useful:
@@ -108,8 +113,8 @@ class _Planner:
         radius = f"{1000 * steering.radius:.3g} mm or more, measured midway between its tightest CORs to the left and right"
         return f"{words}; contact {contact} turns to either side with a radius of {radius}"
 
-    def _climb(self, refinement_budget: float, transfers: Transfers) -> bool:
-        """Search from the coarsest lattice to the finest; return whether any of them has an edge."""
+    def _climb(self, refinement_budget: float, transfers: Transfers, tolerance: tuple[float, float]) -> bool:
+        """Search from the coarsest lattice to the finest, within a tolerance; return whether any of them has an edge."""
         context, useful = self._context, False
         for rung, (headings, share) in enumerate(LADDER):
             self._progress(f"lattice {rung + 1} of {len(LADDER)}: {headings} headings")
@@ -117,12 +122,14 @@ class _Planner:
             if rung not in self._lattices:
                 self._lattices[rung] = make_lattice(context.problem, context.stable, headings, cell, context.aligning)
             useful = useful or len(self._lattices[rung].durations) > 0
-            graph = context.graph(self._lattices[rung], transfers)
+            graph = context.graph(self._lattices[rung], transfers, tolerance)
             limit = math.inf
+            # what a lattice leaves the finer ones have: none keeps them from their turn
+            spare = refinement_budget - refinement_budget / (len(LADDER) - rung) if math.isfinite(refinement_budget) else 0.0
             for weight in WEIGHTS:
                 words = f"{headings} headings, cells of {1000 * cell:.3g} mm, weight {weight:g}"
                 improving = self.best is not None
-                most = refinement_budget if improving else self._search_budget
+                most = refinement_budget - spare if improving else self._search_budget
                 found = self._search(graph, weight, min(limit, WORTH * self.cost), most, words)
                 if found.contact_segments is not None:
                     limit = found.cost
@@ -133,7 +140,7 @@ class _Planner:
                     self._search_budget -= found.expanded
                 if (refinement_budget if self.best is not None else self._search_budget) <= 0:
                     return useful
-                if self.best is None:
+                if self.best is None or (improving and refinement_budget <= spare):
                     break
         return useful
 
@@ -142,7 +149,7 @@ class _Planner:
         context, denied = self._context, np.zeros((0, 2), dtype=np.int64)
         tree, spent = self._planted(graph, weight, limit), 0
         while True:
-            quota = math.ceil(min(_QUOTA, most - spent - int(tree.counts[2])))
+            quota = math.ceil(min(max(1, _QUOTA // len(context.problem.contacts)), most - spent - int(tree.counts[2])))
             why = _search.expand(graph, context.world, tree, weight, limit, quota, denied)
             expanded = spent + int(tree.counts[2])
             if why == _search.FULL:
@@ -201,7 +208,7 @@ class _Planner:
                 pushes = [(graph.lattice.twists[via].copy(), float(graph.lattice.durations[via]))]
             else:
                 most = 2 * graph.lattice.tick + float(tree.cost[child] - tree.cost[parent]) * (1 + 1e-6)
-                connection = self._context.connect(contact, pose, self._context.problem.goal, most)
+                connection = self._context.connect_to_goal(contact, pose, most)
                 if connection is None:
                     raise ConvergenceError("connection to the goal: the path that the search found is not free by rounding")
                 pushes = connection

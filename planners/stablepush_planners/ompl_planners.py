@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import Deadline, FloatArray, OutOfTimeError, UnavailableError
-from stablepush.geometry import compose, inverse, twist_from_cor
+from stablepush.geometry import compose, inverse, twist_from_cor, wrap_angle
 from stablepush.planning import PlanningProblem, PlanOptions, PlanResult
 from stablepush.planning.kernels import pose_is_free, push_is_free
 from stablepush_planners._connection import moved, stable_along
@@ -142,15 +142,20 @@ def _geometric(
 
     setup.setStateValidityChecker(valid)
     information.setMotionValidator(Motion(information))
-    ends = []
-    for pose in (problem.start, problem.goal):
+
+    def state_of(pose: FloatArray) -> Any:
         state = space.allocState()
         x, y, theta = compose(pose, steer.frame)
         state.setX(float(x))
         state.setY(float(y))
         state.setYaw(math.remainder(float(theta), 2 * math.pi))
-        ends.append(state)
-    setup.setStartAndGoalStates(*ends)
+        return state
+
+    setup.setStartState(state_of(problem.start))
+    goal = base.GoalStates(information)
+    for end in context.goal.ends:
+        goal.addState(state_of(end))
+    setup.setGoal(goal)
     planner = getattr(geometric, GEOMETRIC[name])(information)
     setup.setPlanner(planner)
     clock = _Clock(context.deadline, options.search_budget, progress)
@@ -168,7 +173,7 @@ def _geometric(
     found: list[TimedTwist] | None = None
     if setup.haveExactSolutionPath():
         poses = [pose_of(state) for state in setup.getSolutionPath().getStates()]
-        poses[0], poses[-1] = problem.start, problem.goal
+        poses[0], poses[-1] = problem.start, _same(context.goal.ends, poses[-1])
         found, pose = [], problem.start
         for end in poses[1:]:
             part = context.connect(0, pose, end)
@@ -223,7 +228,7 @@ def _control(
         def distanceGoal(self, state: Any) -> float:
             dx, dy = state.getX() - problem.goal[0], state.getY() - problem.goal[1]
             pose = np.array((state.getX(), state.getY(), state.getYaw()))
-            if at_goal(context.goal, *pose) or context.connect(0, pose, problem.goal) is not None:
+            if at_goal(context.goal, *pose) or context.connect_to_goal(0, pose) is not None:
                 return 0.0
             return 1.0 + math.hypot(dx, dy)
 
@@ -250,8 +255,14 @@ def _control(
         ]
         end = end_of(problem.start, found)
         if not at_goal(context.goal, *end):
-            found += context.connect(0, end, problem.goal) or []
+            found += context.connect_to_goal(0, end) or []
     return found, bool(setup.haveSolutionPath())
+
+
+def _same(ends: FloatArray, pose: FloatArray) -> FloatArray:
+    """The pose of ``ends`` (n, 3) that a pose is but for rounding."""
+    off = np.hypot(ends[:, 0] - pose[0], ends[:, 1] - pose[1]) + np.abs(wrap_angle(ends[:, 2] - pose[2]))
+    return ends[int(np.argmin(off))]
 
 
 def _controls(context: PlanningContext) -> FloatArray:

@@ -35,7 +35,8 @@ class StableSet:
         self.oracle = StabilityOracle(problem.surface, problem.contacts[contact])
         self._facets = problem.contacts[contact].cone(problem.surface.characteristic_length).normals[None]
         self._problem, self._least, self._deadline = problem, max(0.0, problem.min_margin) + _INSIDE, deadline or Deadline()
-        self._within = [asked.regions[contact]] if asked.regions else []
+        given = asked.regions[contact] if asked.regions else None
+        self._within = [] if given is None else [given]
         promised = promised_region(problem, contact, asked.region)
         if promised is not None:
             self._within.append(promised)

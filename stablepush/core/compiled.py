@@ -111,9 +111,9 @@ class _Files(IndexDataCacheFile):  # type: ignore[misc]
             file.write(hashlib.sha256(content).digest() + content)
 
     def _read(self, path: Path) -> Any:
-        """The value of a file; None if there is none, if it is not as it was written, or has types of another version."""
+        """The value of a file; None if none can be read, if it is not as it was written, or has types of another version."""
         size = hashlib.sha256().digest_size
-        with suppress(FileNotFoundError, AttributeError, ImportError):
+        with suppress(OSError, AttributeError, ImportError):
             content = path.read_bytes()
             if hashlib.sha256(content[size:]).digest() == content[:size]:
                 return pickle.loads(content[size:])

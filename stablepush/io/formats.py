@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 from stablepush.core import InputError, Node, describe
 from stablepush.effects import CATALOGUE
-from stablepush.io.json_files import read_json
+from stablepush.io.json_files import read_json, require_file
 from stablepush.io.writing import write_json
 from stablepush.objects import PushContact, Slider, SupportDistribution
 from stablepush.surfaces import LimitSurface, surface_kinds, surface_of_kind
@@ -75,10 +74,8 @@ def _value_or_path(node: Node, folder: Path, read: Callable[[Node], _T], *format
     if not node.value.strip():
         node.fail("expected an object, or the path of a file that has it", describe(node.value))
     path = folder / node.value
-    if os.path.exists(path) and not os.path.isfile(path):
-        # what a file names is read without anybody looking: a pipe might never end
-        node.fail("expected an object, or the path of a file", describe(node.value))
     try:
+        require_file(path)
         return read(read_json(path, *formats))
     except InputError as error:
         raise InputError(f"{node.place}: {error}", "", file=node.file) from None

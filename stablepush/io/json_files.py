@@ -78,6 +78,12 @@ def read_text(path: str | Path, most: int = _LARGEST_FILE) -> str:
     return "".join(parts)
 
 
+def require_file(path: str | Path) -> None:
+    """Refuse a pipe, a socket or a device where a file of a folder, or one that a file names, is read: it might never end."""
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise InputError("", "cannot read: expected a file", file=path)
+
+
 @contextmanager
 def open_text(path: str | Path, newline: str | None = None) -> Iterator[TextIO]:
     """Open a UTF-8 text file to be read; every failure, also while it is read, is one line that names it."""

@@ -33,7 +33,7 @@ from stablepush.effects import effects_from_node
 from stablepush.geometry import compose, inverse, log, wrap_angle
 from stablepush.identify import SlipPairs
 from stablepush.io.formats import model_or_path, model_to_json, slider_or_path, slider_to_json
-from stablepush.io.json_files import read_json
+from stablepush.io.json_files import read_json, require_file
 from stablepush.io.parquet import read_parquet
 from stablepush.io.tables import IS_FLAG, IS_POSITIVE, IS_SENSE, Column, read_table, table_text
 from stablepush.io.writing import whole_folder, write_atomically, write_json
@@ -257,6 +257,8 @@ def read_pushlog(path: str | Path) -> PushLog:
     if not folder.is_dir():
         made = "; stablepush import makes one of other logs" if folder.is_file() else ""
         raise InputError("", f"expected a pushlog/1 folder with rig.json, trials.csv and samples.csv{made}", file=folder)
+    for name in LOG_FILES:
+        require_file(folder / name)
     rig = _rig_from_node(read_json(folder / "rig.json", "pushlog/1"), folder)
     trials, trial_lines = read_table(
         folder / "trials.csv",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -87,12 +88,13 @@ def zeroed(
         words = "readings at rest show that the offset of the force sensor does not turn with the tool: it is taken as fixed in W"
         warnings.warn(StablepushWarning(words), stacklevel=3)
     headings = turned if turns else np.full(len(readings), np.nan)
+    begins = [spell.row for spell in found]
     for spell, rows in zip(spells, trials, strict=False):
-        before = [other for other in found if other.row <= spell.row]
-        for other in [spell] if spell in found else (before or found[:1])[-1:]:
+        # the last before it that shows the offset, itself if it does; else the first
+        for other in found[max(0, bisect_right(begins, spell.row) - 1) :][:1]:
             # a moment that no rest shows is not taken off
             result[rows] -= np.nan_to_num(_turned(other, headings[rows]))
-    beside = {spell.row for spell in spells[len(trials) :] if spell in found}
+    beside = {spell.row for spell in spells[len(trials) :]} & set(begins)
     return result, [int(row) for rows in rests if int(rows[0]) in beside for row in (rows[0], rows[-1])]
 
 

@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from stablepush.core import FloatArray, InputError
-from stablepush.geometry import normalize_wrench, unit, wrap_angle
+from stablepush.geometry import normalize_wrench, unit
 from stablepush.planning.check import check_plan
+from stablepush.planning.feasibility import starts_at_goal
 from stablepush.planning.loads import loads_of
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult, Push
@@ -25,8 +26,7 @@ def arrived(problem: PlanningProblem, planner: str, seed: int) -> PlanResult | N
 
     Raises :class:`InputError` if it is, and no push is so short: then nothing is to be planned.
     """
-    off = problem.goal - problem.start
-    if np.hypot(*off[:2]) > problem.tolerance[0] or abs(float(wrap_angle(off[2]))) > problem.tolerance[1]:
+    if not starts_at_goal(problem):
         return None
     rho = problem.surface.characteristic_length
     spread = np.random.default_rng(0).normal(size=(_PUSHES, 3))

@@ -8,6 +8,7 @@ measured on scenarios that no choice was made on (:mod:`stablepush.planning.succ
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -39,8 +40,7 @@ class Choice:
     """
 
     def __init__(self, problem: PlanningProblem, seed: int) -> None:
-        # simulated starts take time
-        drawn = draw_scenarios(problem, CHOICE if any(problem.uncertainty.start) else MOST, seed)
+        drawn = draw_scenarios(problem, MOST, seed)
         if any(problem.uncertainty.start):
             drawn = drawn.after(alignment_push(problem))
         # no push holds a slider that is not flush
@@ -51,21 +51,23 @@ class Choice:
         self._margins: dict[int, FloatArray] = {}
         self._cases: dict[tuple[int, int], Case] = {}
 
-    def regions(self, count: int, left_out: int, deadline: Deadline) -> list[StableRegion]:
+    def regions(self, count: int, left_out: int, deadline: Deadline, used: Collection[int]) -> list[StableRegion | None]:
         """Return for each contact the motions that are stable in all of the first ``count`` scenarios but some.
 
-        Raises :class:`OutOfTimeError` when the deadline passes; what is known by then serves the next.
+        ``used``: contacts that count; the others have none, and no scenario is left out for their sake. Raises
+        :class:`OutOfTimeError` when the deadline passes; what is known by then serves the next.
         """
         count = min(count, len(self._all))
-        for number in self._contacts:
+        mine = sorted(used)
+        for number in mine:
             deadline.check()
             self._compare(number, count)
-        table = np.concatenate([self._margins[number][:count] for number in self._contacts], axis=1)
+        table = np.concatenate([self._margins[number][:count] for number in mine], axis=1)
         kept = _kept(table < -BOUNDARY_SLACK, min(left_out, count - 1))
-        found = []
-        for number in self._contacts:
+        found: list[StableRegion | None] = [None] * len(self._contacts)
+        for number in mine:
             deadline.check()
-            found.append(self._region(kept, number))
+            found[number] = self._region(kept, number)
         return found
 
     def _compare(self, number: int, count: int) -> None:
@@ -121,18 +123,19 @@ class ArcChoice:
     def __init__(self, problem: PlanningProblem, seed: int) -> None:
         drawn = draw_scenarios(problem, MOST, seed)
         self._all, self._contacts, self._problem = drawn, range(len(problem.contacts)), problem
-        self._margins: list[FloatArray] = []
+        self._margins: dict[int, FloatArray] = {}
 
-    def regions(self, count: int, left_out: int, deadline: Deadline) -> list[ArcSet]:
-        """Return for each contact the pushes that are stable in the first ``count`` scenarios but some, as by :class:`Choice`."""
-        for number in self._contacts[len(self._margins) :]:
+    def regions(self, count: int, left_out: int, deadline: Deadline, used: Collection[int]) -> list[ArcSet | None]:
+        """Return pushes of each contact that are stable in the first ``count`` scenarios but some, as :class:`Choice` does."""
+        count, mine = min(count, len(self._all)), sorted(used)
+        for number in mine:
             deadline.check()
-            twists, poses = _compared_at(self._problem, number)
-            self._margins.append(self._all.margins(number, twists, poses))
-        count = min(count, len(self._all))
-        table = np.concatenate([margins[:count] for margins in self._margins], axis=1)
+            if number not in self._margins:
+                twists, poses = _compared_at(self._problem, number)
+                self._margins[number] = self._all.margins(number, twists, poses)
+        table = np.concatenate([self._margins[number][:count] for number in mine], axis=1)
         kept = _kept(table < -BOUNDARY_SLACK, min(left_out, count - 1))
-        return [self._set(kept, number) for number in self._contacts]
+        return [self._set(kept, number) if number in mine else None for number in self._contacts]
 
     def _set(self, kept: np.ndarray, number: int) -> ArcSet:
         margins = self._margins[number][kept]
@@ -160,7 +163,7 @@ class ArcSet:
                 break
             extra = self._extra(loads, rows, twists[chosen])
             least = np.full(len(rows), -BOUNDARY_SLACK)
-            good[chosen] = loads.are_stable(twists[chosen], headings[chosen], extra, drawn.facets[self.number][rows], least)
+            good[chosen] = loads.are_stable(twists[chosen], headings[chosen], extra, drawn.facets(self.number)[rows], least)
         return good
 
     def _extra(self, loads: PushLoads, rows: np.ndarray, twists: FloatArray) -> FloatArray:

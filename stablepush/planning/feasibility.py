@@ -44,11 +44,22 @@ def infeasibility(problem: PlanningProblem) -> str:
     shapely.prepare(walls)
     alone = _Body(problem, None, walls)
     bodies = [_Body(problem, contact, walls) for contact in problem.contacts]
-    reason = _start(problem, alone, bodies[0]) or _goal(problem, alone, bodies) or _margin(problem)
+    reason = _start(problem, alone, bodies[0])
+    if reason or starts_at_goal(problem):
+        # there is nothing to do but to stay
+        return reason or _rest(problem)
+    reason = _goal(problem, alone, bodies) or _margin(problem)
     if problem.acting_effects:
         # which pushes are stable depends on the pose
         return reason or _rest(problem)
     return reason or _turn(problem) or _first_push(problem, bodies)
+
+
+def starts_at_goal(problem: PlanningProblem) -> bool:
+    """Return whether the start is within the tolerance of the goal."""
+    off = problem.goal - problem.start
+    near, turned = problem.tolerance
+    return bool(np.hypot(*off[:2]) <= near and abs(float(wrap_angle(off[2]))) <= turned)
 
 
 class _Body:
@@ -158,7 +169,12 @@ def _nearest(poses: FloatArray, goal: FloatArray, reach: float) -> FloatArray:
 
 def _margin(problem: PlanningProblem) -> str:
     rho = problem.surface.characteristic_length
-    widest = max(contact.cone(rho).widest_margin for contact in problem.contacts)
+    widest = 0.0
+    for contact in problem.contacts:
+        widest = max(widest, contact.cone(rho).widest_margin)
+        if widest >= max(_NO_MARGIN, problem.min_margin):
+            # one is enough
+            return ""
     if widest < _NO_MARGIN:
         return "no contact has a stable push whose margin is above zero; two fingers or more are needed, with friction"
     if widest < problem.min_margin - _MARGIN_SLACK:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +30,7 @@ _HURRIED = 5.0
 #: Searches for better plans at the level, each in tighter regions.
 _REFINED = 3
 
-Attempt = Callable[[Sequence[StableRegion | PushSet], Deadline, float], PlanResult]
+Attempt = Callable[[Sequence[StableRegion | PushSet | None], Deadline, float], PlanResult]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,36 +56,49 @@ def likely_plan(
         quickest = _Candidate(attempt((), deadline, 0.0), 0.0)
         if not quickest.result.solved or deadline.passed():
             return quickest.result, 0.0
-    search = _Search(problem, level, attempt, seed)
-    best = search.at_level(deadline.reserving(limit / 2), deadline, effort)
+    search, first = _Search(problem, level, attempt, seed), deadline.reserving(limit / 2)
+    every = frozenset(range(len(problem.contacts)))
+    # in a hurry the contacts of the quickest plan come first
+    tried = [_contacts_of(quickest) or every]
+    best = search.at_level(first, deadline, effort, tried[0])
+    for fewer in (False, True):
+        # without the others no scenario is left out for their sake, and a search gets farther
+        used = _contacts_of(best) if fewer else every
+        if used and used not in tried and not deadline.passed() and (effort or best.held < level):
+            tried.append(used)
+            best = max(best, search.at_level(deadline if best.result.solved else first, deadline, effort, used), key=search.worth)
     if not best.result.solved and not deadline.stopped:
-        best = search.most_probable(deadline)
-    if not best.result.solved and quickest.result.solved:
-        best = quickest
+        best = search.most_probable(deadline, quickest)
     return best.result, best.held
+
+
+def _contacts_of(candidate: _Candidate) -> frozenset[int]:
+    return frozenset(push.contact for push in candidate.result.pushes)
 
 
 class _Search:
     def __init__(self, problem: PlanningProblem, level: float, attempt: Attempt, seed: int) -> None:
         self._problem, self._level, self._attempt, self._seed = problem, level, attempt, seed
         self._choice = choice_of(problem, seed)
+        self._every = range(len(problem.contacts))
         self._tests = 0
 
-    def at_level(self, first: Deadline, deadline: Deadline, effort: float) -> _Candidate:
-        """A plan that meets the level and has been refined, else the most probable of those made meanwhile.
+    def at_level(self, first: Deadline, deadline: Deadline, effort: float, used: Collection[int]) -> _Candidate:
+        """A refined plan of the contacts ``used`` that meets the level, else the most probable of those made meanwhile.
 
         A first plan is looked for until the deadline ``first``.
         """
         best, refined = _Candidate(PlanResult("no-path", ""), -1.0), 0
+        self._tests = 0
         for count, left_out in self._choices():
             try:
-                regions = self._choice.regions(count, left_out, deadline if best.result.solved else first)
+                regions = self._choice.regions(count, left_out, deadline if best.result.solved else first, used)
             except OutOfTimeError:
                 break
             tried = self._tested(regions, first, 0.0)
             if not tried.result.solved and best.result.solved:
                 break
-            best = max(best, tried, key=self._worth)
+            best = max(best, tried, key=self.worth)
             if not tried.result.solved or deadline.passed():
                 break
             if tried.held < self._level:
@@ -94,20 +107,23 @@ class _Search:
                 break
             # a better plan may lie nearer to the bounds
             tried, refined = self._tested(regions, deadline, effort), refined + 1
-            best = max(best, tried, key=self._worth)
+            best = max(best, tried, key=self.worth)
             if tried.held >= self._level or refined == _REFINED or deadline.passed():
                 break
         return best
 
-    def most_probable(self, deadline: Deadline) -> _Candidate:
-        """The first plan, over common sets of ever fewer scenarios, more probable than the quickest; else the quickest."""
+    def most_probable(self, deadline: Deadline, quickest: _Candidate) -> _Candidate:
+        """The first plan, over common sets of ever fewer scenarios, more probable than the quickest; else the quickest.
+
+        ``quickest``: that plan, if it has been made.
+        """
         # without a quickest plan there is none
-        best = self._tested((), deadline, 0.0)
+        best = self._held(quickest.result) if quickest.result.solved else self._tested((), deadline, 0.0)
         for share in _LESS:
             if share >= self._level or deadline.passed() or not best.result.solved:
                 continue
             try:
-                regions = self._choice.regions(CHOICE, round((1 - share) * CHOICE), deadline)
+                regions = self._choice.regions(CHOICE, round((1 - share) * CHOICE), deadline, self._every)
             except OutOfTimeError:
                 break
             tried = self._tested(regions, deadline, 0.0)
@@ -124,12 +140,15 @@ class _Search:
         for count in (CHOICE, *_MORE):
             yield count, 0
 
-    def _worth(self, candidate: _Candidate) -> tuple[float, float]:
+    def worth(self, candidate: _Candidate) -> tuple[float, float]:
         """What makes a plan better: that it meets the level, and then its time; else how often it holds."""
         return min(candidate.held, self._level), -candidate.result.duration
 
-    def _tested(self, regions: Sequence[StableRegion | PushSet], deadline: Deadline, effort: float) -> _Candidate:
-        result = self._attempt(regions, deadline, effort)
+    def _tested(self, regions: Sequence[StableRegion | PushSet | None], deadline: Deadline, effort: float) -> _Candidate:
+        return self._held(self._attempt(regions, deadline, effort))
+
+    def _held(self, result: PlanResult) -> _Candidate:
+        """A plan, and the share of fresh scenarios that it holds in."""
         # each test has scenarios of its own
         self._tests += 1
         if not result.solved or not result.pushes:

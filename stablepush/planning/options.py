@@ -58,9 +58,10 @@ class PlanOptions:
     refinement_budget : float
         Search steps (poses expanded, motions tested) that anytime planners spend on refining the first plan. It is a count, not
         a time, so that plans are reproducible. Infinite: until the time limit.
-    regions : tuple of StableRegion or PushSet
-        Further regions, one for each contact, in which all pushes must lie; empty: no further condition. :func:`stablepush.plan`
-        sets the common stable regions of the scenarios that it has chosen; under effects they depend on the heading.
+    regions : tuple of StableRegion, PushSet or None
+        Further regions, one for each contact, in which all pushes must lie; None for a contact that is not used; empty: no
+        further condition. :func:`stablepush.plan` sets the common stable regions of the scenarios that it has chosen; under
+        effects they depend on the heading.
     search_budget : float
         Search steps after which a planner gives up without a plan. Planners that do not count steps stop at the deadline.
     """
@@ -70,7 +71,7 @@ class PlanOptions:
     margin_weight: float = 0.0
     max_twist_rate: float = math.inf
     refinement_budget: float = 20_000
-    regions: tuple[StableRegion | PushSet, ...] = field(default=(), repr=False)
+    regions: tuple[StableRegion | PushSet | None, ...] = field(default=(), repr=False)
     search_budget: float = math.inf
 
     def __post_init__(self) -> None:

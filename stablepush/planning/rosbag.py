@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import FloatArray, InputError, UnavailableError, read_only
+from stablepush.geometry import wrap_angle
 from stablepush.io import whole_folder
 from stablepush.planning.trajectory import PHASES, Trajectory
 
@@ -111,7 +112,10 @@ def load_rosbag(path: str | Path) -> Trajectory:
             (p.pose.position.x, p.pose.position.y, 2 * np.arctan2(p.pose.orientation.z, p.pose.orientation.w))
             for p in message.poses
         ]
-        return read_only(np.array(rows).reshape(-1, 3))
+        found = np.array(rows).reshape(-1, 3)
+        # half of a heading is in the quaternion, whose sign is lost: headings go on as they were written
+        found[:, 2] = np.unwrap(np.concatenate((wrap_angle(found[:1, 2]), found[1:, 2])))
+        return read_only(found)
 
     stamps = [p.header.stamp for p in found[SLIDER].poses]
     numbers, rates = np.asarray(found[STATE].data, dtype=np.int64), np.asarray(found[VELOCITY].data, dtype=np.float64)

@@ -109,7 +109,7 @@ class Scenarios:
 
         ``poses`` (k, 3) of B in W, which count where effects act: what they add is that of the nominal surface.
         """
-        facets = self.facets[number]
+        facets = self.facets(number)
         rho = self.surfaces[0].characteristic_length
         result = np.empty((len(self), len(twists)))
         added: dict[int, FloatArray] = {}
@@ -135,26 +135,30 @@ class Scenarios:
         return surface.wrench(moved) * (self.loads[member].newtons_of(surface) if self.loads else 1.0)
 
     @cached_property
-    def facets(self) -> list[FloatArray]:
-        """Unit facet normals (n, f, 3) of the cones of each contact, about the true centres of mass."""
-        rho = self.surfaces[0].characteristic_length
-        found = []
-        for number, contact in enumerate(self.problem.contacts):
-            aside = self.aside[:, number, None] * across_of(contact) - self.center_of_mass
-            points, mu = contact.points + aside[:, None, :], self.contact_mu[:, number]
-            one_edge = len(points[0]) == 2 and contact.has_one_normal
-            if one_edge and mu.min() > 0 and abs(np.subtract(*contact.points) @ contact.normals[0]) < 1e-9:
-                found.append(_line_facets(points, contact.normals[0], mu, rho))
-            else:
-                cones = [PushContact(p, contact.normals, m).cone(rho).normals for p, m in zip(points, mu, strict=True)]
-                most = max(map(len, cones))
-                # a cone with fewer facets repeats one; one without any, the whole space, has margins of pi/2
-                padded = np.zeros((len(cones), max(1, most), 3))
-                for row, normals in zip(padded, cones, strict=True):
-                    if len(normals):
-                        row[:] = normals[np.minimum(np.arange(len(row)), len(normals) - 1)]
-                found.append(padded)
-        return found
+    def _facets(self) -> dict[int, FloatArray]:
+        return {}
+
+    def facets(self, number: int) -> FloatArray:
+        """Return unit facet normals (n, f, 3) of the cones of a contact, about the true centres of mass."""
+        if number not in self._facets:
+            self._facets[number] = self._facets_of(number)
+        return self._facets[number]
+
+    def _facets_of(self, number: int) -> FloatArray:
+        rho, contact = self.surfaces[0].characteristic_length, self.problem.contacts[number]
+        aside = self.aside[:, number, None] * across_of(contact) - self.center_of_mass
+        points, mu = contact.points + aside[:, None, :], self.contact_mu[:, number]
+        one_edge = len(points[0]) == 2 and contact.has_one_normal
+        if one_edge and mu.min() > 0 and abs(np.subtract(*contact.points) @ contact.normals[0]) < 1e-9:
+            return _line_facets(points, contact.normals[0], mu, rho)
+        cones = [PushContact(p, contact.normals, m).cone(rho).normals for p, m in zip(points, mu, strict=True)]
+        most = max(map(len, cones))
+        # a cone with fewer facets repeats one; one without any, the whole space, has margins of pi/2
+        padded = np.zeros((len(cones), max(1, most), 3))
+        for row, normals in zip(padded, cones, strict=True):
+            if len(normals):
+                row[:] = normals[np.minimum(np.arange(len(row)), len(normals) - 1)]
+        return padded
 
 
 def draw_scenarios(problem: PlanningProblem, count: int, seed: int, stream: int = 0) -> Scenarios:
@@ -164,7 +168,10 @@ def draw_scenarios(problem: PlanningProblem, count: int, seed: int, stream: int 
     """
     rng = np.random.default_rng([seed, stream])
     unknown, contacts = problem.uncertainty, len(problem.contacts)
-    share, place = rng.uniform(size=(count, 1)), unknown.contact_place * rng.uniform(-1, 1, size=(count, contacts))
+    share = rng.uniform(size=(count, 1))
+    # what is drawn of one contact does not depend on which others there are
+    streams = [rng, *(np.random.default_rng([seed, stream, 2, number]) for number in range(1, contacts))]
+    place = unknown.contact_place * np.column_stack([of.uniform(-1, 1, size=count) for of in streams])
     deviations = np.array((unknown.start[0], unknown.start[0], unknown.start[1]))
     start = deviations * rng.normal(size=(count, 3))
     draws = _EFFECTS_CHOSEN if stream == 0 else _EFFECTS_MEASURED

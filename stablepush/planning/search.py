@@ -76,7 +76,7 @@ class Search:
             return Found(here, self.level)
         alone = asked if aligning is None else asked.starting_at(aligning.end)
 
-        def attempt(regions: Sequence[StableRegion | PushSet], until: Deadline, effort: float) -> PlanResult:
+        def attempt(regions: Sequence[StableRegion | PushSet | None], until: Deadline, effort: float) -> PlanResult:
             options = replace(self.options, regions=tuple(regions), refinement_budget=effort, search_budget=search_budget)
             found = self._run(alone, until, options)
             return found if aligning is None or not found.solved else _preceded(found, aligning)

@@ -79,7 +79,7 @@ def test_search_against_dijkstra(seed):
     context = PlanningContext(problem, sp.PlanOptions(), Deadline())
     headings, cell = 8, 0.06
     edges = make_lattice(problem, context.stable, headings, cell)
-    graph = context.graph(edges)
+    graph = context.graph(edges, context.transfers, problem.tolerance)
     graph.connections.radii[:] = 0.0
     # what the edges take to the middle of the goal region is no lower bound
     graph.goal.table[:] = 0.0

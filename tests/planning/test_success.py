@@ -79,7 +79,7 @@ def test_the_common_region_is_what_every_case_calls_stable():
 
 def test_chosen_scenarios_all_hold_what_is_in_their_region():
     choice = Choice(problem(), seed=0)
-    most_hold, all_hold, more_hold = (choice.regions(*asked, Deadline())[0] for asked in ((100, 10), (100, 0), (200, 0)))
+    most_hold, all_hold, more_hold = (choice.regions(*asked, Deadline(), {0})[0] for asked in ((100, 10), (100, 0), (200, 0)))
     scenarios = draw_scenarios(problem(), MOST, seed=0).take(np.arange(100))
     assert more_hold.solid_angle() < all_hold.solid_angle()
     assert 0 < all_hold.solid_angle() < most_hold.solid_angle()

@@ -61,16 +61,37 @@ def test_names_are_text_everywhere(name, tmp_path, capsys):
         assert line.isprintable() and len(line) < 8000
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+@pytest.mark.parametrize("name", ["rig.json", "trials.csv", "samples.csv"])
+def test_a_pipe_in_a_folder_is_refused(tmp_path, capsys, name):
+    """Nobody may ever write into it."""
+    sp.write_pushlog(make_log(count=2), tmp_path / "log")
+    (tmp_path / "log" / name).unlink()
+    os.mkfifo(tmp_path / "log" / name)
+    for arguments in (["diagnose", tmp_path / "log"], ["import", tmp_path / "log", "-o", tmp_path / "other"]):
+        assert main([str(a) for a in arguments]) == 2
+        assert f"{name}: cannot read: expected a file" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+def test_a_pipe_for_the_outline_of_a_mapping_is_refused(tmp_path, capsys):
+    os.mkfifo(tmp_path / "outline.json")
+    mapping = mapping_file(tmp_path, columns={"t": "t"}, slider="outline.json")
+    (tmp_path / "t.csv").write_text("t\n0\n")
+    assert main(["import", str(tmp_path / "t.csv"), "--mapping", str(mapping), "-o", str(tmp_path / "log")]) == 2
+    assert "outline.json: cannot read: expected a file" in capsys.readouterr().err
+
+
 @pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="no such device here")
 def test_what_never_ends_is_refused(tmp_path, capsys):
     scene = tmp_path / "scene.json"
     sp.save_scene(small_scene(), scene)
     values = json.loads(scene.read_text())
     os.mkfifo(tmp_path / "pipe")
-    for model, words in (("/dev/zero", "the path of a file"), ("pipe", "the path of a file")):
+    for model in ("/dev/zero", "pipe"):
         scene.write_text(json.dumps(values | {"model": model}))
         assert main(["plan", str(scene), "-o", str(tmp_path / "plan.json")]) == 2
-        assert words in capsys.readouterr().err
+        assert f"{model}: cannot read: expected a file" in capsys.readouterr().err
     assert main(["plan", "/dev/zero", "-o", str(tmp_path / "plan.json")]) == 2
     assert "not a device" in capsys.readouterr().err
     mapping = mapping_file(tmp_path, columns={})

@@ -13,7 +13,7 @@ import yaml
 from stablepush.core import FloatArray, InputError, Node, note_noise
 from stablepush.io.formats import load_slider, model_or_path, slider_from_node
 from stablepush.io.importers.registry import Source
-from stablepush.io.json_files import read_text
+from stablepush.io.json_files import read_text, require_file
 from stablepush.io.pushlog import CONTACT_KINDS, Noise, PushLog, Rig
 from stablepush.io.world import FORCES_ON, log_from_arrays
 from stablepush.objects import Slider
@@ -130,7 +130,10 @@ def _slider(root: Node, file: Path, slider: Slider | None) -> Slider:
         return slider
     if node is None:
         raise InputError("slider", "expected the outline: --slider FILE, or the key slider", file=file)
-    return load_slider(file.parent / node.text()) if isinstance(node.value, str) else slider_from_node(node)
+    if not isinstance(node.value, str):
+        return slider_from_node(node)
+    require_file(file.parent / node.text())
+    return load_slider(file.parent / node.text())
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]

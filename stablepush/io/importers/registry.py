@@ -20,6 +20,7 @@ from stablepush.core import (
     plugin_names,
     what_failed,
 )
+from stablepush.io.json_files import require_file
 from stablepush.io.pushlog import PushLog
 from stablepush.objects import Slider
 
@@ -73,6 +74,9 @@ def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path 
         raise InputError("kind", f"expected {' or '.join(importers())}", f"{kind!r}{did_you_mean(kind, importers())}")
     if not root.exists():
         raise InputError("", "cannot read: no such file or folder", file=root)
+    for file in root.rglob("*") if root.is_dir() else (root,):
+        if not file.is_dir():
+            require_file(file)
     asked = _all_importers() if kind is None else {kind: load_plugin(_GROUP, kind)}
     mapped = [name for name, one in asked.items() if getattr(one, "needs_mapping", False)]
     if kind is None:

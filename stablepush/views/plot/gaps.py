@@ -58,17 +58,29 @@ def simulations(report: GapReport) -> dict[str, str]:
 
 
 def plot_residuals(report: GapReport, ax: Axes | None = None) -> Axes:
-    """Draw the forces that the nominal simulation lacks, as arrows over the table, and what remains after the correction."""
-    good = np.isfinite([report.residuals[key] for key in ("before", "after")]).all(axis=(0, 2))
+    """Draw the forces that the nominal simulation lacks, as arrows over the table, and what remains after the correction.
+
+    Raises :class:`InputError` for a log without forces.
+    """
+    residuals = _of_both(report.residuals, "loads of pushes, a log with forces has them")
+    good = np.isfinite(residuals).all(axis=(0, 2))
     places = report.poses[good][:, :2]
-    forces = [rotate_vectors(report.poses[good][:, 2], report.residuals[key][good][:, :2]) for key in ("before", "after")]
+    forces = [rotate_vectors(report.poses[good][:, 2], one[good][:, :2]) for one in residuals]
     scale = arrow_scale(places, forces)
     title = f"Measured less predicted force, 1 N {1000 * scale:.3g} mm long"
-    axes = _draw_over_table(report, places, np.stack((places, places)), scale * np.stack(forces), title, ax)
+    axes = _draw_over_table(report, places, np.stack([places] * len(forces)), scale * np.stack(forces), title, ax)
     tilt = next((entry for entry in report.ranking if entry.effect == "tilt" and "tilt" in report.named), None)
     if tilt is not None and tilt.form is None:
         _draw_downhill(axes, np.asarray(tilt.estimates["slope"]))
     return axes
+
+
+def _of_both(arrays: Mapping[str, FloatArray], needed: str) -> list[FloatArray]:
+    """What there is before the correction, and after it, each of the same shape."""
+    found = [arrays[key] for key in ("before", "after") if key in arrays]
+    if not found:
+        raise InputError("report", f"expected {needed}")
+    return found
 
 
 def _draw_downhill(axes: Axes, slope: FloatArray) -> None:
@@ -119,7 +131,7 @@ def view_limits(places: FloatArray, tips: FloatArray, room: float = 0.0) -> tupl
 def _draw_over_table(
     report: GapReport, places: FloatArray, tails: FloatArray, arrows: FloatArray, title: str, ax: Axes | None
 ) -> Axes:
-    """Draw places (n, 2), and arrows (2, n, 2) before and after the correction. The picture is as high as that needs."""
+    """Draw places (n, 2), and arrows (1 or 2, n, 2) before and after the correction. The picture is as high as that needs."""
     low, high = view_limits(places, np.stack((tails, tails + arrows)), 0.02) if len(places) else (np.zeros(2), np.ones(2))
     low, high = low - 0.02 * (high - low), high + 0.02 * (high - low)
     axes = canvas((6.2, float(np.clip(5.5 * (high - low)[1] / (high - low)[0] + 1.1, 2.8, 7.4))), ax=ax)
@@ -144,7 +156,11 @@ def _draw_over_table(
 def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np.ndarray:
     """Draw the residual force along and across the measured one, against heading and trial order, before and after the
     correction; into four axes, which are returned (2, 2). Faint: rows whose load is left open, since they are slow or turn about
-    a support point."""
+    a support point.
+
+    Raises :class:`InputError` for a log without forces.
+    """
+    residuals = _of_both(report.residuals, "loads of pushes, a log with forces has them")
     shown = panels((6.6, 4.8), 2, 2, ax, sharey="row")
     direction = np.arctan2(report.loads[:, 1], report.loads[:, 0])
     for row, name in enumerate(("along the load [N]", "across it [N]")):
@@ -152,10 +168,10 @@ def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np
             ((np.degrees(report.headings), "heading of the motion in W [deg]"), (report.orders, ""))
         ):
             axes = shown[row, column]
-            for (key, word), color, marker in zip(
-                simulations(report).items(), (PUSHER, COUNTER_CLOCKWISE), ("o", "."), strict=False
+            for left, word, color, marker in zip(
+                residuals, simulations(report).values(), (PUSHER, COUNTER_CLOCKWISE), ("o", "."), strict=False
             ):
-                residual = rotate_vectors(-direction, report.residuals[key][:, :2])[:, row]
+                residual = rotate_vectors(-direction, left[:, :2])[:, row]
                 style = {"linestyle": "none", "marker": marker, "markersize": 3, "color": color}
                 for chosen, look in ((report.determined, {"label": word}), (~report.determined, {"alpha": _FAINT})):
                     axes.plot(values[chosen], residual[chosen], **style, **look)
@@ -172,10 +188,13 @@ def plot_residuals_against(report: GapReport, ax: ArrayLike | None = None) -> np
 
 
 def plot_final_poses(report: GapReport, ax: Axes | None = None) -> Axes:
-    """Draw measured against simulated final poses of pushes, as arrows over the table."""
-    good = np.isfinite([report.ends[key] for key in ("before", "after")]).all(axis=(0, 2))
+    """Draw measured against simulated final poses of pushes, as arrows over the table.
+
+    Raises :class:`InputError` for a log without pushes that could be simulated.
+    """
+    good = np.isfinite(_of_both(report.ends, "pushes that could be simulated")).all(axis=(0, 2))
     places = report.places[good][:, :2]
-    errors = [report.pose_errors(key)[good] for key in ("before", "after")]
+    errors = [report.pose_errors(key)[good] for key in ("before", "after") if key in report.ends]
     times = magnification(arrow_scale(places, errors))
     longer = f", {times:.0f} times as long" if times > 1 else ""
     arrows = times * np.stack(errors)
