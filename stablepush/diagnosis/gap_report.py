@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
-from stablepush.core import InputError, one_blas_thread
+from stablepush.core import InputError, PlausibilityWarning, one_blas_thread
 from stablepush.diagnosis.attribution import Attribution, attribute
 from stablepush.diagnosis.contact_friction import slip_friction, suspected_friction
 from stablepush.diagnosis.corrected import corrections, in_own_forms, of_last_log
@@ -44,7 +45,7 @@ from stablepush.diagnosis.wording import (
     unexplained,
 )
 from stablepush.effects import CATALOGUE, LabEffect, applicable, lab_effects
-from stablepush.io import PushLog, Rig
+from stablepush.io import PushLog, Rig, unit_doubts
 from stablepush.objects import SupportDistribution
 from stablepush.surfaces import IdealLimitSurface
 
@@ -103,7 +104,9 @@ def diagnose(
     with one_blas_thread():
         for k, (one, words) in enumerate(map(without_stopped, logs)):
             logs[k] = one
-            told += words
+            told += [*words, *unit_doubts(one)]
+        for line in told:
+            warnings.warn(PlausibilityWarning(", ".join(filter(None, names)) or "log", line), stacklevel=2)
         if len(logs) > 1:
             report = _diagnose_together(logs, names, simulated, effects, progress)
         else:

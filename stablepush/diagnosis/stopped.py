@@ -6,13 +6,15 @@ import numpy as np
 
 from stablepush.io import PushLog, stopped, stopped_words
 
-#: Columns of the channels that are left out; poses that stand are a slider that stands.
-_COLUMNS = {"tip positions": ("px", "py", "ptheta"), "forces": ("fx", "fy", "tau")}
+#: Columns of the channels that are left out.
+_COLUMNS = {"poses": ("x", "y", "theta"), "tip positions": ("px", "py", "ptheta"), "forces": ("fx", "fy", "tau")}
 
 
 def without_stopped(log: PushLog) -> tuple[PushLog, list[str]]:
-    """Return a log in which forces and pusher poses that do not change in a push are missing values, and a line for each."""
-    found = {channel: names for channel, names in stopped(log).items() if channel in _COLUMNS}
+    """Return a log in which readings that do not change in a push are missing values, and a line for each channel."""
+    found = stopped(log)
+    # poses that stand from first to last are a slider that stands
+    found["poses"] = [name for name in found["poses"] if np.ptp(log.columns("x", "y", "theta")[log.rows(name)], axis=0).any()]
     if not any(found.values()):
         return log, []
     samples = {name: np.array(values) for name, values in log.samples.items()}

@@ -38,12 +38,15 @@ _SLOWEST, _FASTEST = 5e-5, 10.0
 _ASKED = {
     "poses": "while the tip moves: did the tracker freeze, or the finger miss?",
     "tip positions": "while the slider moves: did their record stop?",
-    "forces": "while the slider stands and moves: is the sensor stuck?",
+    "forces": "while the slider moves: is the sensor stuck?",
 }
-#: A slider that is slower than this share of its greatest speed stands: friction of one that moves slowly is the same.
+#: A slider that is slower than this share of its greatest speed stands: friction of one that moves slowly is no less.
 _STANDS = 0.02
-#: Readings that differ by a smaller share of the largest do not change: noise of every sensor is more.
-_SAME = 1e-9
+#: Readings that differ by a smaller share of the largest do not change: turning and interpolating them leaves that, 1e-7 m at
+#: places 1000 km from the origin.
+_SAME = 1e-13
+#: Friction of rubber on dry concrete is 1, in units of the weight: nobody slides an object with so many times its weight.
+_HEAVIEST = 5.0
 #: A tip that goes so far (m) while it pushes takes the slider along.
 _TAKES_ALONG = 5e-3
 #: Poses that are farther apart (s) are too few for the usual pushes, if a window for twists holds none but a row's neighbours.
@@ -58,7 +61,7 @@ def doubts(log: PushLog, zeroed: bool = True, rests: Sequence[float] | FloatArra
     """
     elsewhere = list(_away(log)) or list(_apart(log))
     # normals are known where the fingers are at the outline
-    of_forces = list(_opposed(log)) or ([] if elsewhere else list(_aslant(log)))
+    of_forces = list(_heavy(log)) or list(_opposed(log)) or ([] if elsewhere else list(_aslant(log)))
     of_channels = (*_large(log), *_clock(log), *_unseen(log), *stopped_words(stopped(log), len(log)))
     return [*of_forces, *(_restless(log, rests) if zeroed else ()), *elsewhere, *of_channels]
 
@@ -78,12 +81,13 @@ def stopped(log: PushLog) -> dict[str, list[str]]:
     body, tips, forces = log.columns("x", "y", "theta"), log.columns("px", "py"), log.columns("fx", "fy")
     speed = np.nan_to_num(np.linalg.norm(point_velocity(log.twists(), log.rig.slider.vertices), axis=-1).max(axis=1))
     found: dict[str, list[str]] = {"poses": [], "tip positions": [], "forces": []}
+    noisy = log.rig.noise is not None and log.rig.noise.force > 0
     constant: dict[str, float] = {}
     stuck: set[str] = set()
     for name in map(str, log.trials["trial"]):
         rows = log.rows(name)
         moves = speed[rows] > _STANDS * speed[rows].max(initial=0.0)
-        if _ptp(tips[rows]) > _TAKES_ALONG and _is_same(body[rows]):
+        if _ptp(tips[rows]) > _TAKES_ALONG and (_is_same(body[rows]) or _enters(log, body[rows], tips[rows])):
             found["poses"].append(name)
         if moves.any() and _is_same(tips[rows]):
             found["tip positions"].append(name)
@@ -91,11 +95,17 @@ def stopped(log: PushLog) -> dict[str, list[str]]:
         size = np.linalg.norm(forces[rows], axis=1)[:, None]
         if _is_same(size):
             constant[name] = float(np.nanmean(size))
-            stuck |= {name} if moves.any() and not moves.all() else set()
+            # friction of a slider that stands and then moves changes; and so does a reading that is said to have noise
+            stuck |= {name} if noisy or (moves.any() and not moves.all()) else set()
     # a push without rest reads the same as those that show it
     values = np.array([constant[name] for name in stuck])
     found["forces"] = [name for name, size in constant.items() if (np.abs(values - size) <= _SAME * abs(size)).any()]
     return found
+
+
+def unit_doubts(log: PushLog) -> list[str]:
+    """Return a line for each unit that a log seems to have instead of its own."""
+    return [*_heavy(log), *_large(log)]
 
 
 def stopped_words(found: Mapping[str, Sequence[str]], total: int) -> list[str]:
@@ -112,6 +122,20 @@ def _is_same(values: FloatArray) -> bool:
     """Whether known rows (n, k), three at least, are all the same."""
     known = values[np.isfinite(values).all(axis=1)]
     return len(known) >= LEAST_REST and _ptp(known) <= _SAME * float(np.abs(known).max())
+
+
+def _enters(log: PushLog, body: FloatArray, tips: FloatArray) -> bool:
+    """Whether the tip, at (n, 2), goes into the slider by more than :data:`_TAKES_ALONG` while its pose (n, 3) stays the same."""
+    known = np.isfinite(np.column_stack((body, tips))).all(axis=1)
+    body, tips = body[known], tips[known]
+    if len(body) < LEAST_REST or log.rig.contact_kind == "held":
+        return False
+    stays = (np.abs(np.diff(body, axis=0)) <= _SAME * np.abs(body[1:])).all(axis=1)
+    # the pose of each row, and the row that the tracker told it first in
+    first = np.maximum.accumulate(np.where(np.concatenate(([True], ~stays)), np.arange(len(body)), 0))
+    places = contacts_on_outline(log.rig.slider.vertices, rotate_vectors(-body[first, 2], tips - body[first, :2]))[2]
+    outside = np.minimum(places, log.rig.finger_radius or 0.0)
+    return bool((outside[first] - places > _TAKES_ALONG).any())
 
 
 def _ptp(values: FloatArray) -> float:
@@ -140,6 +164,18 @@ def _opposed(log: PushLog) -> Iterator[str]:
     if number > 1 and 2 * against > number:
         words = "is its sign wrong (forces_on), or are its axes those of the tool (force_axes)?"
         yield f"in {against} of {number} pushes the force opposes the motion: {words}"
+
+
+def _heavy(log: PushLog) -> Iterator[str]:
+    """Forces that no friction of the table is, of a slider whose mass is known."""
+    if log.rig.slider.mass is None:
+        return
+    forces = np.linalg.norm(log.columns("fx", "fy"), axis=1)
+    if "phase" in log.samples:
+        forces = forces[log.samples["phase"] == "push"]
+    share = float(np.nanmedian(forces)) / (log.rig.slider.mass * log.rig.gravity) if np.isfinite(forces).any() else 0.0
+    if share > _HEAVIEST:
+        yield f"forces are {share:.3g} times the slider's weight, and friction of few tables exceeds it: units (force, mass)?"
 
 
 def _aslant(log: PushLog) -> Iterator[str]:
@@ -244,13 +280,15 @@ def _apart(log: PushLog) -> Iterator[str]:
 def _large(log: PushLog) -> Iterator[str]:
     """Millimetres for metres, and degrees for radians."""
     poses, slider = log.columns("x", "y", "theta"), log.rig.slider
-    far = turned = 0.0
+    of_pushes = []
     for name in log.trials["trial"]:
         known = poses[log.rows(str(name))]
         known = known[np.isfinite(known).all(axis=1)]
         if len(known):
-            far = max(far, float(np.linalg.norm(known[:, :2] - known[0, :2], axis=1).max()))
-            turned = max(turned, float(np.abs(known[:, 2] - known[0, 2]).max()))
+            off = np.abs(known - known[0])
+            of_pushes.append((float(np.hypot(off[:, 0], off[:, 1]).max()), float(off[:, 2].max())))
+    # one long push among others is one
+    far, turned = np.median(of_pushes, axis=0).tolist() if of_pushes else (0.0, 0.0)
     if far > _FARTHEST * slider.radius:
         reach = 1000 * slider.radius
         yield f"the slider moves by {1000 * far:.4g} mm in a push, and its outline reaches {reach:.4g} mm: units (length)?"

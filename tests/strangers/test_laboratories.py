@@ -1,0 +1,140 @@
+"""What may be wrong with recordings of laboratories: the same answer, or a refusal or a note that names the place."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from recordings import recorded, slider_file
+from test_mit_push import mit_file
+
+import stablepush as sp
+from stablepush.cli import main
+from stablepush.geometry import rotate_vectors
+
+POSE, TIP, FORCE = "object_pose", "tip_pose", "ft_wrench"
+
+
+def moved(x=0.0, y=0.0, turn=0.0, turns=0):
+    def change(data, number):
+        for name in (POSE, TIP):
+            data[name][:, 1:3] = rotate_vectors(turn, data[name][:, 1:3]) + np.array((x, y))
+            data[name][:, 3] += turn
+        data[POSE][:, 3] += 2 * np.pi * turns
+        data[FORCE][:, 1:3] = rotate_vectors(turn, data[FORCE][:, 1:3])
+
+    return change
+
+
+def of_clock(told):
+    def change(data, number):
+        for values in data.values():
+            values[:, 0] = told(values[:, 0])
+
+    return change
+
+
+def of_rows(name, change_rows, only=(0, 1, 2)):
+    def change(data, number):
+        if number in only:
+            data[name] = change_rows(data[name])
+
+    return change
+
+
+def of_all_rows(change_rows):
+    def change(data, number):
+        data.update({name: change_rows(values) for name, values in data.items()})
+
+    return change
+
+
+def frozen(first=0):
+    def change(values):
+        values[first:, 1:] = values[first, 1:]
+        return values
+
+    return change
+
+
+def step_back(values):
+    values[200:, 0] -= 0.3
+    return values
+
+
+def times(*factors):
+    return lambda values: values * np.array(factors)
+
+
+SAME = {
+    "1 km away": (moved(1000.0, -1000.0), 1e-6),
+    "500 km away": (moved(5e5, 3e5), 1e-4),
+    "turned by 1 rad": (moved(turn=1.0), 1e-6),
+    "turned by 50 turns": (moved(turns=50), 1e-6),
+    "later": (of_clock(lambda t: t + 1e6), 1e-6),
+    "rows doubled": (of_all_rows(lambda values: np.repeat(values, 2, axis=0)), 1e-6),
+}
+NOTED = {
+    "tracker frozen": (of_rows(POSE, frozen(), (1,)), "poses do not change in 1 of 3 pushes"),
+    "tracker frozen half-way": (of_rows(POSE, frozen(260), (1,)), "poses do not change in 1 of 3 pushes"),
+    "robot frozen": (of_rows(TIP, frozen(), (1,)), "tip positions do not change in 1 of 3 pushes"),
+    "sensor frozen": (of_rows(FORCE, frozen(), (1,)), "forces do not change in 1 of 3 pushes"),
+    **{
+        f"{name} ends": (of_rows(name, lambda values: values[:280], (1,)), f"{name} covers 1.12 of 1.5 s")
+        for name in (POSE, TIP, FORCE)
+    },
+    **{
+        f"{name} empty": (of_rows(name, lambda values: values[:0], (1,)), rf"skipped: .*i=1\.000.*{name}: expected two or more")
+        for name in (POSE, TIP, FORCE)
+    },
+    "poses in millimetres": (of_rows(POSE, times(1, 1000, 1000, 1)), r"units \(length"),
+    "headings in degrees": (of_rows(POSE, times(1, 1, 1, 180 / np.pi)), r"off the outline"),
+    "forces in grams": (of_rows(FORCE, times(1, 102, 102, 1)), r"units \(force, mass\)"),
+}
+REFUSED = {
+    "rows reversed": (of_all_rows(lambda values: values[::-1]), f"{POSE}: expected stamps that grow"),
+    **{
+        f"clock of {name} set back": (of_rows(name, step_back), f"{name}: expected stamps that grow")
+        for name in (POSE, TIP, FORCE)
+    },
+    "milliseconds": (of_clock(lambda t: 1000 * t), f"{POSE}: expected samples at most 0.1 s apart"),
+}
+
+
+def run(folder, capsys, change):
+    (folder / "hex").mkdir()
+    outline = slider_file(folder)
+    for number in range(3):
+        path, _, _ = mit_file(folder / "hex", number)
+        data = {name: np.array(values) for name, values in json.loads(path.read_text(encoding="utf-8")).items()}
+        change(data, number)
+        path.write_text(json.dumps({name: values.tolist() for name, values in data.items()}), encoding="utf-8")
+    arguments = ["import", folder / "hex", "--kind", "mit-push", "--slider", outline, "-o", folder / "log"]
+    code = main(list(map(str, arguments)))
+    return code, capsys.readouterr().err
+
+
+@pytest.mark.parametrize("what", SAME)
+def test_the_answer_is_the_same(what, tmp_path, capsys):
+    change, tolerance = SAME[what]
+    code, said = run(tmp_path, capsys, change)
+    assert code == 0 and "note" not in said
+    pairs = sp.read_pushlog(tmp_path / "log").pairs()
+    _, _, loads = recorded(rate=250.0, twist=(0.002, 0.02, 0.0))
+    assert pairs.wrenches == pytest.approx(loads, abs=tolerance)
+
+
+@pytest.mark.parametrize("what", NOTED)
+def test_a_note_names_what_is_wrong(what, tmp_path, capsys):
+    change, words = NOTED[what]
+    code, said = run(tmp_path, capsys, change)
+    assert code == 0 and any(re.search(words, line) for line in said.splitlines() if line.startswith("note: ")), said
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_a_refusal_names_the_channel(what, tmp_path, capsys):
+    change, words = REFUSED[what]
+    code, said = run(tmp_path, capsys, change)
+    (line,) = said.splitlines()
+    assert code == 2 and "motion_surface=plywood" in line and words in line
+    assert not (tmp_path / "log").exists()
