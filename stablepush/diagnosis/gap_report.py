@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from stablepush.core import InputError, PlausibilityWarning, one_blas_thread
+from stablepush.core import FloatArray, InputError, PlausibilityWarning, one_blas_thread
 from stablepush.diagnosis.attribution import Attribution, attribute
 from stablepush.diagnosis.contact_friction import slip_friction, suspected_friction
 from stablepush.diagnosis.corrected import corrections, in_own_forms, of_last_log
@@ -285,11 +285,19 @@ def _diagnose(
         determined=determined,
         times=system.observations.time,
         suspected_friction=None if suspected is None else suspected[0],
+        friction_level=_level(system, found.final.loads) if comparison is None else None,
         apart=judged.apart,
         untested=untested,
         remedies={id: effect.remedy for id, effect in own.items() if effect.remedy},
     )
     return replace(report, sentence=f"{report.sentence} {beside(log.rig).capitalize()}.") if report.surface_beside else report
+
+
+def _level(system: System, loads: FloatArray) -> float | None:
+    """Friction of a fit over the believed one; None where none is believed, or of several logs."""
+    if not (system.has_wrench and system.known_scale) or loads.shape != system.nominal.shape:
+        return None
+    return float(loads.sum() / system.nominal.sum())
 
 
 def gap_reductions_with(log: PushLog, effects: list[str]) -> list[GapReduction]:

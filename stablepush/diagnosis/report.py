@@ -108,6 +108,8 @@ class GapReport:
     times: FloatArray = field(default_factory=lambda: np.zeros(0), repr=False)
     #: friction of the fingers for a corrected scene; too few pushes show it to name it as the cause
     suspected_friction: float | None = None
+    #: friction of the support beside the effects, over the believed one, where there are forces and a belief
+    friction_level: float | None = None
     #: named effects that the log cannot tell apart; the others are certain
     apart: list[str] = field(default_factory=list, repr=False)
     #: effects of the lab's own that were not tested, and what the log lacks for them

@@ -284,14 +284,17 @@ def _terms(entry: RankedEffect) -> list[float]:
     return [] if entry.form is None else list(entry.form["coefficients"])
 
 
-def _curve(axes: Axes, entry: RankedEffect, x: FloatArray, share: Callable[[list[float]], FloatArray], label: str) -> None:
+def _curve(
+    axes: Axes, entry: RankedEffect, report: GapReport, x: FloatArray, share: Callable[[list[float]], FloatArray], label: str
+) -> None:
+    level = report.friction_level or 1.0
     if entry.form is not None:
-        axes.plot(x, share([]), color=SLIDER, linewidth=1.2)
-    axes.plot(x, share(_terms(entry)), color=COUNTER_CLOCKWISE, linewidth=2.0)
+        axes.plot(x, level * share([]), color=SLIDER, linewidth=1.2)
+    axes.plot(x, level * share(_terms(entry)), color=COUNTER_CLOCKWISE, linewidth=2.0)
     axes.axhline(1.0, color=OBSTACLE, linewidth=0.8)
     axes.grid(visible=True, color="0.9", linewidth=0.6)
     axes.set_xlabel(label)
-    axes.set_ylabel("friction over nominal")
+    axes.set_ylabel("friction over nominal" if report.friction_level is None else "friction over the one believed")
 
 
 def _of_pushes(
@@ -311,7 +314,7 @@ def _of_pushes(
     means = np.bincount(push, at[good].real) + 1j * np.bincount(push, at[good].imag)
     places = 0.5 * np.angle(means) % np.pi if np.iscomplexobj(at) else means.real / np.bincount(push)
     style = {"linestyle": "none", "marker": "o", "markersize": 3.5, "color": PUSHER, "alpha": 0.6}
-    axes.plot(scale * places, share(places) * (1 + over), **style, zorder=3)
+    axes.plot(scale * places, (report.friction_level or 1.0) * share(places) * (1 + over), **style, zorder=3)
 
 
 def _name_pushes(axes: Axes, report: GapReport, told: bool = True) -> None:
@@ -331,7 +334,7 @@ def _over_direction(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     assert isinstance(direction, float)
     angles = np.linspace(0.0, np.pi, 361)
     label = f"direction of motion [deg in {'W' if entry.effect.endswith('world') else 'B'}]"
-    _curve(axes, entry, np.degrees(angles), lambda terms: friction_over_direction(ratio, direction, terms, angles), label)
+    _curve(axes, entry, report, np.degrees(angles), lambda terms: friction_over_direction(ratio, direction, terms, angles), label)
     turned = report.headings - (0.0 if entry.effect.endswith("world") else report.poses[:, 2])
     over = partial(friction_over_direction, ratio, direction, _terms(entry))
     if marks_pushes(report, entry):
@@ -344,7 +347,14 @@ def _over_speed(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     seen = report.speeds[report.speeds > 0]
     low, high = np.quantile(seen, (0.02, 0.98)) if len(seen) else (0.5 * REFERENCE_SPEED, 2 * REFERENCE_SPEED)
     speeds = np.geomspace(low, max(high, 1.01 * low), 200)
-    _curve(axes, entry, 1000 * speeds, lambda terms: friction_over_speed(slope, terms, speeds, REFERENCE_SPEED), "speed [mm/s]")
+    _curve(
+        axes,
+        entry,
+        report,
+        1000 * speeds,
+        lambda terms: friction_over_speed(slope, terms, speeds, REFERENCE_SPEED),
+        "speed [mm/s]",
+    )
     over = partial(friction_over_speed, slope, _terms(entry), reference=REFERENCE_SPEED)
     if marks_pushes(report, entry):
         _of_pushes(axes, report, report.speeds, over, 1000.0)
@@ -355,7 +365,7 @@ def _over_log(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     orders = np.linspace(0.0, 1.0, 200)
     # one for each of several logs
     for each in rate if isinstance(rate, list) else [rate]:
-        _curve(axes, entry, orders, lambda terms, each=each: friction_over_log(each, terms, orders), "")  # type: ignore[misc]
+        _curve(axes, entry, report, orders, lambda terms, each=each: friction_over_log(each, terms, orders), "")  # type: ignore[misc]
     if marks_pushes(report, entry):
         assert isinstance(rate, float)
         _of_pushes(axes, report, report.orders, partial(friction_over_log, rate, _terms(entry)))
@@ -369,8 +379,7 @@ def _over_place(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     x, y = (np.linspace(a, b, 61) for a, b in zip(low, high, strict=True))
     at = np.stack(np.meshgrid(x, y), axis=-1)
     # the form is that over the origin of W, the level that of the refitted surface
-    believed, found = report.rig.support_friction, report.support_friction
-    level = 1.0 if found is None or not believed else found / believed
+    believed, level = report.rig.support_friction, report.friction_level or 1.0
     share = level * friction_over_place(gradient, _terms(entry), at)
     # nothing is known of friction where the slider has not been
     nearest = np.linalg.norm(at[:, :, None] - report.poses[None, None, :, :2], axis=-1).min(axis=-1)
