@@ -194,10 +194,35 @@ def broken_table(data: bytes, rng: np.random.Generator) -> bytes:
     return end.join(",".join(row) for row in rows).encode("utf-8", "surrogatepass")
 
 
+def strange_table(data: bytes, rng: np.random.Generator) -> bytes:
+    """A table as other people's recordings are: columns that stop, jump, go back, are far off or blank, rows that are doubled."""
+    rows = [line.split(",") for line in data.decode("utf-8", "replace").splitlines()] or [[""]]
+    for _ in range(changes(rng)):
+        if len(rows) < 3:
+            break
+        j = int(rng.integers(max(1, len(rows[1]))))
+        first, last = sorted(int(i) for i in rng.integers(1, len(rows) + 1, 2))
+        kind = rng.integers(8)
+        if kind == 0:
+            rows[1:] = rows[:0:-1]
+        elif kind == 1:
+            rows[1:] = [row for row in rows[1:] for _ in range(2)]
+        elif kind == 2:
+            rows[first:last] = [["$\\frac{$", "\x1b[31m", "é" * 300][j % 3 :][:1] + row[1:] for row in rows[first:last]]
+        for row in rows[first:last] if kind > 2 else ():
+            if j < len(row):
+                with contextlib.suppress(ValueError):
+                    step = (None, None, None, 0.0, 1e3, -0.3, 2 * np.pi)[kind] if kind < 7 else None
+                    stays = rows[first][j]
+                    row[j] = "" if step is None else stays if step == 0.0 else repr(float(row[j]) + step)
+    return "\n".join(",".join(row) for row in rows).encode("utf-8", "surrogatepass")
+
+
 def broken(path: Path, rng: np.random.Generator) -> None:
-    """Break a file in place, now as bytes, now as what it is."""
+    """Break a file in place, now as bytes, now as what it is, now as other people's are."""
     data = path.read_bytes()
-    ways = {".json": broken_json, ".csv": broken_table}
+    tables = (broken_table, strange_table)
+    ways = {".json": broken_json, ".csv": tables[int(rng.integers(2))]}
     way = ways.get(path.suffix, broken_bytes) if rng.random() < 0.7 else broken_bytes
     path.write_bytes(way(data, rng))
 
@@ -226,10 +251,16 @@ def seeds(folder: Path) -> dict[str, Path]:
     result = sp.plan(problem, refinement_budget=0)
     sp.save_plan(result, folder / "plan.json")
     sp.save_trajectory(sp.sample_plan(problem, result, rate=5, acceleration=0.1), folder / "trajectory.csv")
+    (folder / "table").mkdir()
+    recording(folder / "table" / "t.csv")
     (folder / "small.map").write_text("type octile\nheight 4\nwidth 6\nmap\n......\n.@@T..\n.@@..W\nS..G@@\n", encoding="utf-8")
     (folder / "raw").mkdir()
     (folder / "raw" / "raw.txt").write_text(raw_log(3), encoding="utf-8")
-    found = {p.stem: p for p in folder.iterdir() if p.is_file()} | {"log": folder / "log", "raw": folder / "raw" / "raw.txt"}
+    found = {p.stem: p for p in folder.iterdir() if p.is_file()} | {
+        "table": folder / "table" / "t.csv",
+        "log": folder / "log",
+        "raw": folder / "raw" / "raw.txt",
+    }
     if find_spec("mujoco") and find_spec("cryptography"):
         found["check"] = blind_check(folder / "check")
     if find_spec("pyarrow"):
@@ -238,6 +269,40 @@ def seeds(folder: Path) -> dict[str, Path]:
         found["bag"] = folder / "bag"
         sp.save_rosbag(sp.load_trajectory(found["trajectory"]), found["bag"])
     return found
+
+
+def recording(path: Path) -> None:
+    """A table of recorded pushes, in one record, and its mapping beside it."""
+    from stablepush.geometry import compose, exp, transform_points
+
+    lines = ["push,clock,x,y,yaw,tx,ty,fx,fy"]
+    for k in range(3):
+        clock = np.arange(60) / 40
+        body = compose(np.array((0.1 * k, 0.0, 0.3)), exp(np.array((0.002, 0.02, 0.1)) * np.maximum(clock - 0.5, 0)[:, None]))
+        tips = transform_points(body, np.array(((0.01, -0.035),)))[:, 0]
+        force = np.where((clock >= 0.5)[:, None], np.column_stack((-np.sin(body[:, 2]), np.cos(body[:, 2]))) * 2.0, 0.0)
+        lines += [f"p{k},{','.join(map(repr, row))}" for row in np.column_stack((clock + 9 * k, body, tips, force)).tolist()]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    names = {
+        "trial": "push",
+        "t": "clock",
+        "x": "x",
+        "y": "y",
+        "theta": "yaw",
+        "tip_x": "tx",
+        "tip_y": "ty",
+        "fx": "fx",
+        "fy": "fy",
+    }
+    slider = {
+        "format": "slider/1",
+        "vertices": [[-0.05, -0.03], [0.05, -0.03], [0.05, 0.03], [-0.05, 0.03]],
+        "mass": 0.8,
+        "support": None,
+    }
+    mapping = {"slider": slider, "finger_radius": 0.005, "friction": {"support": None, "contact": 0.5}, "columns": names}
+    # JSON is YAML
+    (path.parent / "mapping.yaml").write_text(json.dumps(mapping), encoding="utf-8")
 
 
 def in_parquet(log: Path, folder: Path) -> Path:
@@ -295,6 +360,10 @@ def readers(at: dict[str, Path]) -> dict[str, tuple[list[Path], Callable[[], obj
             [at["pushes"]], lambda: sp.read_commands(at["pushes"], sp.load_scene(at["scene"]), 0.005),
         ),
         "raw log of the lab": ([at["raw"]], lambda: [import_source(source) for source in find_sources(at["raw"].parent)]),
+        "table of recordings": (
+            [at["table"], at["table"].parent / "mapping.yaml"],
+            lambda: [import_source(s) for s in find_sources(at["table"], mapping=at["table"].parent / "mapping.yaml")],
+        ),
         "grid map": ([at["small"]], lambda: sp.load_movingai_map(at["small"], 0.1)),
     }  # fmt: skip
     if "parquet" in at:
@@ -311,6 +380,10 @@ def commands(at: dict[str, Path], out: Path) -> dict[str, tuple[list[Path], list
     log, quick = files_in(at["log"]), ["--time-limit", "0.5", "--refinement-budget", "0"]
     found: dict[str, tuple[list[Path], list[object]]] = {
         "import": ([at["raw"], slider], ["import", at["raw"], "--slider", slider, "-o", out.with_suffix(".log")]),
+        "import, table": (
+            [at["table"], at["table"].parent / "mapping.yaml"],
+            ["import", at["table"], "--mapping", at["table"].parent / "mapping.yaml", "-o", out.with_suffix(".log")],
+        ),
         "classify": ([model, contact, at["cors"]], ["classify", model, "--contact", contact, "--cors", at["cors"], "-o", out]),
         "check": ([scene, plan], ["check", scene, plan]),
         "plan": ([scene], ["plan", scene, *quick, "-o", out]),

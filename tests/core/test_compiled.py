@@ -236,3 +236,26 @@ def test_nothing_is_built_where_nothing_is_kept():
     command = [sys.executable, "-m", "stablepush", "compile"]
     done = subprocess.run(command, env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, stderr=subprocess.PIPE, text=True, check=False)
     assert (done.returncode, done.stderr.count("\n"), "NUMBA_DISABLE_JIT" in done.stderr) == (2, 1, True)
+
+
+def test_children_run_the_same_copy_of_the_package(tmp_path):
+    """Another copy that comes first on the path of a child is not run: figures would be of other code than was asked for."""
+    import stablepush
+
+    other = tmp_path / "first" / "stablepush"
+    other.mkdir(parents=True)
+    (other / "__init__.py").write_text("raise SystemExit('the other copy was run')\n")
+    probe = tmp_path / "probe"
+    probe.mkdir()
+    (probe / "where_from.py").write_text(
+        "import sys, stablepush.core as core\nopen(sys.argv[1], 'w').write(core.__file__)\n", encoding="utf-8"
+    )
+    told = tmp_path / "told"
+    code = (
+        "import os, sys; from stablepush.core import start_child; "
+        f"sys.path[:0] = [{str(tmp_path / 'first')!r}, {str(probe)!r}]; "
+        f"sys.exit(start_child('where_from', [{str(told)!r}]).wait())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert os.path.dirname(told.read_text()) == os.path.join(os.path.dirname(stablepush.__file__), "core")

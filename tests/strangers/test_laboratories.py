@@ -138,3 +138,68 @@ def test_a_refusal_names_the_channel(what, tmp_path, capsys):
     (line,) = said.splitlines()
     assert code == 2 and "motion_surface=plywood" in line and words in line
     assert not (tmp_path / "log").exists()
+
+
+def pokes(change, count=3):
+    """Three pokes as the Manipulation Lab writes them; the second is changed."""
+    lines = [str(count)]
+    for k in range(count):
+        clock = 1000 + 30 * k + np.arange(12) / 10
+        pushed = np.arange(12) > 1
+        record = {
+            "before": np.array((500.0, 0, 10, 1, 0, 0, 0)),
+            "after": np.array((515.0, 1, 10, 0.9995, 0, 0, 0.0316)),
+            "forces": np.column_stack((clock, -0.01 - 0.5 * pushed, -0.5 * pushed + 0.001 * np.sin(clock))),
+            "robot": np.array([(1000.0 + 30 * k + i, 495 + i, 30, 50, 1, 0, 0, 0) for i in range(3)]),
+        }
+        if k == 1:
+            change(record)
+        for name in ("before", "after"):
+            lines.append(" ".join(map(repr, record[name].tolist())))
+        for name in ("forces", "robot"):
+            lines += [str(len(record[name])), *(" ".join(map(repr, row)) for row in record[name].tolist())]
+    return "\n".join(lines) + "\n"
+
+
+def of(name, change_rows):
+    def change(record):
+        record[name] = change_rows(record[name].copy())
+
+    return change
+
+
+def back(rows):
+    rows[len(rows) // 2 :, 0] -= 5
+    return rows
+
+
+def still(rows):
+    rows[:, 1:] = rows[-1, 1:]
+    return rows
+
+
+POKES = {
+    "clock of the forces set back": (of("forces", back), "those of the forces go back by 4.9 s"),
+    "clock of the robot set back": (of("robot", back), "those of the robot go back by 4 s"),
+    "forces reversed": (of("forces", lambda rows: rows[::-1]), "those of the forces go back by 0.1 s"),
+    "another clock": (of("robot", lambda rows: rows + np.array((500.0, *[0] * 7))), "recorded at different times"),
+    "sensor frozen": (of("forces", still), "its forces do not change"),
+    "robot frozen": (of("robot", still), "the robot does not move"),
+    "tracker frozen": (of("after", lambda _: np.array((500.0, 0, 10, 1, 0, 0, 0))), "poses before and after are the same"),
+    "no quaternion": (of("after", lambda _: np.array((515.0, 1, 10, 0, 0, 0, 0))), "the tracked pose is tilted"),
+    "few forces": (of("forces", lambda rows: rows[:5]), "expected at least 10 force and 2 robot rows"),
+}
+
+
+@pytest.mark.parametrize("what", [None, *POKES])
+def test_a_poke_that_shows_nothing_is_left_out_and_said(what, tmp_path, capsys):
+    change, words = POKES[what] if what else (lambda record: None, "")
+    (tmp_path / "wood_patch").mkdir()
+    (tmp_path / "wood_patch" / "a.txt").write_text(pokes(change), encoding="utf-8")
+    assert main(["import", str(tmp_path / "wood_patch"), "-o", str(tmp_path / "log")]) == 0
+    said = capsys.readouterr().err
+    assert ("a.txt: push 2: left out, " in said) == bool(what) and words in said
+    pairs = sp.read_pushlog(tmp_path / "log").pairs()
+    assert len(pairs.trials) == (2 if what else 3)
+    # the others are as they were
+    assert pairs.wrenches == pytest.approx(np.tile((0.7075, -0.0225, 0.016), (len(pairs.trials), 1)), abs=2e-3)

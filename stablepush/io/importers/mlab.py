@@ -324,8 +324,8 @@ def _poke_tables(pushes: list[RawPush]) -> tuple[dict[str, Any], dict[str, Any],
     origin = min((p.forces[0, 0] for p in pushes if len(p.forces)), default=0.0)
     for number, push in enumerate(pushes, 1):
         (before, tilt_0), (after, tilt_1) = _com_pose(push.before), _com_pose(push.after)
-        if len(push.forces) < 10 or len(push.robot) < 2:
-            notes.append(f"push {number}: left out, expected at least 10 force and 2 robot rows")
+        if wrong := _what_is_wrong(push):
+            notes.append(f"push {number}: left out, {wrong}")
             continue
         if max(tilt_0, tilt_1) > _LARGEST_TILT:
             notes.append(f"push {number}: left out, the tracked pose is tilted by {math.degrees(max(tilt_0, tilt_1)):.0f} deg")
@@ -363,6 +363,24 @@ def _poke_tables(pushes: list[RawPush]) -> tuple[dict[str, Any], dict[str, Any],
         for key, values in zip(columns[1:], rows, strict=True):
             samples[key].extend(values)
     return trials, samples, notes
+
+
+def _what_is_wrong(push: RawPush) -> str:
+    """Why the record of a poke shows no load and no motion; empty if it does."""
+    if len(push.forces) < 10 or len(push.robot) < 2:
+        return "expected at least 10 force and 2 robot rows"
+    for name, stamps in (("forces", push.forces[:, 0]), ("robot", push.robot[:, 0])):
+        if (back := -float(np.diff(stamps).min())) > 0:
+            return f"expected stamps that grow, those of the {name} go back by {back:.3g} s"
+    if push.robot[0, 0] > push.forces[-1, 0] or push.robot[-1, 0] < push.forces[0, 0]:
+        return "forces and robot were recorded at different times"
+    if not np.ptp(push.forces[:, 1:], axis=0).any():
+        return "its forces do not change: is the sensor stuck?"
+    if not np.ptp(push.robot[:, 1:3], axis=0).any():
+        return "the robot does not move: did its record stop?"
+    if np.array_equal(push.before, push.after):
+        return "its poses before and after are the same: did the tracker freeze, or the finger miss?"
+    return ""
 
 
 def _interpolate(at: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
