@@ -310,7 +310,7 @@ def compare(
 def trajectory(
     scene: Annotated[Path, typer.Argument(metavar="SCENE", help="scene/1 file.")],
     plan_file: Annotated[Path, typer.Argument(metavar="PLAN", help="plan/1 file.")],
-    output: Output,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="CSV file to write; this, --rosbag or both.")] = None,
     rate: Annotated[float, typer.Option(parser=number, metavar="HZ", help="Samples a second.")] = 50.0,
     speed: Annotated[
         float, typer.Option(parser=number, metavar="M/S", help="Speed limit of any point; inf: that of the plan.")
@@ -346,12 +346,16 @@ def trajectory(
     Poses and velocities of slider and pusher as CSV, from rest to rest, with an approach and a retract.
     """
     from stablepush.cli.common import numbers, require_folder
+    from stablepush.core import InputError
     from stablepush.planning import load_plan, load_scene, sample_plan, save_rosbag, save_trajectory
 
+    written = [path for path in (output, rosbag) if path is not None]
+    if not written:
+        raise InputError("--output", "expected a file to write, or a bag (--rosbag)")
     require_files(output, read=(scene, plan_file))
     if rosbag is not None:
         require_folder(rosbag)
-        for path in (output, scene, plan_file):
+        for path in filter(None, (output, scene, plan_file)):
             require_outside(path, rosbag)
     place = None if tool is None else numbers("--tool", ("X", "Y", "Z", "QX", "QY", "QZ", "QW"), tool)
     problem, result = load_scene(scene), load_plan(plan_file)
@@ -363,14 +367,15 @@ def trajectory(
     # first what can fail for lack of an extra
     if rosbag is not None:
         save_rosbag(samples, rosbag, tool_poses=tool_poses)
-    save_trajectory(samples, output, tool_poses)
-    told(output=output, samples=len(samples.t), duration=samples.t[-1], duration_of_plan=result.duration)
+    if output is not None:
+        save_trajectory(samples, output, tool_poses)
+    told(output=written[0], samples=len(samples.t), duration=samples.t[-1], duration_of_plan=result.duration)
     changes = f", and with {problem.switch_cost:g} s for a change of contact" if result.switches else ""
     print(
-        f"{output}: {len(samples.t)} samples over {samples.t[-1]:.2f} s; the plan takes {result.duration:.2f} s, "
+        f"{written[0]}: {len(samples.t)} samples over {samples.t[-1]:.2f} s; the plan takes {result.duration:.2f} s, "
         f"without approach, retract and limits of acceleration{changes}"
     )
-    also_written(rosbag)
+    also_written(*written[1:])
     note_if_invalid(problem, result, plan_file)
 
 
