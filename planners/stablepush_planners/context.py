@@ -61,8 +61,8 @@ _UP = 0.5 + 1e-9
 #: Poses within the tolerance that connections lead to: how far apart their headings (rad) and how far from the goal the first
 #: ring of places (radii of the slider) are.
 END_TURN, END_STEP = math.pi / 8, 0.25
-#: How many places there are at most, and how far (m, rad) all are inside.
-_MOST_PLACES, _INSIDE = 33, 1e-6
+#: How many places there are at most; a tolerance (rad) of half a turn, but for rounding, is one of all headings.
+_MOST_PLACES, _ALL_ROUND = 33, 1e-4
 #: Contacts that a search can number.
 _MOST_CONTACTS = 2000
 
@@ -127,6 +127,7 @@ class PlanningContext:
     def graph(self, lattice: Lattice, transfers: Transfers, tolerance: tuple[float, float]) -> Graph:
         """Return what a search on a lattice runs on; ``transfers``: the changes of contact that it may make; ``tolerance``
         (m, rad): of the goal."""
+        self.deadline.check()
         problem, contacts = self.problem, len(self.problem.contacts)
         theta = float(problem.start[2])
         turn = np.array(((math.cos(theta), math.sin(theta)), (-math.sin(theta), math.cos(theta))))
@@ -143,7 +144,7 @@ class PlanningContext:
         return Graph(lattice, self._docked, goal, self.connections, transfers._replace(cost=change))
 
     def _lattice_ends(self, lattice: Lattice, there: np.ndarray, heading: int, tolerance: tuple[float, float]) -> np.ndarray:
-        """Headings and cells (n, 3), from those next to the goal, of lattice poses within a tolerance; the next one always."""
+        """Lattice poses (n, 3) within a tolerance: heading, and cells from the pose next to the goal, which is always one."""
         goal, (near, turned) = self.problem.goal, tolerance
         reach = np.arange(-TABLE_REACH, TABLE_REACH + 1)
         k, i, j = (a.ravel() for a in np.meshgrid(np.arange(lattice.headings), reach, reach, indexing="ij"))
@@ -221,7 +222,10 @@ class PlanningContext:
         for end in self.goal.ends:
             pushes = self.connect(contact, start, end, most)
             if pushes is not None:
-                found, most = pushes, float(self.stable[contact].costs(np.array([twist * time for twist, time in pushes])).sum())
+                found, most = (
+                    pushes,
+                    float(self.stable[contact].costs(np.reshape([twist * time for twist, time in pushes], (-1, 3))).sum()),
+                )
         return found
 
     def shortened(self, contact_segments: Sequence[ContactSegment]) -> list[ContactSegment]:
@@ -315,13 +319,15 @@ class PlanningContext:
 
 
 def goal_ends(goal: FloatArray, tolerance: tuple[float, float], radius: float) -> FloatArray:
-    """Return poses (n, 3) within a tolerance (m, rad) of a goal, itself first, for a slider of a radius (m).
+    """Return poses (n, 3) well within a tolerance (m, rad) of a goal, itself first, for a slider of a radius (m).
 
     They are of a grid that does not depend on the tolerance: a larger one has those of a smaller one.
     """
-    near, turned = (max(0.0, limit - _INSIDE) for limit in tolerance)
+    # executions end a little beside: headings and places half as far off as they may be leave room for that
+    near = tolerance[0] / 2
+    turned = math.pi if tolerance[1] >= math.pi - _ALL_ROUND else tolerance[1] / 2
     count = min(int(turned / END_TURN), round(math.pi / END_TURN) - 1)
-    turns = np.concatenate(([0], *((k, -k) for k in range(1, count + 1)), [count + 1] if turned >= math.pi - 2 * _INSIDE else []))
+    turns = np.concatenate(([0], *((k, -k) for k in range(1, count + 1)), [count + 1] if turned == math.pi else []))
     places, size = [np.zeros(2)], END_STEP * radius
     angles = np.arange(8) * math.pi / 4
     while size <= near and len(places) < _MOST_PLACES:

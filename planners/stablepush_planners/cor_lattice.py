@@ -149,7 +149,8 @@ class _Planner:
         context, denied = self._context, np.zeros((0, 2), dtype=np.int64)
         tree, spent = self._planted(graph, weight, limit), 0
         while True:
-            quota = math.ceil(min(max(1, _QUOTA // len(context.problem.contacts)), most - spent - int(tree.counts[2])))
+            looked = max(1, _QUOTA // (len(context.problem.contacts) * len(graph.goal.ends)))
+            quota = math.ceil(min(looked, most - spent - int(tree.counts[2])))
             why = _search.expand(graph, context.world, tree, weight, limit, quota, denied)
             expanded = spent + int(tree.counts[2])
             if why == _search.FULL:

@@ -103,10 +103,10 @@ def diagnose(
     told: list[str] = []
     with one_blas_thread():
         for k, (one, words) in enumerate(map(without_stopped, logs)):
-            logs[k] = one
-            told += [*words, *unit_doubts(one)]
-        for line in told:
-            warnings.warn(PlausibilityWarning(", ".join(filter(None, names)) or "log", line), stacklevel=2)
+            logs[k], called = one, str(names[k]) if k < len(names) and names[k] else "log"
+            for line in (*words, *unit_doubts(one)):
+                told.append(f"{called}: {line}" if len(logs) > 1 else line)
+                warnings.warn(PlausibilityWarning(called, line), stacklevel=2)
         if len(logs) > 1:
             report = _diagnose_together(logs, names, simulated, effects, progress)
         else:

@@ -1,4 +1,4 @@
-from .doubts import stopped as stopped, stopped_words as stopped_words, unit_doubts as unit_doubts
+from .doubts import frozen as frozen, stopped as stopped, stopped_words as stopped_words, unit_doubts as unit_doubts
 from .formats import (
     contact_or_path as contact_or_path,
     contact_to_json as contact_to_json,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import shapely
 
-from stablepush.core import FloatArray
+from stablepush.core import BoolArray, FloatArray
 from stablepush.geometry import contacts_on_outline, point_velocity, rotate_vectors, transform_points
 from stablepush.io.pushlog import PushLog
 from stablepush.io.recorded_pushes import largest_step
@@ -40,13 +41,15 @@ _ASKED = {
     "tip positions": "while the slider moves: did their record stop?",
     "forces": "while the slider moves: is the sensor stuck?",
 }
-#: A slider that is slower than this share of its greatest speed stands: friction of one that moves slowly is no less.
+#: A slider that is slower than this share of its greatest speed counts as standing.
 _STANDS = 0.02
 #: Readings that differ by a smaller share of the largest do not change: turning and interpolating them leaves that, 1e-7 m at
 #: places 1000 km from the origin.
 _SAME = 1e-13
-#: Friction of rubber on dry concrete is 1, in units of the weight: nobody slides an object with so many times its weight.
+#: Rubber on dry concrete has a friction of 1: nobody slides an object with so many times its weight.
 _HEAVIEST = 5.0
+#: A pose that is told in so many times as many rows as usual is held.
+_HELD = 3.0
 #: A tip that goes so far (m) while it pushes takes the slider along.
 _TAKES_ALONG = 5e-3
 #: Poses that are farther apart (s) are too few for the usual pushes, if a window for twists holds none but a row's neighbours.
@@ -77,28 +80,31 @@ def covers(name: str, t: FloatArray, values: FloatArray) -> list[str]:
 
 
 def stopped(log: PushLog) -> dict[str, list[str]]:
-    """Return the trials in which channels stand still while others say that something moves: poses, tip positions, forces."""
+    """Return the trials in which channels stand still although they should change: poses, tip positions, forces."""
     body, tips, forces = log.columns("x", "y", "theta"), log.columns("px", "py"), log.columns("fx", "fy")
     speed = np.nan_to_num(np.linalg.norm(point_velocity(log.twists(), log.rig.slider.vertices), axis=-1).max(axis=1))
     found: dict[str, list[str]] = {"poses": [], "tip positions": [], "forces": []}
-    noisy = log.rig.noise is not None and log.rig.noise.force > 0
+    noisy, stale = log.rig.noise is not None and log.rig.noise.force > 0, frozen(log)
     constant: dict[str, float] = {}
     stuck: set[str] = set()
     for name in map(str, log.trials["trial"]):
         rows = log.rows(name)
         moves = speed[rows] > _STANDS * speed[rows].max(initial=0.0)
-        if _ptp(tips[rows]) > _TAKES_ALONG and (_is_same(body[rows]) or _enters(log, body[rows], tips[rows])):
+        if _ptp(tips[rows]) > _TAKES_ALONG and (_is_same(body[rows]) or name in stale):
             found["poses"].append(name)
         if moves.any() and _is_same(tips[rows]):
             found["tip positions"].append(name)
         # in whatever axes they were recorded
         size = np.linalg.norm(forces[rows], axis=1)[:, None]
-        if _is_same(size):
+        if _is_same(size) and moves.any():
             constant[name] = float(np.nanmean(size))
-            # friction of a slider that stands and then moves changes; and so does a reading that is said to have noise
-            stuck |= {name} if noisy or (moves.any() and not moves.all()) else set()
+            # friction of a slider that stands and then moves changes
+            stuck |= {name} if moves.any() and not moves.all() else set()
+    sizes = np.array(list(constant.values()))
+    # and so do readings with noise, from push to push: a value of several pushes is one that is held
+    held = {name for name, size in constant.items() if noisy and (np.abs(sizes - size) <= _SAME * abs(size)).sum() > 1}
     # a push without rest reads the same as those that show it
-    values = np.array([constant[name] for name in stuck])
+    values = np.array([constant[name] for name in stuck | held])
     found["forces"] = [name for name, size in constant.items() if (np.abs(values - size) <= _SAME * abs(size)).any()]
     return found
 
@@ -124,18 +130,56 @@ def _is_same(values: FloatArray) -> bool:
     return len(known) >= LEAST_REST and _ptp(known) <= _SAME * float(np.abs(known).max())
 
 
-def _enters(log: PushLog, body: FloatArray, tips: FloatArray) -> bool:
-    """Whether the tip, at (n, 2), goes into the slider by more than :data:`_TAKES_ALONG` while its pose (n, 3) stays the same."""
-    known = np.isfinite(np.column_stack((body, tips))).all(axis=1)
-    body, tips = body[known], tips[known]
-    if len(body) < LEAST_REST or log.rig.contact_kind == "held":
-        return False
-    stays = (np.abs(np.diff(body, axis=0)) <= _SAME * np.abs(body[1:])).all(axis=1)
-    # the pose of each row, and the row that the tracker told it first in
-    first = np.maximum.accumulate(np.where(np.concatenate(([True], ~stays)), np.arange(len(body)), 0))
-    places = contacts_on_outline(log.rig.slider.vertices, rotate_vectors(-body[first, 2], tips - body[first, :2]))[2]
-    outside = np.minimum(places, log.rig.finger_radius or 0.0)
-    return bool((outside[first] - places > _TAKES_ALONG).any())
+def frozen(log: PushLog) -> dict[str, np.ndarray[Any, np.dtype[np.intp]]]:
+    """Return the rows of trials whose pose was told before, while the tip goes into the slider: the tracker had stopped.
+
+    A pose that is told again and again is no measurement if the tip enters the outline by more than 5 mm and it is held for far
+    longer than the others of the log: trackers slower than the rows repeat poses, too. Of a tracker that repeats itself at rest
+    only rows of the push count, for afterwards a tool may be lifted and pass over the slider.
+    """
+    found: dict[str, np.ndarray[Any, np.dtype[np.intp]]] = {}
+    usual, at_rest = _repeats(log)
+    poses, tips, radius = log.columns("x", "y", "theta"), log.columns("px", "py"), log.rig.finger_radius or 0.0
+    seen = np.isfinite(np.column_stack((poses, tips))).all(axis=1)
+    for name in map(str, log.trials["trial"]) if log.rig.contact_kind != "held" else ():
+        rows = log.rows(name)
+        rows = rows[seen[rows]]
+        if len(rows) < LEAST_REST:
+            continue
+        stays = _stays(poses[rows])
+        # the row that told the pose of each first
+        first = np.maximum.accumulate(np.where(stays, 0, np.arange(len(rows))))
+        local = rotate_vectors(-poses[rows[first], 2], tips[rows] - poses[rows[first], :2])
+        places = contacts_on_outline(log.rig.slider.vertices, local)[2]
+        inside = np.minimum(places, radius)[first] - places > _TAKES_ALONG
+        if at_rest and "phase" in log.samples:
+            inside &= log.samples["phase"][rows] == "push"
+        long = np.bincount(first)[first] > _HELD * usual
+        held = np.unique(first[inside & long])
+        if len(held):
+            found[name] = rows[np.isin(first, held) & stays]
+    return found
+
+
+def _stays(body: FloatArray) -> BoolArray:
+    """Which poses (n, 3) are those of the row before."""
+    same = (np.abs(np.diff(body, axis=0)) <= _SAME * np.abs(body[1:])).all(axis=1)
+    return np.concatenate(([False], np.asarray(same)))
+
+
+def _repeats(log: PushLog) -> tuple[float, bool]:
+    """How many rows a pose of a log is usually told in, and whether it is told again and again at rest."""
+    lengths, at_rest = [], []
+    for name in map(str, log.trials["trial"]):
+        rows = log.rows(name)
+        body = log.columns("x", "y", "theta")[rows]
+        rows, body = rows[np.isfinite(body).all(axis=1)], body[np.isfinite(body).all(axis=1)]
+        if len(body):
+            stays = _stays(body)
+            lengths += np.diff(np.concatenate((np.flatnonzero(~stays), [len(body)]))).tolist()
+            if "phase" in log.samples:
+                at_rest += stays[1:][log.samples["phase"][rows][1:] == "rest"].tolist()
+    return float(np.median(lengths)) if lengths else 1.0, not at_rest or float(np.mean(at_rest)) > 0.5
 
 
 def _ptp(values: FloatArray) -> float:
@@ -175,7 +219,7 @@ def _heavy(log: PushLog) -> Iterator[str]:
         forces = forces[log.samples["phase"] == "push"]
     share = float(np.nanmedian(forces)) / (log.rig.slider.mass * log.rig.gravity) if np.isfinite(forces).any() else 0.0
     if share > _HEAVIEST:
-        yield f"forces are {share:.3g} times the slider's weight, and friction of few tables exceeds it: units (force, mass)?"
+        yield f"forces are {share:.3g} times the slider's weight, and friction is hardly ever more than it: units (force, mass)?"
 
 
 def _aslant(log: PushLog) -> Iterator[str]:

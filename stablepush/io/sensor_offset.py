@@ -91,7 +91,8 @@ def zeroed(
     begins = [spell.row for spell in found]
     for spell, rows in zip(spells, trials, strict=False):
         # the last before it that shows the offset, itself if it does; else the first
-        for other in found[max(0, bisect_right(begins, spell.row) - 1) :][:1]:
+        last = max(0, bisect_right(begins, spell.row) - 1)
+        for other in found[last : last + 1]:
             # a moment that no rest shows is not taken off
             result[rows] -= np.nan_to_num(_turned(other, headings[rows]))
     beside = {spell.row for spell in spells[len(trials) :]} & set(begins)

@@ -44,11 +44,11 @@ def infeasibility(problem: PlanningProblem) -> str:
     shapely.prepare(walls)
     alone = _Body(problem, None, walls)
     bodies = [_Body(problem, contact, walls) for contact in problem.contacts]
-    reason = _start(problem, alone, bodies[0])
+    reason = _start(problem, alone, bodies[0]) or _margin(problem)
     if reason or starts_at_goal(problem):
         # there is nothing to do but to stay
         return reason or _rest(problem)
-    reason = _goal(problem, alone, bodies) or _margin(problem)
+    reason = _goal(problem, alone, bodies)
     if problem.acting_effects:
         # which pushes are stable depends on the pose
         return reason or _rest(problem)

@@ -69,6 +69,8 @@ def likely_plan(
             best = max(best, search.at_level(deadline if best.result.solved else first, deadline, effort, used), key=search.worth)
     if not best.result.solved and not deadline.stopped:
         best = search.most_probable(deadline, quickest)
+    elif not best.result.solved and quickest.result.solved:
+        best = quickest
     return best.result, best.held
 
 
@@ -149,7 +151,7 @@ class _Search:
 
     def _held(self, result: PlanResult) -> _Candidate:
         """A plan, and the share of fresh scenarios that it holds in."""
-        # each test has scenarios of its own
+        # each test of one round has scenarios of its own; rounds for other contacts are compared on the same
         self._tests += 1
         if not result.solved or not result.pushes:
             return _Candidate(result, -1.0)

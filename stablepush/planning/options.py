@@ -56,8 +56,9 @@ class PlanOptions:
         corners are blended by short pushes between the two. Infinite: no blending. A corner stays, and the slider stops there,
         if its pushes are too short or the blend would be unstable or in collision.
     refinement_budget : float
-        Search steps (poses expanded, motions tested) that anytime planners spend on refining the first plan. It is a count, not
-        a time, so that plans are reproducible. Infinite: until the time limit.
+        Search steps (poses expanded, motions tested) that anytime planners spend on refining the first plan, for each contact,
+        and for each of a few smaller tolerances of the goal if its tolerance is wide. It is a count, not a time, so that plans
+        are reproducible. Infinite: until the time limit.
     regions : tuple of StableRegion, PushSet or None
         Further regions, one for each contact, in which all pushes must lie; None for a contact that is not used; empty: no
         further condition. :func:`stablepush.plan` sets the common stable regions of the scenarios that it has chosen; under

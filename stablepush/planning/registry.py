@@ -42,7 +42,7 @@ DEFAULT_SUCCESS = 0.98
 _GROUP = "stablepush.planners"
 #: Time (s) that is kept of the limit to check a plan and estimate its success, at most a quarter of it: 0.2 to 0.5 were measured.
 _JUDGING = 0.5
-#: What makes plans more likely to succeed.
+#: What may make plans more likely to succeed.
 _MORE_TIME = "the time limit ended the search, with more time it may find a surer one"
 _MORE_LIKELY = "fingers farther apart, another contact, wider bounds or a better known surface (more pokes) may give a surer one"
 #: Unit twists that are so near to a region are in it but for rounding.
@@ -82,8 +82,8 @@ def plan(
     planner : str
         Name of an installed planner (:func:`planner_names`).
     time_limit : float
-        Wall time in s after which the planner stops with the status ``"timeout"``. What the first plan after an install spends on
-        building compiled code does not count.
+        Wall time in s. Near its end the planner stops, with the best plan found or the status ``"timeout"``. What the first plan
+        after an install spends on building compiled code does not count.
     seed : int, optional
         Seed of planners that draw random numbers; 0 if not given.
     success : float, optional
@@ -138,7 +138,7 @@ def plan(
             result, held_in, doubtful, remark = search(problem, deadline, search_budget=math.inf)
         if deadline.stopped and not result.solved:
             result = PlanResult("interrupted", planner, seed=number, message="stopped before a path was found")
-        hint = _MORE_TIME if deadline.passed() else _MORE_LIKELY
+        hint = _MORE_TIME if deadline.passed() and not deadline.stopped else _MORE_LIKELY
     result, doubts = _judged(problem, result, region, level, least, held_in, hint)
     if result.lower_bound is not None and clearance:
         # it is that of the larger obstacles

@@ -64,7 +64,8 @@ def whole(path: Path) -> bool:
     """Whether a file is one that its writer finished."""
     data = path.read_bytes()
     if data.startswith(b"{"):
-        json.loads(data)
+        for value in data.splitlines() if path.suffix == ".jsonl" else [data]:
+            json.loads(value)
         return True
     ends = {".html": b"</html>", ".png": b"IEND\xaeB`\x82", ".gif": b";", ".yaml": b"", ".db3": b""}
     # tables, whatever they are called

@@ -35,7 +35,8 @@ def test_ends_are_within_the_tolerance(near, turned):
     found = ends(near, turned)
     away = np.hypot(*(found[:, :2] - SCENE.goal[:2]).T)
     off = np.abs(wrap_angle(found[:, 2] - SCENE.goal[2]))
-    assert away.max() <= near + 1e-12 and off.max() <= turned + 1e-12
+    # well within: executions end a little beside
+    assert away.max() <= near / 2 + 1e-12 and off.max() <= max(turned / 2, turned * (turned > 3.1415)) + 1e-9
     places = np.column_stack((found[:, :2], np.cos(found[:, 2]), np.sin(found[:, 2])))
     apart = np.linalg.norm(places[:, None] - places, axis=2) + np.eye(len(found))
     # none is there twice

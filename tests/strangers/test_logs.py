@@ -113,13 +113,15 @@ def reversed_in_trials(log):
     return taken(log, rows)
 
 
-def stuck(*names, trials=None):
+def stuck(*names, trials=None, every=False):
+    """At the last value of each push; ``every``: of the log."""
+
     def change(log):
         columns = {}
         for name in names:
             values = np.array(log.samples[name], dtype=float)
             for trial in map(str, log.trials["trial"][:trials]):
-                values[log.rows(trial)] = values[log.rows(trial)][-1]
+                values[log.rows(trial)] = values[-1] if every else values[log.rows(trial)][-1]
             columns[name] = values
         return changed(log, **columns)
 
@@ -160,7 +162,7 @@ def tracker_stops(log):
 
 STUCK = {
     "the tracker, half-way": (tracker_stops, "poses do not change in "),
-    "the force sensor": (stuck("fx", "fy", "tau"), "forces do not change in any push"),
+    "the force sensor": (stuck("fx", "fy", "tau", every=True), "forces do not change in any push"),
     "the robot": (stuck("px", "py", "ptheta"), "tip positions do not change in any push"),
 }
 

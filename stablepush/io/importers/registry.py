@@ -55,6 +55,8 @@ class Importer(Protocol):
 
 
 _GROUP = "stablepush.importers"
+#: Endings of files that importers look into.
+_READ = (".txt", ".csv", ".json", ".h5", ".hdf5", ".db3", ".mcap", ".yaml", ".yml", ".bag")
 
 
 def importers() -> list[str]:
@@ -74,8 +76,9 @@ def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path 
         raise InputError("kind", f"expected {' or '.join(importers())}", f"{kind!r}{did_you_mean(kind, importers())}")
     if not root.exists():
         raise InputError("", "cannot read: no such file or folder", file=root)
-    for file in root.rglob("*") if root.is_dir() else (root,):
-        if not file.is_dir():
+    for file in root.rglob("*") if root.is_dir() else ():
+        # sockets of other programs are nobody's log
+        if file.suffix.lower() in _READ and not file.is_dir():
             require_file(file)
     asked = _all_importers() if kind is None else {kind: load_plugin(_GROUP, kind)}
     mapped = [name for name, one in asked.items() if getattr(one, "needs_mapping", False)]
