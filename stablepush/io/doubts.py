@@ -48,10 +48,17 @@ _STANDS = 0.02
 _SAME = 1e-13
 #: Rubber on dry concrete has a friction of 1: nobody slides an object with so many times its weight.
 _HEAVIEST = 5.0
+#: Loads, moments counted by the characteristic length, are near the friction that is stated; so many times off is another unit.
+_OFF_FRICTION = 3.0
+#: A limit of a sensor shows in so many rows, and in such a share of those that read more than half of it. A sensor with fewer
+#: values than that has coarse steps, and reads the largest of them often.
+_CUT, _SHARE_CUT, _MANY_VALUES = 10, 0.05, 200
 #: A pose that is told in so many times as many rows as usual is held.
 _HELD = 3.0
 #: A tip that goes so far (m) while it pushes takes the slider along.
 _TAKES_ALONG = 5e-3
+#: Share of the rows in which the tracker sees a slider that does not move.
+_SEEN = 0.5
 #: Poses that are farther apart (s) are too few for the usual pushes, if a window for twists holds none but a row's neighbours.
 _SPARSE = 0.5
 
@@ -65,7 +72,8 @@ def doubts(log: PushLog, zeroed: bool = True, rests: Sequence[float] | FloatArra
     elsewhere = list(_away(log)) or list(_apart(log))
     # normals are known where the fingers are at the outline
     of_forces = list(_heavy(log)) or list(_opposed(log)) or ([] if elsewhere else list(_aslant(log)))
-    of_channels = (*_large(log), *_clock(log), *_unseen(log), *stopped_words(stopped(log), len(log)))
+    still = stopped(log)
+    of_channels = (*_large(log), *_clock(log), *_unseen(log), *_missed(log, still["poses"]), *stopped_words(still, len(log)))
     return [*of_forces, *(_restless(log, rests) if zeroed else ()), *elsewhere, *of_channels]
 
 
@@ -77,6 +85,22 @@ def covers(name: str, t: FloatArray, values: FloatArray) -> list[str]:
     if not left_out:
         return []
     return [f"{name} cover {t[known[-1]] - t[known[0]]:.3g} of {t[-1] - t[0]:.3g} s: {sum(left_out):.3g} s are left out"]
+
+
+def dull(forces: FloatArray) -> list[str]:
+    """Return a line for a component of recorded forces (n, 2) that is dead, or cut off at a limit."""
+    lines = []
+    known = forces[np.isfinite(forces).all(axis=1)]
+    for name, values, other in (("fx", *known.T), ("fy", *known.T[::-1])) if len(known) >= LEAST_REST else ():
+        top = float(np.abs(values).max())
+        if not np.ptp(values) and len(np.unique(other)) > _MANY_VALUES:
+            lines.append(
+                f"{name} is {values[0]:.3g} in all rows, while the other component changes: is it connected, and mapped?"
+            )
+        cut, near = int((np.abs(values) == top).sum()), int((np.abs(values) > top / 2).sum())
+        if cut >= _CUT and cut > _SHARE_CUT * near and len(np.unique(values)) > _MANY_VALUES:
+            lines.append(f"{name} is {top:.3g} at most, in {cut} rows: is the sensor saturated? Its loads are then too small")
+    return lines
 
 
 def stopped(log: PushLog) -> dict[str, list[str]]:
@@ -140,7 +164,7 @@ def frozen(log: PushLog) -> dict[str, np.ndarray[Any, np.dtype[np.intp]]]:
     found: dict[str, np.ndarray[Any, np.dtype[np.intp]]] = {}
     usual, at_rest = _repeats(log)
     poses, tips, radius = log.columns("x", "y", "theta"), log.columns("px", "py"), log.rig.finger_radius or 0.0
-    seen = np.isfinite(np.column_stack((poses, tips))).all(axis=1)
+    seen = np.asarray(np.isfinite(np.column_stack((poses, tips))).all(axis=1))
     for name in map(str, log.trials["trial"]) if log.rig.contact_kind != "held" else ():
         rows = log.rows(name)
         rows = rows[seen[rows]]
@@ -151,7 +175,7 @@ def frozen(log: PushLog) -> dict[str, np.ndarray[Any, np.dtype[np.intp]]]:
         first = np.maximum.accumulate(np.where(stays, 0, np.arange(len(rows))))
         local = rotate_vectors(-poses[rows[first], 2], tips[rows] - poses[rows[first], :2])
         places = contacts_on_outline(log.rig.slider.vertices, local)[2]
-        inside = np.minimum(places, radius)[first] - places > _TAKES_ALONG
+        inside = np.asarray(np.minimum(places, radius)[first] - places > _TAKES_ALONG)
         if at_rest and "phase" in log.samples:
             inside &= log.samples["phase"][rows] == "push"
         long = np.bincount(first)[first] > _HELD * usual
@@ -211,14 +235,21 @@ def _opposed(log: PushLog) -> Iterator[str]:
 
 
 def _heavy(log: PushLog) -> Iterator[str]:
-    """Forces that no friction of the table is, of a slider whose mass is known."""
+    """Loads that are not of the size of the friction of the table, of a slider whose mass is known."""
     if log.rig.slider.mass is None:
         return
-    forces = np.linalg.norm(log.columns("fx", "fy"), axis=1)
+    # a moment counts as the force that makes it at the characteristic length
+    loads = np.linalg.norm(log.columns("fx", "fy", "tau") / (1, 1, log.rig.slider.characteristic_length), axis=1)
     if "phase" in log.samples:
-        forces = forces[log.samples["phase"] == "push"]
-    share = float(np.nanmedian(forces)) / (log.rig.slider.mass * log.rig.gravity) if np.isfinite(forces).any() else 0.0
-    if share > _HEAVIEST:
+        loads = loads[log.samples["phase"] == "push"]
+    share = float(np.nanmedian(loads)) / (log.rig.slider.mass * log.rig.gravity) if np.isfinite(loads).any() else 0.0
+    friction = log.rig.support_friction
+    if friction and share and not 1 / _OFF_FRICTION < share / friction < _OFF_FRICTION:
+        yield (
+            f"loads are {share / friction:.2g} times what the friction of the support, {friction:g}, gives with the slider's "
+            "weight: units (force, mass), or the friction?"
+        )
+    elif share > _HEAVIEST:
         yield f"forces are {share:.3g} times the slider's weight, and friction is hardly ever more than it: units (force, mass)?"
 
 
@@ -369,6 +400,19 @@ def _clock(log: PushLog) -> Iterator[str]:
             f"in {len(missing)} of {len(log)} pushes rows are missing, for up to {max(missing):.3g} s (usual: {usual:.2g} s "
             "between two): nothing is known of the motion there"
         )
+
+
+def _missed(log: PushLog, told: Sequence[str]) -> Iterator[str]:
+    """Pushes in which the tracker sees the slider all the time, and it does not move, but for those that are told already."""
+    names = []
+    for name in map(str, log.trials["trial"]):
+        rows = log.rows(name)
+        seen = np.isfinite(log.columns("x", "y", "theta")[rows]).all(axis=1)
+        if name not in told and not (log.samples["phase"][rows] == "push").any() and seen.mean() > _SEEN:
+            names.append(name)
+    if names:
+        named = ", ".join(names[:3]) + (", …" if len(names) > 3 else "")
+        yield f"in {len(names)} of {len(log)} pushes ({named}) the slider does not move: did the finger miss? They show no load"
 
 
 def _unseen(log: PushLog) -> Iterator[str]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import FloatArray, InputError, StablepushWarning
+from stablepush.core import BoolArray, FloatArray, InputError, StablepushWarning, shown
 from stablepush.geometry import point_velocity, rotate_vectors, transform_points
 from stablepush.io.pushlog import end_of_motion
 from stablepush.io.sensor_offset import LEAST_REST, is_clear
@@ -48,6 +48,11 @@ NOISY_TWISTS, NOISY_SPEEDS = 0.15, 0.1
 _SURELY = 6.0
 #: Rows whose median begins and ends a trial.
 _ENDS = 5
+#: Where a threshold of the force is less than so many standard deviations of its noise, single rows pass it by chance.
+_CLEAR_OF_NOISE = 6.0
+#: There it is raised to so many of them, up to half of the load, and most of so many rows have to be beyond it: of rows at rest
+#: 1 % are, and three of five in 1e-5.
+_RAISED, _AGREEING = 3.0, 5
 
 
 def named_rows(t: FloatArray, trials: Sequence[str]) -> tuple[list[np.ndarray[Any, np.dtype[np.intp]]], list[str]]:
@@ -59,9 +64,15 @@ def named_rows(t: FloatArray, trials: Sequence[str]) -> tuple[list[np.ndarray[An
     if len(words) != len(t):
         raise InputError("trials", f"expected {len(t)} names, one for each row", len(words))
     groups: dict[str, list[int]] = {word: [] for word in words if word}
+    latest = ""
     for row, word in enumerate(words):
         if word:
+            if groups[word] and word != latest:
+                raise InputError(
+                    f"trials[{row}]", f"expected the rows of a push to follow each other, {shown(word)} is there twice"
+                )
             groups[word].append(row)
+            latest = word
     return [np.array(rows, dtype=np.intp) for rows in groups.values()], list(groups)
 
 
@@ -152,23 +163,28 @@ def phases_of(
         return phases
     known = np.asarray(np.isfinite(forces).all(axis=1))
     steady = known & (speed >= SLIPS * np.percentile(speed, 95))
+    # noise of a tracker is as quick as a slow push, and leads nowhere
+    begin, end = _in_motion(slider, poses, speed, away, moving)
+    moves = (np.arange(len(speed)) >= begin) & (np.arange(len(speed)) < end)
+    steady = steady & moves if (steady & moves).any() else steady
     if not steady.any():
         return phases
     load, zero = np.median(forces[steady], axis=0), np.zeros(2)
     first_steady = int(np.argmax(steady))
     clear = np.zeros(0, dtype=int) if away is None else np.flatnonzero((is_clear(away, steady) & known)[:first_steady])
     # nothing moves a slider that nothing touches
-    if len(clear) >= LEAST_REST and travel(slider, poses[: clear[-1] + 1]) < LEAST_TRAVEL:
+    still = max(LEAST_TRAVEL, _SURELY * _noise_of_travel(slider, poses))
+    if len(clear) >= LEAST_REST and travel(slider, poses[: clear[-1] + 1]) < still:
         zero = np.median(forces[clear], axis=0)
         step = _STEP * float(np.linalg.norm(load - zero))
-        pressed = known & (_size(forces - zero) > step)
+        pressed = _beyond(forces, zero, _STEP, load)
         pressed[: clear[-1] + 1] = False
         begin = int(np.argmax(pressed)) if pressed.any() else first_steady
         phases[:begin] = "rest"
         phases[:begin][known[:begin] & (_size(forces[:begin] - zero) > step)] = "approach"
     else:
         zero = _of_step(slider, poses, speed, forces, phases, load)
-    left = np.flatnonzero(known & (_size(forces - zero) > _LEFT * np.linalg.norm(load - zero)))
+    left = np.flatnonzero(_beyond(forces[::-1], zero, _LEFT, load)[::-1])
     if len(left) and left[-1] >= moving[0]:
         phases[left[-1] + 1 :] = "retract"
     # a finger that has stopped may press on
@@ -184,6 +200,24 @@ def phases_of(
         if stands < len(pushed):
             phases[pushed[stands] :] = "retract"
     return phases
+
+
+def _beyond(forces: FloatArray, zero: FloatArray, share: float, load: FloatArray) -> BoolArray:
+    """Rows (n,) in which a force has made a share of the step from ``zero`` to ``load``, not by noise alone.
+
+    The noise of readings (n, 2) is that of their differences from row to row: nine of ten ``|Δf|`` are below ``3.035 σ``, also of
+    a sensor with steps that are coarser than its noise.
+    """
+    step, changes = float(np.linalg.norm(load - zero)), np.linalg.norm(np.diff(forces, axis=0), axis=1)
+    noise = float(np.nanquantile(changes, 0.9)) / 3.035 if np.isfinite(changes).any() else 0.0
+    size, least = _size(forces - zero), share * step
+    if least > _CLEAR_OF_NOISE * noise:
+        return np.asarray(size > least)
+    beyond = size > max(least, min(_RAISED * noise, step / 2))
+    sums = np.concatenate(([0], np.cumsum(beyond)))
+    ends = np.minimum(np.arange(len(beyond)) + _AGREEING, len(beyond))
+    lasting = beyond & (2 * (sums[ends] - sums[:-1]) > ends - np.arange(len(beyond)))
+    return np.asarray(lasting if lasting.any() else beyond)
 
 
 def _in_motion(
@@ -225,7 +259,7 @@ def _of_step(
         # a single row must read next to nothing
         if step <= _LEAST_STEP * size or (count == 1 and float(np.linalg.norm(first)) > _STEP * size):
             continue
-        rest = int(np.argmax(known & (_size(forces - first) > _STEP * step)))
+        rest = int(np.argmax(_beyond(forces, first, _STEP, load)))
         # a force that grows while the slider moves is no step from rest
         share = rest / len(speed)
         if rest and travel(slider, poses[:rest]) < SLIPS * share * travel(slider, poses) + _STILL:

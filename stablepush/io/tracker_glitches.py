@@ -1,4 +1,4 @@
-"""Poses that a tracker got wrong for a moment: the slider seems to leap away and back."""
+"""Poses and forces that are wrong for a moment: they leap away and back."""
 
 from __future__ import annotations
 
@@ -19,6 +19,12 @@ _FAR, _TIMES = 1e-3, 12.0
 #: The slider would be so many times as quick on its way as it is ever over so many s, windows left out of which one step makes
 #: more than this share: there it was set back.
 _QUICKER, _OVER, _MOST = 8.0, 0.3, 0.6
+#: A tracker that has lost the slider may tell another place, as 0 or -9999, for up to this share of a trial; so far (m) away.
+_LONGEST, _ELSEWHERE = 0.5, 5e-3
+#: It is told in more rows than so many times as many as other poses.
+_HELD = 3.0
+#: A force that leaps is so large a share of the greatest running median.
+_LARGE = 0.5
 
 
 def without_glitches(
@@ -63,15 +69,75 @@ def without_glitches(
                 if back and speed[first - 1 : last + 1].max() > quick:
                     wrong[mine[first : last + 1]] = True
                     when.append(int(mine[first]))
+        for first, last in _elsewhere(seen, speed > quick, length):
+            if not wrong[mine[first : last + 1]].all():
+                wrong[mine[first : last + 1]] = True
+                when.append(int(mine[first]))
     if not when:
         return poses
+    _tell("the tracker leaps", "pose", t, trials, names, when, int(wrong.sum()))
+    return np.where(wrong[:, None], np.nan, poses)
+
+
+def without_spikes(
+    t: FloatArray, forces: FloatArray, trials: Sequence[np.ndarray[Any, np.dtype[np.intp]]], names: Sequence[str]
+) -> FloatArray:
+    """Return forces (n, 2) without those that leap far from a running median and back, NaN instead; a warning says when.
+
+    A force that slides an object is that of friction: it has no spikes of its own size.
+    """
+    wrong, when = np.zeros(len(t), dtype=bool), []
+    for rows in trials:
+        mine = rows[np.isfinite(forces[rows]).all(axis=1)]
+        if len(mine) < _ROWS:
+            continue
+        seen, step = forces[mine], float(np.median(np.diff(t[mine])))
+        count = max(_ROWS, 2 * round(_WIDTH / step / 2) + 1) if step > 0 else _ROWS
+        count = min(count, len(mine) - 1 + len(mine) % 2)
+        smooth = np.column_stack([median_filter(column, count, mode="nearest") for column in seen.T])
+        away, size = np.linalg.norm(seen - smooth, axis=1), np.linalg.norm(smooth - np.median(smooth, axis=0), axis=1)
+        far = max(_TIMES * float(np.median(away)), _LARGE * float(max(size.max(), np.linalg.norm(smooth, axis=1).max())))
+        for first, last in _runs(away > far):
+            beside = [k for k in (first - 1, last + 1) if 0 <= k < len(mine)]
+            # of a step the rows on one side stay
+            if last - first + 1 < count / 2 and all(away[k] < far / 2 for k in beside):
+                wrong[mine[first : last + 1]] = True
+                when.append(int(mine[first]))
+    if not when:
+        return forces
+    _tell("the force leaps", "force", t, trials, names, when, int(wrong.sum()))
+    return np.where(wrong[:, None], np.nan, forces)
+
+
+def _tell(
+    what: str, one: str, t: FloatArray, trials: Sequence[np.ndarray[Any, np.dtype[np.intp]]], names: Sequence[str],
+    when: Sequence[int], count: int,
+) -> None:  # fmt: skip
+    """Warn of leaps that begin in rows ``when``."""
     first = min(when)
     trial = next(k for k, rows in enumerate(trials) if first in rows)
     place = f"{t[first] - t[trials[trial][0]]:.4g} s after the first row" + (f" of push {names[trial]}" if names[trial] else "")
     times = "once," if len(when) == 1 else f"{len(when)} times, at first"
-    left_out = "1 pose is" if wrong.sum() == 1 else f"{int(wrong.sum())} poses are"
-    warnings.warn(StablepushWarning(f"the tracker leaps away and back {times} {place}: {left_out} left out"), stacklevel=3)
-    return np.where(wrong[:, None], np.nan, poses)
+    left_out = f"1 {one} is" if count == 1 else f"{count} {one}s are"
+    warnings.warn(StablepushWarning(f"{what} away and back {times} {place}: {left_out} left out"), stacklevel=4)
+
+
+def _elsewhere(seen: FloatArray, quick: BoolArray, length: float) -> Iterator[tuple[int, int]]:
+    """First and last index of runs of poses (n, 3) that are far from where the slider was before and is after; ``quick``
+    (n - 1,): which steps no slider makes."""
+    steps = np.flatnonzero(quick & (_apart(seen[:-1], seen[1:], length) > _ELSEWHERE))
+    # a tracker that is slower than the rows repeats its poses
+    usual = float(np.median(np.diff(np.flatnonzero(np.append((np.diff(seen, axis=0) != 0).any(axis=1), True)), prepend=-1)))
+    k = 0
+    while k + 1 < len(steps):
+        leaves, returns = int(steps[k]), int(steps[k + 1])
+        before, away, after = seen[leaves : leaves + 1], seen[leaves + 1 : returns + 1], seen[returns + 1 : returns + 2]
+        back = _apart(before, after, length)[0] < np.median(_apart(before, away, length)) / 2
+        # a lost slider is told at one place, which no tracker does of one that it sees
+        if back and _HELD * usual < len(away) <= _LONGEST * len(seen) and not np.ptp(away, axis=0).any():
+            yield leaves + 1, returns
+            k += 1
+        k += 1
 
 
 def _greatest_speed(t: FloatArray, poses: FloatArray, span: int, length: float) -> float:

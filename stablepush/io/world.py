@@ -23,7 +23,7 @@ from stablepush.core import (
 )
 from stablepush.geometry import compose, contacts_on_outline, nearest_on_outline, rotate_vectors
 from stablepush.identify import SlipPairs
-from stablepush.io.doubts import covers, doubts
+from stablepush.io.doubts import covers, doubts, dull
 from stablepush.io.pushlog import PushLog, Rig
 from stablepush.io.recorded_pushes import (
     LEAST_TRAVEL,
@@ -41,7 +41,7 @@ from stablepush.io.recorded_pushes import (
     window_for,
 )
 from stablepush.io.sensor_offset import zeroed
-from stablepush.io.tracker_glitches import without_glitches
+from stablepush.io.tracker_glitches import without_glitches, without_spikes
 from stablepush.objects import Slider
 
 #: The refusal of two fingers that cannot both touch the slider.
@@ -161,7 +161,9 @@ def log_from_arrays(
         tracked = _recorded_later(t, tracked, pose_delay, rows)
     body = compose(tracked, check_array(body_pose, "body_pose", (3,)))
     tips = None if tip_positions is None else _with_gaps(tip_positions, "tip_positions", n, (2, 3))
-    world = None if forces is None else _with_gaps(forces, "forces", n, (2,))
+    world = None if forces is None else without_spikes(t, _with_gaps(forces, "forces", n, (2,)), rows, names)
+    for words in [] if world is None else dull(world):
+        warnings.warn(StablepushWarning(words), stacklevel=2)
     note_mounting(check_number(force_angle, "force_angle"), "force_angle")
     if force_angle != 0 and world is not None:
         world = rotate_vectors(-force_angle, world)

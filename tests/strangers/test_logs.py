@@ -135,7 +135,7 @@ def scaled(factor, *names):
 NOTED = {
     "rows reversed": (reversed_in_trials, r"column t: the time goes back within trial"),
     "lengths in millimetres": (scaled(1000.0, "x", "y", "px", "py"), r"the slider moves by .* mm in a push.*units \(length\)"),
-    "forces in grams": (scaled(102.0, "fx", "fy", "tau"), r"forces are .* times the slider's weight.*units \(force, mass\)"),
+    "forces in grams": (scaled(102.0, "fx", "fy", "tau"), r"loads are .* times what the friction .*units \(force, mass\)"),
     "angles in degrees": (scaled(180 / np.pi, "theta", "ptheta"), r"column theta: .* looks like degrees"),
 }
 

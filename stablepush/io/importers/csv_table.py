@@ -107,8 +107,9 @@ class CsvTables:
             )
         except InputError as error:
             place = error.place
-            if place.startswith("times["):
-                place = f"line {lines[int(place[6:-1])]}: column {named['t']}"
+            for what, column in (("times[", named["t"]), ("trials[", named.get("trial"))):
+                if place.startswith(what):
+                    place = f"line {lines[int(place[len(what) : -1])]}: column {column}"
             # what the mapping says is wrong there
             raise InputError(place, error.expected, error.got, file=error.file or source.file) from None
         if not own:
