@@ -55,10 +55,11 @@ class Film:
         yield from self.mapped(axes)
         stated = f"success {self.plan.success_probability:.2f}"
         yield from self.moved(axes, self.plan, f"2  Plan: a path of stable pushes, {stated}", None)
-        off = 1000 * np.linalg.norm(self.first.final_pose[:2] - self.plan.pushes[-1].end[:2])
+        # from the goal, as the report of the demo has it
+        off = 1000 * np.linalg.norm((self.first.final_pose - self.problem.goal)[:2])
         yield from self.moved(axes, self.plan, f"3  Execute with slippery fingers: {off:.0f} mm off", self.first, BAD)
         yield from self.told(axes)
-        off = 1000 * np.linalg.norm(self.second.final_pose[:2] - self.again.pushes[-1].end[:2])
+        off = 1000 * np.linalg.norm((self.second.final_pose - self.problem.goal)[:2])
         yield from self.moved(axes, self.again, f"5  Plan again on what was found: {off:.1f} mm off", self.second, GOOD)
 
     def poked(self, axes: Any) -> Iterator[None]:
