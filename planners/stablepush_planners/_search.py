@@ -23,9 +23,11 @@ START, TRANSFER, CONNECTION = -1, -2, -3
 #: As far from the goal as the start is, one pose in so many is connected to it.
 _INTERVAL = 16
 
-#: Bits of a key: position along either axis, heading, contact.
+#: Bits of a key: position along either axis, heading, contact; 63 in all, as many as a number of 64 bits has beside its sign.
 _POSITION, _HEADING, _CONTACT = 21, 10, 11
 _HALF = 1 << (_POSITION - 1)
+#: Contacts that a key has room for.
+MOST_CONTACTS = 1 << _CONTACT
 
 
 class Graph(NamedTuple):

@@ -26,7 +26,7 @@ from stablepush.planning import (
 from stablepush.planning.kernels import Body
 from stablepush_planners._connection import Connections, connect
 from stablepush_planners._goal import Goal, least_time, unobstructed_times
-from stablepush_planners._search import Graph
+from stablepush_planners._search import MOST_CONTACTS, Graph
 from stablepush_planners._transfer import ANY_PATH, KNOWN_PATHS, Bodies, Transfers, route_between
 from stablepush_planners.blend import blended
 from stablepush_planners.distance_field import DistanceField
@@ -58,13 +58,11 @@ TABLE_REACH = 20
 PIECES = (24, 40, 60)
 #: Halves are rounded up, also those that are less by rounding.
 _UP = 0.5 + 1e-9
-#: Poses within the tolerance that connections lead to: how far apart their headings (rad) and how far from the goal the first
-#: ring of places (radii of the slider) are.
-END_TURN, END_STEP = math.pi / 8, 0.25
-#: How many places there are at most; a tolerance (rad) of half a turn, but for rounding, is one of all headings.
-_MOST_PLACES, _ALL_ROUND = 33, 1e-4
-#: Contacts that a search can number.
-_MOST_CONTACTS = 2000
+#: Poses within the tolerance that connections lead to: how far apart their headings (rad) are, that of the coarsest lattice, and
+#: how far from the goal their places (radii of the slider), a cell of it and more.
+END_TURN, END_RINGS = math.pi / 8, (0.25, 0.5, 1.0, 2.0)
+#: A tolerance (rad) of half a turn is one of all headings: 3.1416 and 3.14159 of a file, too.
+_ALL_ROUND = 1e-4
 
 
 class PlanningContext:
@@ -81,8 +79,8 @@ class PlanningContext:
     """
 
     def __init__(self, problem: PlanningProblem, options: PlanOptions, deadline: Deadline) -> None:
-        if len(problem.contacts) > _MOST_CONTACTS:
-            raise InputError("contacts", f"expected at most {_MOST_CONTACTS}", len(problem.contacts))
+        if len(problem.contacts) > MOST_CONTACTS:
+            raise InputError("contacts", f"expected at most {MOST_CONTACTS}", len(problem.contacts))
         deadline.check()
         self.problem, self.deadline, self._rate = problem, deadline, options.max_twist_rate
         self.infeasible_reason, self.bound = "", 0.0
@@ -222,10 +220,7 @@ class PlanningContext:
         for end in self.goal.ends:
             pushes = self.connect(contact, start, end, most)
             if pushes is not None:
-                found, most = (
-                    pushes,
-                    float(self.stable[contact].costs(np.reshape([twist * time for twist, time in pushes], (-1, 3))).sum()),
-                )
+                found, most = pushes, self._price(contact, pushes)
         return found
 
     def shortened(self, contact_segments: Sequence[ContactSegment]) -> list[ContactSegment]:
@@ -292,11 +287,14 @@ class PlanningContext:
 
     def cost(self, contact_segments: Sequence[ContactSegment]) -> float:
         """Return what a path costs, in s."""
-        pushes = 0.0
-        for contact, part in contact_segments:
-            pushes += float(self.stable[contact].costs(np.array([twist * duration for twist, duration in part])).sum())
+        pushes = sum(self._price(contact, part) for contact, part in contact_segments)
         transfers = sum(a[0] != b[0] for a, b in pairwise(((0, ()), *contact_segments)))
         return pushes + transfers * self.problem.switch_cost
+
+    def _price(self, contact: int, pushes: Sequence[TimedTwist]) -> float:
+        """What pushes of one contact cost, in s."""
+        travels = np.reshape([twist * duration for twist, duration in pushes], (-1, 3))
+        return float(self.stable[contact].costs(travels).sum())
 
     def transfer_path(self, source: int, target: int, pose: FloatArray) -> FloatArray | None:
         """Return poses (n, 3) of the pusher's frame in W from one contact to another of a slider at ``pose``, or None.
@@ -328,22 +326,21 @@ def goal_ends(goal: FloatArray, tolerance: tuple[float, float], radius: float) -
     turned = math.pi if tolerance[1] >= math.pi - _ALL_ROUND else tolerance[1] / 2
     count = min(int(turned / END_TURN), round(math.pi / END_TURN) - 1)
     turns = np.concatenate(([0], *((k, -k) for k in range(1, count + 1)), [count + 1] if turned == math.pi else []))
-    places, size = [np.zeros(2)], END_STEP * radius
     angles = np.arange(8) * math.pi / 4
-    while size <= near and len(places) < _MOST_PLACES:
-        places += list(size * np.column_stack((np.cos(angles), np.sin(angles))))
-        size *= 2
+    around = np.column_stack((np.cos(angles), np.sin(angles)))
+    places = np.concatenate([np.zeros((1, 2)), *(ring * radius * around for ring in END_RINGS if ring * radius <= near)])
     return np.array([(*(goal[:2] + place), goal[2] + turn) for place in places for turn in turns * END_TURN])
 
 
-def narrower(tolerance: tuple[float, float], radius: float) -> list[tuple[float, float]]:
-    """Return tolerances (m, rad) within one, of values that do not depend on it, for a slider of a radius (m).
+def smaller_tolerances(tolerance: tuple[float, float], radius: float) -> list[tuple[float, float]]:
+    """Return smaller tolerances (m, rad) than one, whose values do not depend on it, for a slider of a radius (m).
 
-    Searches within them find other paths, some of them shorter: without them a larger tolerance would at times make plans longer.
+    A search within a smaller tolerance finds another path, at times a shorter one. Without these searches a larger tolerance
+    would at times make a plan longer. Below half a step of the coarsest lattice a tolerance makes no difference.
     """
     near, turned = tolerance
-    headings = [END_TURN * 2.0**k for k in range(2, -2, -1)]
-    places = [END_STEP * radius * 2.0**k for k in range(3, -2, -1)]
+    headings = [share * END_TURN for share in (4.0, 2.0, 1.0, 0.5)]
+    places = [ring * radius for ring in (*reversed(END_RINGS), END_RINGS[0] / 2)]
     return [(near, less) for less in headings if less < turned] + [(less, turned) for less in places if less < near]
 
 

@@ -20,7 +20,7 @@ from stablepush.planning import PlanningProblem, PlanOptions, PlanResult
 from stablepush_planners import _search
 from stablepush_planners._search import Graph, Tree
 from stablepush_planners._transfer import ANY_PATH, Transfers
-from stablepush_planners.context import ContactSegment, PlanningContext, end_of, narrower
+from stablepush_planners.context import ContactSegment, PlanningContext, end_of, smaller_tolerances
 from stablepush_planners.lattice import Lattice, make_lattice
 
 NAME = "cor-lattice"
@@ -93,7 +93,9 @@ class _Planner:
         context, tolerance = self._context, self._context.problem.tolerance
         useful = self._climb(refinement_budget, context.transfers, tolerance)
         for within in (
-            narrower(tolerance, context.problem.slider.radius) if self.best is not None and refinement_budget > 0 else ()
+            smaller_tolerances(tolerance, context.problem.slider.radius)
+            if self.best is not None and refinement_budget > 0
+            else ()
         ):
             self._climb(refinement_budget, context.transfers, within)
         if self.best is None and context.routes is not None and self._search_budget > 0:

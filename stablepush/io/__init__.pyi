@@ -1,4 +1,4 @@
-from .doubts import frozen as frozen, stopped as stopped, stopped_words as stopped_words, unit_doubts as unit_doubts
+from .doubts import unit_doubts as unit_doubts
 from .formats import (
     contact_or_path as contact_or_path,
     contact_to_json as contact_to_json,
@@ -29,6 +29,7 @@ from .pushlog import (
     write_pushlog as write_pushlog,
 )
 from .recorded_pushes import slope_weights as slope_weights
+from .stuck import frozen as frozen, stopped as stopped, stopped_words as stopped_words
 from .tables import (
     IS_POSITIVE as IS_POSITIVE,
     IS_SENSE as IS_SENSE,

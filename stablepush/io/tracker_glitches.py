@@ -1,4 +1,4 @@
-"""Poses and forces that are wrong for a moment: they leap away and back."""
+"""Poses that a tracker got wrong for a moment: the slider seems to leap away and back."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stablepush.core import BoolArray, FloatArray, StablepushWarning
 from stablepush.geometry import wrap_angle
 
 #: Rows of the running median, at least, and its width in s: glitches shorter than half of it do not move it.
-_ROWS, _WIDTH = 7, 0.12
+LEAST_ROWS, _WIDTH = 7, 0.12
 #: A glitch is so far (m) from that median, and so many times as far as rows usually are.
 _FAR, _TIMES = 1e-3, 12.0
 #: The slider would be so many times as quick on its way as it is ever over so many s, windows left out of which one step makes
@@ -21,6 +21,8 @@ _FAR, _TIMES = 1e-3, 12.0
 _QUICKER, _OVER, _MOST = 8.0, 0.3, 0.6
 #: A tracker that has lost the slider may tell another place, as 0 or -9999, for up to this share of a trial; so far (m) away.
 _LONGEST, _ELSEWHERE = 0.5, 5e-3
+#: It is told in more rows than so many times as many as other poses.
+_HELD = 3.0
 #: It is told in more rows than so many times as many as other poses.
 _HELD = 3.0
 #: A force that leaps is so large a share of the greatest running median.
@@ -42,12 +44,11 @@ def without_glitches(
     known, found, usual = [], [], []
     for rows in trials:
         mine = rows[np.isfinite(poses[rows]).all(axis=1)]
-        if len(mine) < _ROWS:
+        if len(mine) < LEAST_ROWS:
             continue
         seen, steps = poses[mine], np.diff(t[mine])
         steps = np.maximum(steps, np.median(steps) / 2)
-        count = max(_ROWS, 2 * round(_WIDTH / float(np.median(steps)) / 2) + 1)
-        smooth = _running_median(seen, min(count, len(mine) - 1 + len(mine) % 2))
+        smooth = _running_median(seen, rows_of_median(steps))
         known.append(mine)
         # a tracker that is slower than the clock repeats its poses: it took as long since the first of them
         since = np.maximum.accumulate(
@@ -63,53 +64,23 @@ def without_glitches(
     quick = _QUICKER * float(np.median(usual))
     wrong, when = np.zeros(len(t), dtype=bool), []
     for mine, (away, speed, seen) in zip(known, found, strict=True):
-        for first, last in _runs(away > far):
+        for first, last in runs_of(away > far):
             if 0 < first and last + 1 < len(mine):
                 back = _apart(seen[first - 1 : first], seen[last + 1 : last + 2], length)[0] < away[first : last + 1].max() / 2
                 if back and speed[first - 1 : last + 1].max() > quick:
                     wrong[mine[first : last + 1]] = True
                     when.append(int(mine[first]))
-        for first, last in _elsewhere(seen, speed > quick, length):
+        for first, last in _placeholders(seen, speed > quick, length):
             if not wrong[mine[first : last + 1]].all():
                 wrong[mine[first : last + 1]] = True
                 when.append(int(mine[first]))
     if not when:
         return poses
-    _tell("the tracker leaps", "pose", t, trials, names, when, int(wrong.sum()))
+    tell_leaps("the tracker leaps", "pose", t, trials, names, when, int(wrong.sum()))
     return np.where(wrong[:, None], np.nan, poses)
 
 
-def without_spikes(
-    t: FloatArray, forces: FloatArray, trials: Sequence[np.ndarray[Any, np.dtype[np.intp]]], names: Sequence[str]
-) -> FloatArray:
-    """Return forces (n, 2) without those that leap far from a running median and back, NaN instead; a warning says when.
-
-    A force that slides an object is that of friction: it has no spikes of its own size.
-    """
-    wrong, when = np.zeros(len(t), dtype=bool), []
-    for rows in trials:
-        mine = rows[np.isfinite(forces[rows]).all(axis=1)]
-        if len(mine) < _ROWS:
-            continue
-        seen, step = forces[mine], float(np.median(np.diff(t[mine])))
-        count = max(_ROWS, 2 * round(_WIDTH / step / 2) + 1) if step > 0 else _ROWS
-        count = min(count, len(mine) - 1 + len(mine) % 2)
-        smooth = np.column_stack([median_filter(column, count, mode="nearest") for column in seen.T])
-        away, size = np.linalg.norm(seen - smooth, axis=1), np.linalg.norm(smooth - np.median(smooth, axis=0), axis=1)
-        far = max(_TIMES * float(np.median(away)), _LARGE * float(max(size.max(), np.linalg.norm(smooth, axis=1).max())))
-        for first, last in _runs(away > far):
-            beside = [k for k in (first - 1, last + 1) if 0 <= k < len(mine)]
-            # of a step the rows on one side stay
-            if last - first + 1 < count / 2 and all(away[k] < far / 2 for k in beside):
-                wrong[mine[first : last + 1]] = True
-                when.append(int(mine[first]))
-    if not when:
-        return forces
-    _tell("the force leaps", "force", t, trials, names, when, int(wrong.sum()))
-    return np.where(wrong[:, None], np.nan, forces)
-
-
-def _tell(
+def tell_leaps(
     what: str, one: str, t: FloatArray, trials: Sequence[np.ndarray[Any, np.dtype[np.intp]]], names: Sequence[str],
     when: Sequence[int], count: int,
 ) -> None:  # fmt: skip
@@ -122,7 +93,7 @@ def _tell(
     warnings.warn(StablepushWarning(f"{what} away and back {times} {place}: {left_out} left out"), stacklevel=4)
 
 
-def _elsewhere(seen: FloatArray, quick: BoolArray, length: float) -> Iterator[tuple[int, int]]:
+def _placeholders(seen: FloatArray, quick: BoolArray, length: float) -> Iterator[tuple[int, int]]:
     """First and last index of runs of poses (n, 3) that are far from where the slider was before and is after; ``quick``
     (n - 1,): which steps no slider makes."""
     steps = np.flatnonzero(quick & (_apart(seen[:-1], seen[1:], length) > _ELSEWHERE))
@@ -148,6 +119,12 @@ def _greatest_speed(t: FloatArray, poses: FloatArray, span: int, length: float) 
     return float((ways / (t[span:] - t[:-span]))[by_many].max(initial=0.0))
 
 
+def rows_of_median(steps: FloatArray) -> int:
+    """Return over how many rows, an odd number, a running median goes, for times (s) from row to row (n - 1,)."""
+    count = max(LEAST_ROWS, 2 * round(_WIDTH / float(np.median(steps)) / 2) + 1)
+    return min(count, len(steps) + (len(steps) + 1) % 2)
+
+
 def _running_median(poses: FloatArray, count: int) -> FloatArray:
     """Medians (n, 3) over an odd number of rows about each: of a heading, of its cosine and sine."""
     x, y, theta = poses.T
@@ -160,7 +137,7 @@ def _apart(one: FloatArray, other: FloatArray, length: float) -> FloatArray:
     return np.asarray(np.hypot(*(other - one)[:, :2].T) + length * np.abs(wrap_angle(other[:, 2] - one[:, 2])))
 
 
-def _runs(flags: BoolArray) -> Iterator[tuple[int, int]]:
+def runs_of(flags: BoolArray) -> Iterator[tuple[int, int]]:
     """First and last index of each run of flags (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
     return ((int(first), int(last) - 1) for first, last in zip(edges[::2], edges[1::2], strict=True))

@@ -23,7 +23,8 @@ from stablepush.core import (
 )
 from stablepush.geometry import compose, contacts_on_outline, nearest_on_outline, rotate_vectors
 from stablepush.identify import SlipPairs
-from stablepush.io.doubts import covers, doubts, dull
+from stablepush.io.doubts import covers, doubts
+from stablepush.io.force_spikes import without_spikes
 from stablepush.io.pushlog import PushLog, Rig
 from stablepush.io.recorded_pushes import (
     LEAST_TRAVEL,
@@ -41,7 +42,8 @@ from stablepush.io.recorded_pushes import (
     window_for,
 )
 from stablepush.io.sensor_offset import zeroed
-from stablepush.io.tracker_glitches import without_glitches, without_spikes
+from stablepush.io.stuck import dead_or_cut_off
+from stablepush.io.tracker_glitches import without_glitches
 from stablepush.objects import Slider
 
 #: The refusal of two fingers that cannot both touch the slider.
@@ -162,7 +164,7 @@ def log_from_arrays(
     body = compose(tracked, check_array(body_pose, "body_pose", (3,)))
     tips = None if tip_positions is None else _with_gaps(tip_positions, "tip_positions", n, (2, 3))
     world = None if forces is None else without_spikes(t, _with_gaps(forces, "forces", n, (2,)), rows, names)
-    for words in [] if world is None else dull(world):
+    for words in [] if world is None else dead_or_cut_off(world):
         warnings.warn(StablepushWarning(words), stacklevel=2)
     note_mounting(check_number(force_angle, "force_angle"), "force_angle")
     if force_angle != 0 and world is not None:

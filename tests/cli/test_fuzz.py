@@ -3,7 +3,8 @@
 import json
 
 import numpy as np
-from fuzzing import broken_bytes, broken_json, broken_table, fuzz, places, seeds
+from breaking import broken_bytes, broken_json, broken_table, places
+from fuzzing import fuzz, seeds
 
 import stablepush as sp
 

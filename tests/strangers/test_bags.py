@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stablepush.core import InputError
-from stablepush.io.importers.streams import Stream, on_one_clock
+from stablepush.io.importers.streams import Stream, on_one_clock, without_leaps
 
 
 def streams(**changes):
@@ -60,3 +60,25 @@ def test_samples_without_numbers_are_missing_values(lost, rate):
 def test_a_stream_of_nothing_is_refused():
     with pytest.raises(InputError, match="expected a sample of finite numbers, got none in 1000"):
         streams(values=np.full((1000, 3), np.nan))
+
+
+def test_leaps_are_left_out_before_streams_are_brought_to_one_clock():
+    """Means over several samples would spread a spike, and the edges of what a lost tracker says, over their neighbours."""
+    t = np.arange(1000) / 200
+    moving = np.column_stack((0.01 * t, 0.3 + 0.0 * t, 0.2 + 0.02 * t))
+    rng = np.random.default_rng(0)
+    seen = moving + rng.normal(0, 1e-5, size=moving.shape)
+    seen[400:460] = 0.0
+    force = np.column_stack((2.0 + 0.0 * t, 0.0 * t, 0.0 * t)) + rng.normal(0, 0.02, size=(1000, 3))
+    force[700] += 50.0
+    pose, of_pose = without_leaps(Stream("topics.pose (/box)", t, seen, 2), 0.05)
+    pull, of_force = without_leaps(Stream("topics.force (/ft)", t, force))
+    clock, (poses, forces), notes = on_one_clock([pose, pull], 50.0, 0.25)
+    assert of_pose == ["topics.pose (/box): the tracker leaps away and back once, 2 s after the first row: 60 poses are left out"]
+    assert of_force == ["topics.force (/ft): the force leaps away and back once, 3.5 s after the first row: 1 force is left out"]
+    # and no second line says so
+    assert notes == []
+    known = np.isfinite(poses).all(axis=1)
+    assert 14 <= (~known).sum() <= 16
+    assert np.abs(poses[known] - np.column_stack([np.interp(clock[known], t, column) for column in moving.T])).max() < 1e-4
+    assert np.abs(forces[:, 0] - 2.0).max() < 0.1

@@ -65,6 +65,16 @@ def half_frozen(data, number):
         frozen(260)(data[POSE])
 
 
+def told_as_zero(values):
+    values[280:330, 1:] = 0.0
+    return values
+
+
+def spiked(values):
+    values[320:323, 1] += 200.0
+    return values
+
+
 def step_back(values):
     values[200:, 0] -= 0.3
     return values
@@ -95,6 +105,8 @@ NOTED = {
         f"{name} empty": (of_rows(name, lambda values: values[:0], (1,)), rf"skipped: .*i=1\.000.*{name}: expected two or more")
         for name in (POSE, TIP, FORCE)
     },
+    "a lost tracker says 0": (of_rows(POSE, told_as_zero, (1,)), r"i=1\.000.*the tracker leaps away and back once"),
+    "a spike of the force": (of_rows(FORCE, spiked, (1,)), r"i=1\.000.*the force leaps away and back once"),
     "poses in millimetres": (of_rows(POSE, times(1, 1000, 1000, 1)), r"units \(length"),
     "headings in degrees": (of_rows(POSE, times(1, 1, 1, 180 / np.pi)), r"off the outline"),
     "forces in grams": (of_rows(FORCE, times(1, 102, 102, 1)), r"units \(force, mass\)"),

@@ -19,7 +19,7 @@ import numpy as np
 from stablepush.core import FloatArray, InputError, StablepushWarning, UnavailableError
 from stablepush.io.doubts import doubts
 from stablepush.io.importers.registry import Source, name_of, within
-from stablepush.io.importers.streams import Stream, on_one_clock
+from stablepush.io.importers.streams import Stream, on_one_clock, without_leaps
 from stablepush.io.json_files import read_json
 from stablepush.io.pushlog import PushLog, Rig
 from stablepush.io.world import centered_rig, log_from_arrays
@@ -90,13 +90,16 @@ def _push(file: Path, rig: Rig, middle: FloatArray) -> tuple[PushLog, float, lis
         Stream(name, found[name][:, 0], found[name][:, 1 : 4 if name != "tip_pose" else 3], 2 if name == "object_pose" else None)
         for name in _STREAMS
     ]
-    t, (poses, tips, loads), notes = on_one_clock(streams, _RATE, _LARGEST_GAP)
+    body, tip, force = streams
+    body, of_body = without_leaps(body, rig.slider.characteristic_length)
+    force, of_force = without_leaps(force)
+    t, (poses, tips, loads), notes = on_one_clock([body, tip, force], _RATE, _LARGEST_GAP)
     assert loads is not None and poses is not None
     with warnings.catch_warnings():
         # the sign of the forces is that of all pushes together: what looks wrong is told of the whole log
         warnings.simplefilter("ignore", StablepushWarning)
         log = log_from_arrays(rig, t - t[0], poses, loads[:, :2], tips, ["1"] * len(t), body_pose=middle, window=3 / _RATE)
-    return log, float(t[0]), [f"{file.name}: {words}" for words in notes]
+    return log, float(t[0]), [f"{file.name}: {words}" for words in (*of_body, *of_force, *notes)]
 
 
 def _joined(logs: list[tuple[PushLog, float]], labels: list[dict[str, str]]) -> PushLog:

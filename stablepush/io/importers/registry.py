@@ -55,8 +55,6 @@ class Importer(Protocol):
 
 
 _GROUP = "stablepush.importers"
-#: Endings of files that importers look into.
-_READ = (".txt", ".csv", ".json", ".h5", ".hdf5", ".db3", ".mcap", ".yaml", ".yml", ".bag")
 
 
 def importers() -> list[str]:
@@ -77,8 +75,8 @@ def find_sources(path: str | Path, kind: str | None = None, mapping: str | Path 
     if not root.exists():
         raise InputError("", "cannot read: no such file or folder", file=root)
     for file in root.rglob("*") if root.is_dir() else ():
-        # sockets of other programs are nobody's log
-        if file.suffix.lower() in _READ and not file.is_dir():
+        # a socket of another program is nobody's log, and does not keep a reader waiting
+        if not (file.is_dir() or file.is_socket()):
             require_file(file)
     asked = _all_importers() if kind is None else {kind: load_plugin(_GROUP, kind)}
     mapped = [name for name, one in asked.items() if getattr(one, "needs_mapping", False)]

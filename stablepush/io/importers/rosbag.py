@@ -14,7 +14,7 @@ from stablepush.core import FloatArray, InputError, Node, UnavailableError
 from stablepush.geometry import compose, rotate_vectors
 from stablepush.io.importers.mapping import mapping_of
 from stablepush.io.importers.registry import Source, name_of, within
-from stablepush.io.importers.streams import Stream, on_one_clock
+from stablepush.io.importers.streams import Stream, on_one_clock, without_leaps
 from stablepush.io.pushlog import PushLog
 from stablepush.objects import Slider
 
@@ -87,6 +87,11 @@ class RosBags:
                     if turned is None:
                         rows[:, :2] = rotate_vectors(origin[2], rows[:, :2])
                 streams[name] = Stream(str(topic), np.array(topic.times), rows, None if name == "force" else 2)
+            leaps: list[str] = []
+            for name, length in (("pose", mapping.rig.slider.characteristic_length), ("force", None)):
+                if name in streams:
+                    streams[name], words = without_leaps(streams[name], length)
+                    leaps += words
             t, (poses, tips, loads), notes = on_one_clock(
                 [streams.get(name) for name in TOPICS],
                 None if rate is None else rate.number(positive=True), 0.25 if gap is None else gap.number(positive=True),
@@ -109,7 +114,7 @@ class RosBags:
             # a round finger gives no moment: what the sensor reads as one is that of its own place
             moments = None if loads is None or mapping.rig.contact_kind == "point" else loads[:, 2]
             log, more = mapping.log(t, poses, forces, tips, moments=moments)  # type: ignore[arg-type]
-            return log, [*notes, *more]
+            return log, [*leaps, *notes, *more]
 
 
 BAGS = RosBags()

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stablepush.core import FloatArray, InputError
+from stablepush.io.force_spikes import without_spikes
+from stablepush.io.tracker_glitches import without_glitches
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stream:
     """Samples of one thing, in the order in which they were recorded.
 
-    ``what``: its name; ``t`` (n,): s; ``values`` (n, k), NaN for a missing one; ``turning``: column of an angle, if any.
+    ``what``: its name; ``t`` (n,): s; ``values`` (n, k), NaN for a missing one; ``turning``: column of an angle, if any;
+    ``leaps``: how many of them were wrong for a moment (:func:`without_leaps`).
 
     Raises :class:`InputError` if there is no sample, if none of them is known, and if the stamps go back: the clock was set, and
     nobody knows which samples belong together.
@@ -24,6 +28,7 @@ class Stream:
     t: FloatArray
     values: FloatArray
     turning: int | None = None
+    leaps: int = 0
 
     def __post_init__(self) -> None:
         """Keep the first of samples with one stamp."""
@@ -50,6 +55,24 @@ class Stream:
     def at(self, t: FloatArray) -> FloatArray:
         """Values (m, k) at times (m,) within the stream, on straight lines between its samples; NaN beside a missing one."""
         return np.column_stack([np.interp(t, self.t, column) for column in self.values.T])
+
+
+def without_leaps(stream: Stream, length: float | None = None) -> tuple[Stream, list[str]]:
+    """Return a stream of poses, or of forces, without values that leap away and back, and notes on them.
+
+    ``length`` (m) makes an angle of poses a distance; None: of forces. This comes before streams are brought to one clock, for
+    means of samples, and lines between them, would spread a leap over its neighbours.
+    """
+    rows = [np.arange(len(stream.t))]
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        if length is None:
+            kept = without_spikes(stream.t, stream.values[:, :2], rows, [""])
+        else:
+            kept = without_glitches(stream.t, stream.values, rows, [""], length)
+    wrong = np.asarray(np.isnan(kept).any(axis=1) & ~np.isnan(stream.values).any(axis=1))
+    values = np.where(wrong[:, None], np.nan, stream.values)
+    return replace(stream, values=values, leaps=int(wrong.sum())), [f"{stream.what}: {one.message}" for one in heard]
 
 
 def on_one_clock(
@@ -97,7 +120,7 @@ def on_one_clock(
 
 def _lacking(stream: Stream) -> str:
     """Words on samples that hold no number."""
-    lost = int((~np.isfinite(stream.values).all(axis=1)).sum())
+    lost = int((~np.isfinite(stream.values).all(axis=1)).sum()) - stream.leaps
     return f"{stream.what}: {lost} of {len(stream.t)} samples are no numbers: missing values" if lost else ""
 
 
