@@ -21,7 +21,7 @@ from stablepush.cli.common import (
     told,
     whole_number,
 )
-from stablepush.core import InputError, counted
+from stablepush.core import InputError, counted, some_of
 
 #: Angle error (deg) of left-out pokes beyond which the data is doubted: rough wood has 12.
 _LARGE = 18.0
@@ -218,6 +218,9 @@ def fit(
     also_written(view)
     for warning in result.warnings:
         print(f"note: {warning}")
+    left_out = [name for name, weight in zip(names, result.pair_weights, strict=True) if not weight]
+    if left_out:
+        print(f"note: left out: {counted(len(left_out), 'push')} ({some_of(left_out)})")
     if result.prior_weight:
         told_of_loads = ", weighed by the pokes" if names else "; loads are in units of mu*N"
         print(f"prior: pressures under the slider's outline{told_of_loads}")

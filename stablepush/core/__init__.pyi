@@ -90,4 +90,10 @@ from .scratch import (
 )
 from .shares import binomial_interval as binomial_interval
 from .shown import shown as shown
-from .words import Word as Word, closest as closest, counted as counted, did_you_mean as did_you_mean
+from .words import (
+    Word as Word,
+    closest as closest,
+    counted as counted,
+    did_you_mean as did_you_mean,
+    some_of as some_of,
+)

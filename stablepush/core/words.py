@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from enum import StrEnum
 from typing import Self
 
+from stablepush.core.shown import shown
+
 #: What has more letters is no misspelt word.
 _LONGEST = 60
+#: So many names stand for a list of them.
+_NAMED = 3
 
 
 class Word(StrEnum):
@@ -26,6 +30,12 @@ class Word(StrEnum):
 def counted(number: int, what: str) -> str:
     """A number of things: "1 push", "2 pushes"."""
     return f"{number} {what}{('es' if what.endswith('sh') else 's') if number != 1 else ''}"
+
+
+def some_of(names: Sequence[object]) -> str:
+    """The first names of a list, and how many more there are: "p1, p2, p3 and 4 more"."""
+    more = len(names) - _NAMED
+    return ", ".join(map(shown, names[:_NAMED])) + (f" and {more} more" if more > 0 else "")
 
 
 def closest(given: str, words: Iterable[str], likeness: float = 0.6) -> str | None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
-from stablepush.core import FloatArray, InputError
+from stablepush.core import FloatArray, InputError, some_of
 from stablepush.diagnosis.nominal import nominal_of
 from stablepush.diagnosis.observations import Observations, observe
 from stablepush.diagnosis.replay import Replay, friction_of, pose_errors, replays
@@ -122,8 +122,7 @@ class Comparison:
         """What is to be said of the comparison."""
         found = [f"the nominal simulation is another simulator's log: {self.comparable} of {self.total} trials can be compared"]
         for what, names in self.problems.items():
-            few = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-            found.append(f"in {len(names)} of {self.total} trials {what} ({few})")
+            found.append(f"in {len(names)} of {self.total} trials {what} ({some_of(names)})")
         if self.one_push:
             found.append("the log repeats one push: it shows how large the gap is, and cannot tell causes apart")
         forces = [np.isfinite(log.columns("fx", "fy", "tau")).all(axis=1).any() for log in (self.log, self.simulated)]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stablepush.core import FloatArray
+from stablepush.core import FloatArray, some_of
 from stablepush.diagnosis.attribution import Attribution
 from stablepush.diagnosis.equations import OF_PRESSURE, robust_variance
 from stablepush.diagnosis.force_axes import uneven_axes
@@ -391,15 +391,10 @@ def _outliers(system: System, found: Attribution) -> np.ndarray:
     return far if far.mean() < _FEW else np.zeros_like(far)
 
 
-def _listed(names: Sequence[str]) -> str:
-    """The first names, and how many more there are."""
-    return ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
-
-
 def still_note(names: Sequence[str], pushes: int) -> str:
     """Which of so many pushes did not move the object."""
     return (
-        f"the object does not move in {len(names)} of {pushes} pushes ({_listed(names)}), which are left out: "
+        f"the object does not move in {len(names)} of {pushes} pushes ({some_of(names)}), which are left out: "
         "if a plan was carried out, it had lost the object before"
     )
 
@@ -424,6 +419,6 @@ def suspicion_note(friction: float, nominal: float) -> str:
 def slipping_note(names: Sequence[str], pushes: int) -> str:
     """Which of so many pushes slipped though the nominal simulation calls them stable."""
     return (
-        f"fingers slipped in {len(names)} of {pushes} pushes that the nominal simulation calls stable ({_listed(names)}): "
+        f"fingers slipped in {len(names)} of {pushes} pushes that the nominal simulation calls stable ({some_of(names)}): "
         "the friction of the fingers is wrong, or the contact misplaced"
     )

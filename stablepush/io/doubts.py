@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import shapely
 
-from stablepush.core import FloatArray
+from stablepush.core import FloatArray, some_of
 from stablepush.geometry import contacts_on_outline, rotate_vectors, transform_points
 from stablepush.io.pushlog import PushLog
 from stablepush.io.recorded_pushes import largest_step
@@ -74,6 +74,10 @@ def unit_doubts(log: PushLog) -> list[str]:
     return [*_unlike_friction(log), *_large(log)]
 
 
+def _in_pushes(names: Sequence[str], number: int) -> str:
+    return f"in {len(names)} of {number} pushes ({some_of(names)})"
+
+
 def _powers(log: PushLog) -> dict[str, float]:
     """Mean power (W) of each trial that is a push: a poke that missed takes none to speak of."""
     power = (log.columns("fx", "fy", "tau") * log.twists()).sum(axis=1)
@@ -90,11 +94,11 @@ def _powers(log: PushLog) -> dict[str, float]:
 
 def _opposed(log: PushLog) -> Iterator[str]:
     """Friction takes power from the pusher: a force that gives some back has the wrong sign."""
-    powers = _powers(log).values()
-    number, against = len(powers), sum(power < 0 for power in powers)
-    if number > 1 and 2 * against > number:
+    powers = _powers(log)
+    against = [name for name, power in powers.items() if power < 0]
+    if len(powers) > 1 and 2 * len(against) > len(powers):
         words = "is its sign wrong (forces_on), or are its axes those of the tool (force_axes)?"
-        yield f"in {against} of {number} pushes the force opposes the motion: {words}"
+        yield f"{_in_pushes(against, len(powers))} the force opposes the motion: {words}"
 
 
 def _unlike_friction(log: PushLog) -> Iterator[str]:
@@ -124,7 +128,7 @@ def _aslant(log: PushLog) -> Iterator[str]:
     if log.rig.contact_kind == "held" or not pushing.any():
         return
     edges = shapely.linestrings(np.stack((vertices, np.roll(vertices, -1, axis=0)), axis=1))
-    turns = []
+    turns: dict[str, float] = {}
     for name in _powers(log):
         rows = log.rows(name)
         rows = rows[pushing[rows]]
@@ -136,14 +140,15 @@ def _aslant(log: PushLog) -> Iterator[str]:
         clear = (away > _ON) & ~(touched & beside).any(axis=0)
         if clear.any():
             cross = inward[:, 0] * forces[rows, 1] - inward[:, 1] * forces[rows, 0]
-            turns.append(float(np.median(np.arctan2(cross, (inward * forces[rows]).sum(axis=1))[clear])))
+            turns[name] = float(np.median(np.arctan2(cross, (inward * forces[rows]).sum(axis=1))[clear]))
     friction = math.atan(_LIKELY if mu is None else mu)
     most, most_mean = max(_ASLANT, friction + _BEYOND), max(_TURNED, friction + _BEYOND)
-    far, mean = sum(abs(turn) > most for turn in turns), float(np.angle(np.exp(1j * np.array(turns)).sum()))
+    far = [name for name, turn in turns.items() if abs(turn) > most]
+    mean = float(np.angle(np.exp(1j * np.array(list(turns.values()))).sum()))
     asked = "are its axes (force_axes) and its angle (force_angle) right?"
-    if 2 * far > len(turns) > 1:
+    if 2 * len(far) > len(turns) > 1:
         off = f"more than {np.degrees(most):.0f} degrees off the normal of the touched edge"
-        yield f"in {far} of {len(turns)} pushes the force is {off}: {asked}"
+        yield f"{_in_pushes(far, len(turns))} the force is {off}: {asked}"
     elif len(turns) >= _FEWEST and abs(mean) > most_mean:
         off = f"turned by {np.degrees(mean):.0f} degrees counter-clockwise from the normal of the touched edge"
         yield f"on average the force is {off}: {asked}"
@@ -158,10 +163,9 @@ def _restless(log: PushLog, beside: Sequence[float] | FloatArray) -> Iterator[st
     # of a rest shortly before nothing need be said: that of a plan serves all its pushes
     restless = [name for name in pushes if not (np.abs(rests - begun[name]) <= _REST_SERVES).any()]
     if restless:
-        named = ", ".join(restless[:3]) + (", …" if len(restless) > 3 else "")
         yield (
-            f"{len(restless)} of {len(pushes)} pushes ({named}) have fewer than {LEAST_REST} rows at rest within "
-            f"{_REST_SERVES:g} s, which show the offset of the force sensor: that of another rest is taken off them, or none"
+            f"{_in_pushes(restless, len(pushes))} fewer than {LEAST_REST} rows are at rest within {_REST_SERVES:g} s, which show "
+            "the offset of the force sensor: that of another rest is taken off them, or none"
         )
 
 
@@ -196,21 +200,21 @@ def _apart(log: PushLog) -> Iterator[str]:
     if radius is None or log.rig.contact_kind == "held" or not pushing.any():
         return
     body, tips = log.columns("x", "y", "theta"), log.columns("px", "py")
-    off = []
+    off: dict[str, float] = {}
     for name in map(str, log.trials["trial"]):
         rows = log.rows(name)
         rows = rows[pushing[rows]]
         if len(rows):
             local = rotate_vectors(-body[rows, 2], tips[rows] - body[rows, :2])
-            off.append(float(np.median(contacts_on_outline(slider.vertices, local)[2])) - radius)
-    far = [value for value in off if abs(value) > _SEEN_OFF]
+            off[name] = float(np.median(contacts_on_outline(slider.vertices, local)[2])) - radius
+    far = [name for name, value in off.items() if abs(value) > _SEEN_OFF]
     if 2 * len(far) > len(off):
-        most = max(far, key=abs)
+        most = max(off.values(), key=abs)
         asked = "tracked origin (body_pose), radius, or a tracker that lags?"
         if abs(most) > _FAR_OFF:
             asked = "unit or sign of theta, the outline, or the tracked origin (body_pose)?"
         yield (
-            f"in {len(far)} of {len(off)} pushes the fingers seem more than {1000 * _SEEN_OFF:g} mm off the outline, up to "
+            f"{_in_pushes(far, len(off))} the fingers seem more than {1000 * _SEEN_OFF:g} mm off the outline, up to "
             f"{1000 * abs(most):.2g} mm {'away from it' if most > 0 else 'inside'}: {asked}"
         )
 
@@ -237,17 +241,18 @@ def _large(log: PushLog) -> Iterator[str]:
 def _clock(log: PushLog) -> Iterator[str]:
     """A clock in another unit, and rows that are missing."""
     slider, poses = log.rig.slider, log.columns("x", "y", "theta")
-    steps, seen, speeds = [], [], []
+    steps: dict[str, FloatArray] = {}
+    seen, speeds = [], []
     for name in map(str, log.trials["trial"]):
         rows = log.rows(name)
-        steps.append(np.diff(log.samples["t"][rows])[log.samples["phase"][rows][1:] == "push"])
+        steps[name] = np.diff(log.samples["t"][rows])[log.samples["phase"][rows][1:] == "push"]
         rows = rows[(log.samples["phase"][rows] == "push") & np.isfinite(poses[rows]).all(axis=1)]
         seen.append(np.diff(log.samples["t"][rows]))
         if len(rows) > 1:
             first, last = (transform_points(poses[row], slider.vertices) for row in (rows[0], rows[-1]))
             travel = float(np.linalg.norm(last - first, axis=1).max())
             speeds.append(travel / float(log.samples["t"][rows[-1]] - log.samples["t"][rows[0]]))
-    ticks = np.concatenate(steps) if steps else np.zeros(0)
+    ticks = np.concatenate(list(steps.values())) if steps else np.zeros(0)
     if not len(ticks) or not speeds:
         return
     usual, speed = float(np.median(ticks)), float(np.median(speeds))
@@ -256,11 +261,11 @@ def _clock(log: PushLog) -> Iterator[str]:
         yield f"the slider moves at {1000 * speed:.3g} mm/s, and rows are {usual:.3g} s apart: units (time, length)?"
     elif apart > max(_SPARSE, (log.rig.twist_window or 0.0) / 2):
         yield f"poses are {apart:.2g} s apart, and twists are slopes from row to row: record 20 rows per second or more"
-    leaps = [float(of_push.max(initial=0.0)) for of_push in steps]
-    missing = [leap for leap in leaps if leap > largest_step(ticks)]
+    leaps = {name: float(of_push.max(initial=0.0)) for name, of_push in steps.items()}
+    missing = [name for name, leap in leaps.items() if leap > largest_step(ticks)]
     if missing:
         yield (
-            f"in {len(missing)} of {len(log)} pushes rows are missing, for up to {max(missing):.3g} s (usual: {usual:.2g} s "
+            f"{_in_pushes(missing, len(log))} rows are missing, for up to {max(leaps.values()):.3g} s (usual: {usual:.2g} s "
             "between two): nothing is known of the motion there"
         )
 
@@ -274,14 +279,15 @@ def _missed(log: PushLog, told: Sequence[str]) -> Iterator[str]:
         if name not in told and not (log.samples["phase"][rows] == "push").any() and seen.mean() > _SEEN:
             names.append(name)
     if names:
-        named = ", ".join(names[:3]) + (", …" if len(names) > 3 else "")
-        yield f"in {len(names)} of {len(log)} pushes ({named}) the slider does not move: did the finger miss? They show no load"
+        yield f"{_in_pushes(names, len(log))} the slider does not move: did the finger miss? They show no load"
 
 
 def _unseen(log: PushLog) -> Iterator[str]:
     """Pushes in which the tracker lost the slider."""
     body, pushed = log.columns("x", "y", "theta"), log.samples["phase"] == "push"
-    blind, gaps, number = [], [], 0
+    blind: list[str] = []
+    gaps: dict[str, float] = {}
+    number = 0
     for name in map(str, log.trials["trial"]):
         rows = log.rows(name)
         known = np.isfinite(body[rows]).all(axis=1)
@@ -297,11 +303,10 @@ def _unseen(log: PushLog) -> Iterator[str]:
             # rows that are not there are another line's
             lost = steps[np.diff(known) > 1].max(initial=0.0)
             if lost > largest_step(steps):
-                gaps.append(float(lost))
+                gaps[name] = float(lost)
     if blind:
-        named = ", ".join(blind[:3]) + (", …" if len(blind) > 3 else "")
         without = "fewer than two rows have a pose while the slider moves: they show no load and no twist"
-        yield f"in {len(blind)} of {number} pushes ({named}) {without}"
+        yield f"{_in_pushes(blind, number)} {without}"
     if gaps:
-        most = f"for up to {max(gaps):.3g} s"
-        yield f"in {len(gaps)} of {number} pushes the pose is missing {most}: nothing is known of the motion there"
+        most = f"for up to {max(gaps.values()):.3g} s"
+        yield f"{_in_pushes(list(gaps), number)} the pose is missing {most}: nothing is known of the motion there"

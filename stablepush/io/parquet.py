@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import LARGEST_MAGNITUDE, InputError
+from stablepush.core import LARGEST_MAGNITUDE, InputError, did_you_mean
 from stablepush.io.tables import Column
 
 #: Values of a column that are turned into words at a time: memory stays that of the table.
@@ -42,7 +42,8 @@ def read_parquet(
             raise InputError(f"column {name}", "expected a column to stand once, found it twice", file=path)
     for name in required:
         if name not in names:
-            raise InputError(f"column {name}", "missing column", file=path)
+            others = [column for column in names if column not in required]
+            raise InputError(f"column {name}", "missing column" + did_you_mean(name, others), file=path)
     columns: dict[str, Column] = {}
     for name in names:
         read = _numbers if name in numbers else _words

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import BoolArray, FloatArray
+from stablepush.core import BoolArray, FloatArray, some_of
 from stablepush.geometry import contacts_on_outline, point_velocity, rotate_vectors
 from stablepush.io.pushlog import PushLog
 from stablepush.io.sensor_offset import LEAST_REST
@@ -67,7 +67,7 @@ def stopped_words(found: Mapping[str, Sequence[str]], total: int) -> list[str]:
     lines = []
     for channel, names in found.items():
         if names:
-            pushes = "any push" if len(names) == total else f"{len(names)} of {total} pushes"
+            pushes = "any push" if len(names) == total else f"{len(names)} of {total} pushes ({some_of(names)})"
             lines.append(f"{channel} do not change in {pushes}, {_ASKED[channel]}")
     return lines
 

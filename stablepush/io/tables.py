@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import LARGEST_MAGNITUDE, LEAST_POSITIVE, InputError
+from stablepush.core import LARGEST_MAGNITUDE, LEAST_POSITIVE, InputError, did_you_mean
 from stablepush.io.json_files import open_text
 
 Column = np.ndarray[Any, np.dtype[Any]]
@@ -95,7 +95,9 @@ def _check_header(header: list[str], required: Sequence[str], name: str) -> None
     missing = [column for column in required if column not in header]
     if missing:
         other = next((sign for sign in (";", "\t") if sign in header[0]), None) if len(header) == 1 else None
-        words = "missing column" if other is None else f"missing column: separate columns by commas, not by {other!r}"
+        words = "missing column" + did_you_mean(missing[0], [column for column in header if column not in required])
+        if other is not None:
+            words = f"missing column: separate columns by commas, not by {other!r}"
         raise InputError(f"line 1: column {missing[0]}", words, file=name)
 
 

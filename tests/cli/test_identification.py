@@ -26,6 +26,17 @@ def test_other_models_are_fitted(rig, tmp_path, model):
     assert sp.load_model(out).provenance["model"] == model
 
 
+def test_a_fit_names_the_pushes_that_it_leaves_out(rig, tmp_path, capsys):
+    log = sp.read_pushlog(rig / "log")
+    name = str(log.trials["trial"][2])
+    loads = np.where((log.samples["trial"] == name)[:, None], 1e4, 1.0) * log.columns("fx", "fy", "tau")
+    sp.write_pushlog(
+        sp.PushLog(log.rig, log.trials, {**log.samples, **dict(zip(("fx", "fy", "tau"), loads.T, strict=True))}), tmp_path / "log"
+    )
+    assert main(["fit", str(tmp_path / "log"), "-o", str(tmp_path / "m.json")]) == 0
+    assert f"note: left out: 1 push ({name})\n" in capsys.readouterr().out
+
+
 def test_a_gaussian_process_is_fitted_and_classifies(rig, tmp_path, capsys):
     out = tmp_path / "gp.json"
     assert main(["fit", str(rig / "log"), "--model", "gp", "-o", str(out)]) == 0

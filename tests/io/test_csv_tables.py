@@ -88,10 +88,8 @@ def test_what_a_table_cannot_be_is_noted(tmp_path, capsys):
     (far,) = notes(noise={"force": 0.1, "position": 2e-4, "angle": 0.2})
     assert "an angle known to 0.2 rad looks like degrees" in far
     (turned,) = notes(forces_on="finger")
-    assert (
-        "in 3 of 3 pushes the force opposes the motion: is its sign wrong (forces_on), or are its axes those of the tool"
-        in turned
-    )
+    assert "in 3 of 3 pushes (p0, p1, p2) the force opposes the motion: is its sign wrong (forces_on)" in turned
+    assert "or are its axes those of the tool" in turned
     (elsewhere,) = notes(body_pose=[0.5, 0.3, 0.0])
     assert "the centre of the tip is" in elsewhere
     assert "mm outside the slider's outline, with a finger of 5 mm radius: units (length, angle), body_pose" in elsewhere
@@ -102,15 +100,16 @@ def test_what_a_table_cannot_be_is_noted(tmp_path, capsys):
     # the tracker lost the slider for 0.2 s in the first push
     path.write_text("\n".join(lines[:115] + lines[135:]) + "\n")
     (lost,) = notes()
-    assert "in 1 of 3 pushes rows are missing, for up to 0.21 s (usual: 0.01 s between two)" in lost
+    assert "in 1 of 3 pushes (p0) rows are missing, for up to 0.21 s (usual: 0.01 s between two)" in lost
     # the second before each push is left out
     moving = [line for k, line in enumerate(lines[1:]) if k % 151 >= 100]
     path.write_text("\n".join([lines[0], *moving]) + "\n")
-    assert any("have fewer than 3 rows at rest" in note for note in notes())
+    assert any("pushes (p0, p1, p2) fewer than 3 rows are at rest" in note for note in notes())
 
 
 BAD_TABLES = [
     ({"columns": {**COLUMNS, "x": "gone"}}, "table.csv: line 1: column gone: missing column"),
+    ({"columns": {**COLUMNS, "x": COLUMNS["x"] + "s"}}, f"column {COLUMNS['x']}s: missing column; did you mean {COLUMNS['x']}?"),
     ({"columns": {**COLUMNS, "x": 3}}, "mapping.yaml: columns.x: expected a string, got 3"),
     ({"columns": {k: v for k, v in COLUMNS.items() if k != "theta"}}, "mapping.yaml: columns.theta: missing key"),
     ({"columns": {k: v for k, v in COLUMNS.items() if k != "fy"}}, "mapping.yaml: columns.fy: missing key"),

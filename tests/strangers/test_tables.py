@@ -175,11 +175,11 @@ NOTED = {
     "a finger that misses": (missed, r"in 1 of 3 pushes \(p1\) the slider does not move: did the finger miss"),
     "the tracker ends": (blank(POSE, 2 * ROWS, None), r"poses cover .* of 21\.5 s"),
     "no pose in a push": (blank(POSE, 100, ROWS), r"1 of 3 pushes \(p0\) fewer than two rows have a pose"),
-    "no pose for a while": (blank(POSE, 110, 140), r"in 1 of 3 pushes the pose is missing for up to 0\.3"),
-    "forces stuck": (frozen(FORCE, 120), r"forces do not change in 2 of 3 pushes"),
+    "no pose for a while": (blank(POSE, 110, 140), r"in 1 of 3 pushes \(p0\) the pose is missing for up to 0\.3"),
+    "forces stuck": (frozen(FORCE, 120), r"forces do not change in 2 of 3 pushes \(p1, p2\)"),
     "forces stuck from the first": (frozen(FORCE), r"forces do not change in any push"),
-    "tracker frozen in a push": (frozen(POSE, ROWS, 2 * ROWS), r"poses do not change in 1 of 3 pushes"),
-    "robot frozen in a push": (frozen(TIP, ROWS, 2 * ROWS), r"tip positions do not change in 1 of 3 pushes"),
+    "tracker frozen in a push": (frozen(POSE, ROWS, 2 * ROWS), r"poses do not change in 1 of 3 pushes \(p1\)"),
+    "robot frozen in a push": (frozen(TIP, ROWS, 2 * ROWS), r"tip positions do not change in 1 of 3 pushes \(p1\)"),
 }
 REFUSED = {
     "a name twice": (called_twice, r"line 304: column push: expected the rows of a push to follow each other, p0 is there twice"),
