@@ -164,8 +164,8 @@ def _restless(log: PushLog, beside: Sequence[float] | FloatArray) -> Iterator[st
     restless = [name for name in pushes if not (np.abs(rests - begun[name]) <= _REST_SERVES).any()]
     if restless:
         yield (
-            f"{_in_pushes(restless, len(pushes))} fewer than {LEAST_REST} rows are at rest within {_REST_SERVES:g} s, which show "
-            "the offset of the force sensor: that of another rest is taken off them, or none"
+            f"{len(restless)} of {len(pushes)} pushes ({some_of(restless)}) have fewer than {LEAST_REST} rows at rest within "
+            f"{_REST_SERVES:g} s, which show the offset of the force sensor: that of another rest is taken off them, or none"
         )
 
 

@@ -104,7 +104,7 @@ def test_what_a_table_cannot_be_is_noted(tmp_path, capsys):
     # the second before each push is left out
     moving = [line for k, line in enumerate(lines[1:]) if k % 151 >= 100]
     path.write_text("\n".join([lines[0], *moving]) + "\n")
-    assert any("pushes (p0, p1, p2) fewer than 3 rows are at rest" in note for note in notes())
+    assert any("3 of 3 pushes (p0, p1, p2) have fewer than 3 rows at rest" in note for note in notes())
 
 
 BAD_TABLES = [

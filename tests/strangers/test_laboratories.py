@@ -223,3 +223,19 @@ def test_a_poke_that_shows_nothing_is_left_out_and_said(what, tmp_path, capsys):
     assert len(pairs.trials) == (2 if what else 3)
     # the others are as they were
     assert pairs.wrenches == pytest.approx(np.tile((0.7075, -0.0225, 0.016), (len(pairs.trials), 1)), abs=2e-3)
+
+
+@pytest.mark.parametrize("what", [None, "clock of the robot set back", "robot frozen", "tracker frozen"])
+def test_a_rotation_that_shows_nothing_is_left_out_and_said(what, tmp_path, capsys):
+    change, words = POKES[what] if what else (lambda record: None, "")
+    folder = tmp_path / "stablepush" / "patch"
+    folder.mkdir(parents=True)
+    (folder / "exp_a_sensor20.txt").write_text(pokes(change), encoding="utf-8")
+    action = "TwoPointRotation\n50 0 0\n50 200 0\n0 1 0\n3.6 10\n"
+    (folder / "exp_a_pushaction20.txt").write_text("3\n" + 3 * action, encoding="utf-8")
+    assert main(["import", str(folder / "exp_a_sensor20.txt"), "-o", str(tmp_path / "log")]) == 0
+    said = capsys.readouterr().err
+    assert ("sensor20.txt: push 2: left out, " in said) == bool(what) and words in said
+    log = sp.read_pushlog(tmp_path / "log")
+    assert log.rig.contact_kind == "two-point"
+    assert [str(name) for name in log.trials["trial"]] == (["1", "3"] if what else ["1", "2", "3"])

@@ -369,14 +369,21 @@ def _what_is_wrong(push: RawPush) -> str:
     """Why the record of a poke shows no load and no motion; empty if it does."""
     if len(push.forces) < 10 or len(push.robot) < 2:
         return "expected at least 10 force and 2 robot rows"
-    for name, stamps in (("forces", push.forces[:, 0]), ("robot", push.robot[:, 0])):
-        if (back := -float(np.diff(stamps).min())) > 0:
-            return f"expected stamps that grow, those of the {name} go back by {back:.3g} s"
+    if wrong := _stopped(push):
+        return wrong
     if push.robot[0, 0] > push.forces[-1, 0] or push.robot[-1, 0] < push.forces[0, 0]:
         return "forces and robot were recorded at different times"
     if not np.ptp(push.forces[:, 1:], axis=0).any():
         return "its forces do not change: is the sensor stuck?"
-    if not np.ptp(push.robot[:, 1:3], axis=0).any():
+    return ""
+
+
+def _stopped(push: RawPush) -> str:
+    """Why a record says nothing of a push, be it of pokes or of rotations: its clock, its robot or its tracker; else empty."""
+    for name, stamps in (("forces", push.forces[:, 0]), ("robot", push.robot[:, 0])):
+        if (back := -float(np.diff(stamps).min(initial=0.0))) > 0:
+            return f"expected stamps that grow, those of the {name} go back by {back:.3g} s"
+    if len(push.robot) > 1 and not np.ptp(push.robot[:, 1:3], axis=0).any():
         return "the robot does not move: did its record stop?"
     if np.array_equal(push.before, push.after):
         return "its poses before and after are the same: did the tracker freeze, or the finger miss?"
@@ -409,6 +416,9 @@ def _rotation_tables(pushes: list[RawPush], actions: list[Action]) -> tuple[dict
     origin = float(np.nanmin(starts)) if np.isfinite(starts).any() else 0.0
     for number, (push, action, start) in enumerate(zip(pushes, actions, starts, strict=False), 1):
         (before, tilt_0), (after, tilt_1) = _com_pose(push.before), _com_pose(push.after)
+        if wrong := _stopped(push):
+            notes.append(f"push {number}: left out, {wrong}")
+            continue
         tracked = (tilt_0 <= _LARGEST_TILT, tilt_1 <= _LARGEST_TILT)
         if not all(tracked):
             notes.append(f"push {number}: a tracked pose is tilted by {math.degrees(max(tilt_0, tilt_1)):.0f} deg and left out")
