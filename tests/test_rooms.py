@@ -10,6 +10,8 @@ import stablepush as sp
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "stablepush"
+if not PACKAGE.is_dir():
+    pytest.skip("the sources are not here: an installed package is tested", allow_module_level=True)
 ROOMS = sorted(stub.parent for stub in PACKAGE.rglob("__init__.pyi"))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -67,7 +68,7 @@ def import_logs(
                 log, notes = import_source(item, replacement)
             except InputError as error:
                 # what is about the mapping, or the slider that it names, is about all logs
-                of_log = mapping is None or Path(error.file).resolve().is_relative_to(item.file.resolve())
+                of_log = mapping is None or Path(os.path.realpath(error.file)).is_relative_to(os.path.realpath(item.file))
                 if not several or not error.file or not of_log:
                     raise
                 # a clone holds files of other experiments: one that is no log of ours must not keep the others out

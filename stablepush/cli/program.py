@@ -143,6 +143,9 @@ def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
     from stablepush.core import StablepushError
 
     code: object
+    if not _has_current_folder():
+        # no relative path leads anywhere, and libraries that are loaded on the way fail
+        return _complain("the current folder does not exist any more: change to one that does")
     try:
         given = sys.argv[1:] if arguments is None else arguments
         _require_values(given)
@@ -174,10 +177,7 @@ def _run(app: Any, arguments: list[str] | None, usage_error: Any) -> int:
     except MemoryError:
         code = _complain("out of memory")
     except OSError as error:
-        if not _has_current_folder():
-            # no relative path leads anywhere
-            code = _complain("the current folder does not exist any more: change to one that does")
-        elif error.errno == errno.ENOSPC:
+        if error.errno == errno.ENOSPC:
             _drop_output()
             code = _complain(f"cannot write: {error.strerror}")
         else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+import shutil
 import time
 import zlib
 from collections.abc import Callable, Iterator
@@ -85,7 +86,8 @@ class _Files(IndexDataCacheFile):  # type: ignore[misc]
         self._save_data(name, data)
         self._save_index(self._load_index() | {key: name})
 
-    # Both kinds of file begin with a checksum: what a disk or a kill has spoilt is not unpickled, let alone run, but built again.
+    # Both kinds of file begin with a checksum, of their name, too: what a disk or a kill has spoilt, or has another's name, is
+    # not unpickled, let alone run, but built again.
 
     def _load_index(self) -> dict[Any, str]:
         found = self._read(Path(self._index_path))
@@ -107,17 +109,24 @@ class _Files(IndexDataCacheFile):  # type: ignore[misc]
 
     def _write(self, path: Path, value: Any) -> None:
         content = self._dump(value)
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
         with self._open_for_write(str(path)) as file:
-            file.write(hashlib.sha256(content).digest() + content)
+            file.write(_checksum(path, content) + content)
 
     def _read(self, path: Path) -> Any:
         """The value of a file; None if none can be read, if it is not as it was written, or has types of another version."""
         size = hashlib.sha256().digest_size
         with suppress(OSError, AttributeError, ImportError):
-            content = path.read_bytes()
-            if hashlib.sha256(content[size:]).digest() == content[:size]:
+            # a pipe would be waited for
+            content = path.read_bytes() if path.is_file() else b""
+            if _checksum(path, content[size:]) == content[:size]:
                 return pickle.loads(content[size:])
         return None
+
+
+def _checksum(path: Path, content: bytes) -> bytes:
+    return hashlib.sha256(path.name.encode() + content).digest()
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]

@@ -53,9 +53,9 @@ def of_one_push(log: PushLog, name: str, observations: Observations) -> GapRepor
 
 
 def _too_little(log: PushLog, name: str, observations: Observations) -> GapReport:
-    """The answer to a log that can show nothing. A slider that no push moves is not as simulated, whatever the reason."""
+    """The answer to a log that can show nothing: that nothing is known is not that nothing is wrong."""
     still = len(observations.still)
     sentence = f"{_TOO_LITTLE[0].upper()}{_TOO_LITTLE[1:]}."
     if still:
         sentence += f" In {still} of {len(log)} pushes it stands: {_WHY_STILL}"
-    return without_causes(log, name, Verdict.UNKNOWN if still else Verdict.NONE, [], [], sentence, [_TOO_LITTLE], UNSEEN)
+    return without_causes(log, name, Verdict.UNKNOWN, [], [], sentence, [_TOO_LITTLE], UNSEEN)

@@ -29,7 +29,13 @@ from .pushlog import (
     write_pushlog as write_pushlog,
 )
 from .recorded_pushes import slope_weights as slope_weights
-from .stuck import frozen as frozen, stopped as stopped, stopped_words as stopped_words
+from .stuck import (
+    dead_columns as dead_columns,
+    dead_words as dead_words,
+    frozen as frozen,
+    stopped as stopped,
+    stopped_words as stopped_words,
+)
 from .tables import (
     IS_POSITIVE as IS_POSITIVE,
     IS_SENSE as IS_SENSE,

@@ -13,7 +13,7 @@ from stablepush.geometry import contacts_on_outline, rotate_vectors, transform_p
 from stablepush.io.pushlog import PushLog
 from stablepush.io.recorded_pushes import largest_step
 from stablepush.io.sensor_offset import LEAST_REST
-from stablepush.io.stuck import stopped, stopped_words
+from stablepush.io.stuck import dead_columns, dead_words, stopped, stopped_words
 
 #: While it pushes the tip is at most so far (share of the slider's radius, and m) from where its own radius puts it; largest
 #: radius (m) of a finger where it is not known.
@@ -31,6 +31,8 @@ _ASLANT, _TURNED, _FEWEST, _BEYOND, _LIKELY = math.radians(50), math.radians(25)
 _ON, _NOTCH = 1e-4, 1e-3
 #: A rest shows the offset of the force sensor for pushes that begin so many seconds before or after.
 _REST_SERVES = 60.0
+#: A force that is larger than this share of the usual load pushes, as where pushes begin.
+_ACTS = 0.3
 #: A push whose power is a smaller share of the greatest was none.
 _WORKS = 0.01
 #: Nobody pushes so slowly or so fast (m/s).
@@ -39,7 +41,7 @@ _SLOWEST, _FASTEST = 5e-5, 10.0
 _HEAVIEST = 5.0
 #: Loads, moments counted by the characteristic length, are near the friction that is stated; so many times off is another unit.
 _OFF_FRICTION = 3.0
-#: Share of the rows in which the tracker sees a slider that does not move.
+#: Share of the rows in which the tracker sees a slider that does not move, or in which force or tip is missing.
 _SEEN = 0.5
 #: Poses that are farther apart (s) are too few for the usual pushes, if a window for twists holds none but a row's neighbours.
 _SPARSE = 0.5
@@ -55,7 +57,8 @@ def doubts(log: PushLog, zeroed: bool = True, rests: Sequence[float] | FloatArra
     # normals are known where the fingers are at the outline
     of_forces = list(_unlike_friction(log)) or list(_opposed(log)) or ([] if elsewhere else list(_aslant(log)))
     still = stopped(log)
-    of_channels = (*_large(log), *_clock(log), *_unseen(log), *_missed(log, still["poses"]), *stopped_words(still, len(log)))
+    stuck = (*stopped_words(still, len(log)), *dead_words(dead_columns(log)))
+    of_channels = (*_large(log), *_clock(log), *_unseen(log), *_unloaded(log), *_missed(log, still["poses"]), *stuck)
     return [*of_forces, *(_restless(log, rests) if zeroed else ()), *elsewhere, *of_channels]
 
 
@@ -276,10 +279,48 @@ def _missed(log: PushLog, told: Sequence[str]) -> Iterator[str]:
     for name in map(str, log.trials["trial"]):
         rows = log.rows(name)
         seen = np.isfinite(log.columns("x", "y", "theta")[rows]).all(axis=1)
-        if name not in told and not (log.samples["phase"][rows] == "push").any() and seen.mean() > _SEEN:
+        lost = float(np.ptp(log.samples["t"][rows][~seen])) if not seen.all() else 0.0
+        if name in told or lost > largest_step(np.diff(log.samples["t"][rows])):
+            continue
+        if not (log.samples["phase"][rows] == "push").any() and seen.mean() > _SEEN:
             names.append(name)
     if names:
         yield f"{_in_pushes(names, len(log))} the slider does not move: did the finger miss? They show no load"
+
+
+def _unloaded(log: PushLog) -> Iterator[str]:
+    """Pushes that are seen, of a log with forces, in which none is known, or not where it acts."""
+    if "fx" not in log.samples:
+        return
+    loaded = set(log.pairs().trials)
+    lacking: dict[str, list[str]] = {"force": [], "place of the tip": []}
+    body, tips, loads = log.columns("x", "y", "theta"), log.columns("px", "py"), log.columns("fx", "fy")
+    for name in map(str, log.trials["trial"]):
+        rows = log.rows(name)
+        rows = rows[(log.samples["phase"][rows] == "push") & np.isfinite(body[rows]).all(axis=1)]
+        if len(rows) < 2 or name in loaded:
+            continue
+        if np.isnan(loads[rows]).any(axis=1).mean() > _SEEN:
+            lacking["force"].append(name)
+        elif log.rig.contact_kind == "point" and np.isnan(tips[rows]).any(axis=1).mean() > _SEEN:
+            # nobody knows its moment
+            lacking["place of the tip"].append(name)
+    for what, names in lacking.items():
+        if names:
+            yield f"{_in_pushes(names, len(log))} the {what} is missing while the slider moves: they show no load"
+
+
+def pushes_unseen(t: FloatArray, tips: FloatArray, forces: FloatArray, load: float) -> list[str]:
+    """Return a line if forces (n, 2) of a record at ``t`` (n,) in s act while the tip moves, in rows of no push: nobody saw the
+    slider move. ``load``: the size (N) of those of pushes."""
+    acts = np.linalg.norm(forces, axis=1) > _ACTS * load
+    runs = np.split(np.arange(len(t)), np.flatnonzero((np.diff(acts) != 0) | (np.diff(t) > largest_step(np.diff(t)))) + 1)
+    unseen = [run for run in runs if len(run) and acts[run[0]] and np.linalg.norm(np.ptp(tips[run, :2], axis=0)) > _OFF_LEAST]
+    if not unseen:
+        return []
+    times = "once" if len(unseen) == 1 else f"{len(unseen)} times"
+    where = f"{times} a force acts while the tip moves and the slider is not seen to move, at first t = {t[unseen[0][0]]:.4g} s"
+    return [f"{where}: did the tracker freeze? No push is found there"]
 
 
 def _unseen(log: PushLog) -> Iterator[str]:
@@ -299,10 +340,9 @@ def _unseen(log: PushLog) -> Iterator[str]:
         if unseen or (len(rows) > 1 and len(known) < 2):
             blind.append(name)
         elif len(rows) > 1:
-            steps = np.diff(log.samples["t"][rows[known]])
             # rows that are not there are another line's
-            lost = steps[np.diff(known) > 1].max(initial=0.0)
-            if lost > largest_step(steps):
+            lost = np.diff(log.samples["t"][rows[known]])[np.diff(known) > 1].max(initial=0.0)
+            if lost > largest_step(np.diff(log.samples["t"][rows])):
                 gaps[name] = float(lost)
     if blind:
         without = "fewer than two rows have a pose while the slider moves: they show no load and no twist"

@@ -8,7 +8,8 @@ from typing import Any, TypeVar
 
 from stablepush.core import InputError, Node, describe
 from stablepush.effects import CATALOGUE
-from stablepush.io.json_files import read_json, require_file
+from stablepush.io.json_files import read_json
+from stablepush.io.special_files import require_file
 from stablepush.io.writing import write_json
 from stablepush.objects import PushContact, Slider, SupportDistribution
 from stablepush.surfaces import LimitSurface, surface_kinds, surface_of_kind

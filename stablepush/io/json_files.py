@@ -6,13 +6,13 @@ import json
 import math
 import os
 import re
-import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TextIO
 
 from stablepush.core import InputError, Node, without_collecting
+from stablepush.io.special_files import require_an_end
 
 #: Files larger than this (bytes) are refused, whatever they are read from, so that memory is bounded. A number of a table takes 8
 #: bytes there, one of JSON up to 32.
@@ -78,28 +78,19 @@ def read_text(path: str | Path, most: int = _LARGEST_FILE) -> str:
     return "".join(parts)
 
 
-def require_file(path: str | Path) -> None:
-    """Refuse a pipe, a socket or a device where a file of a folder, or one that a file names, is read: it might never end."""
-    if os.path.exists(path) and not os.path.isfile(path):
-        raise InputError("", "cannot read: expected a file", file=path)
-
-
 @contextmanager
 def open_text(path: str | Path, newline: str | None = None) -> Iterator[TextIO]:
     """Open a UTF-8 text file to be read; every failure, also while it is read, is one line that names it."""
     try:
         about = os.stat(path)
+        require_an_end(path)
         too_large = about.st_size > _LARGEST_FILE
-        # one that never ends would fill the memory
-        is_device = stat.S_ISCHR(about.st_mode) or stat.S_ISBLK(about.st_mode)
         stream = open(path, encoding="utf-8-sig", newline=newline)  # noqa: SIM115 (closed below)
     except ValueError as error:  # a NUL in the path
         raise InputError("", f"cannot read: {error}", file=repr(str(path))) from None
     except OSError as error:
         raise InputError("", f"cannot read: {error.strerror or error}", file=path) from None
     with stream:
-        if is_device:
-            raise InputError("", "cannot read: expected a file, not a device", file=path)
         if too_large:
             raise InputError("", f"expected a file of at most {_LARGEST_FILE // 2**20} MB", file=path)
         try:

@@ -33,8 +33,9 @@ from stablepush.effects import effects_from_node
 from stablepush.geometry import compose, inverse, log, wrap_angle
 from stablepush.identify import SlipPairs
 from stablepush.io.formats import model_or_path, model_to_json, slider_or_path, slider_to_json
-from stablepush.io.json_files import read_json, require_file
+from stablepush.io.json_files import read_json
 from stablepush.io.parquet import read_parquet
+from stablepush.io.special_files import require_file
 from stablepush.io.tables import IS_FLAG, IS_POSITIVE, IS_SENSE, Column, read_table, table_text
 from stablepush.io.writing import whole_folder, write_atomically, write_json
 from stablepush.objects import Slider

@@ -157,18 +157,17 @@ def phases_of(
         # of what is not seen to move no load is made
         phases[:] = "rest"
         return phases
-    if forces is None:
-        begin, end = _in_motion(slider, poses, speed, away, moving)
+    # noise of a tracker is as quick as a slow push, and leads nowhere
+    begin, end = _in_motion(slider, poses, speed, away, moving)
+    middle = slice(begin + (end - begin) // 4, end - (end - begin) // 4)
+    if forces is None or not np.isfinite(forces[middle]).all(axis=1).any():
+        # forces that are known at its ends only are those of rests
         phases[:begin], phases[end:] = "rest", "retract"
         return phases
     known = np.asarray(np.isfinite(forces).all(axis=1))
     steady = known & (speed >= SLIPS * np.percentile(speed, 95))
-    # noise of a tracker is as quick as a slow push, and leads nowhere
-    begin, end = _in_motion(slider, poses, speed, away, moving)
     moves = (np.arange(len(speed)) >= begin) & (np.arange(len(speed)) < end)
     steady = steady & moves if (steady & moves).any() else steady
-    if not steady.any():
-        return phases
     load, zero = np.median(forces[steady], axis=0), np.zeros(2)
     first_steady = int(np.argmax(steady))
     clear = np.zeros(0, dtype=int) if away is None else np.flatnonzero((is_clear(away, steady) & known)[:first_steady])

@@ -23,9 +23,15 @@ _STANDS = 0.02
 #: Readings that differ by a smaller share of the largest do not change: turning and interpolating them leaves that, 1e-7 m at
 #: places 1000 km from the origin.
 _SAME = 1e-13
-#: A limit of a sensor shows in so many rows, and in such a share of those that read more than half of it. A sensor with fewer
-#: values than that has coarse steps, and reads the largest of them often.
+#: A limit of a sensor shows in so many rows, and in such a share of those that read more than half of it. A sensor that reads
+#: fewer values than that, some of them more than once, has coarse steps, and reads the largest of them often.
 _CUT, _SHARE_CUT, _MANY_VALUES = 10, 0.05, 200
+#: Readings with noise change in such a share of the rows, also at rest.
+_NOISY = 0.9
+#: Forces that differ by less than this share of the noise of a row do not change: of three rows with noise one in 10^4 do so.
+_BELOW_NOISE = 0.02
+#: Columns of instruments, of which one may be dead.
+_INSTRUMENTS = {"poses": ("x", "y", "theta"), "forces": ("fx", "fy", "tau")}
 #: A pose that is told in so many times as many rows as usual is held.
 _HELD = 3.0
 #: A tip that goes so far (m) while it pushes takes the slider along.
@@ -37,7 +43,8 @@ def stopped(log: PushLog) -> dict[str, list[str]]:
     body, tips, forces = log.columns("x", "y", "theta"), log.columns("px", "py"), log.columns("fx", "fy")
     speed = np.nan_to_num(np.linalg.norm(point_velocity(log.twists(), log.rig.slider.vertices), axis=-1).max(axis=1))
     found: dict[str, list[str]] = {"poses": [], "tip positions": [], "forces": []}
-    noisy, stale = log.rig.noise is not None and log.rig.noise.force > 0, frozen(log)
+    noise = log.rig.noise.force if log.rig.noise is not None else 0.0
+    noisy, stale = noise > 0, frozen(log)
     constant: dict[str, float] = {}
     stuck: set[str] = set()
     for name in map(str, log.trials["trial"]):
@@ -49,17 +56,49 @@ def stopped(log: PushLog) -> dict[str, list[str]]:
             found["tip positions"].append(name)
         # in whatever axes they were recorded
         size = np.linalg.norm(forces[rows], axis=1)[:, None]
-        if _is_same(size) and moves.any():
+        pushed = moves & (log.samples["phase"][rows] == "push") if "phase" in log.samples else moves
+        if _is_same(size, _BELOW_NOISE * noise) and np.isfinite(size[pushed]).sum() >= LEAST_REST:
             constant[name] = float(np.nanmean(size))
             # friction of a slider that stands and then moves changes
             stuck |= set() if moves.all() else {name}
     sizes = np.array(list(constant.values()))
     # and so do readings with noise, from push to push: a value of several pushes is one that is held
-    held = {name for name, size in constant.items() if noisy and (np.abs(sizes - size) <= _SAME * abs(size)).sum() > 1}
+    held = {name for name, size in constant.items() if noisy and _near(sizes, size, noise).sum() > 1}
     # a push without rest reads the same as those that show it
     values = np.array([constant[name] for name in stuck | held])
-    found["forces"] = [name for name, size in constant.items() if (np.abs(values - size) <= _SAME * abs(size)).any()]
+    found["forces"] = [name for name, size in constant.items() if _near(values, size, noise).any()]
     return found
+
+
+def dead_columns(log: PushLog) -> dict[str, list[str]]:
+    """Return by instrument, poses and forces, the columns that never change within a trial while its others change in every row.
+
+    Only of readings with noise, which is told or shows at rest: a slider that is simulated without it may keep its heading.
+    """
+    noise = log.rig.noise
+    told = {"poses": noise is not None and min(noise.position, noise.angle) > 0, "forces": noise is not None and noise.force > 0}
+    found = {}
+    for channel, names in _INSTRUMENTS.items():
+        values = log.columns(*names)
+        changes = []
+        for trial in map(str, log.trials["trial"]) if told[channel] or "phase" in log.samples else ():
+            rows = log.rows(trial)
+            rows = rows[np.isfinite(values[rows]).all(axis=1)]
+            noisy = rows if told[channel] or "phase" not in log.samples else rows[log.samples["phase"][rows] == "rest"]
+            if len(noisy) >= LEAST_REST:
+                changes.append([(np.diff(values[which], axis=0) != 0).mean(axis=0) for which in (rows, noisy)])
+        if changes:
+            dead, alive = ~np.any(changes, axis=0)[0], np.min(changes, axis=0)[1] > _NOISY
+            found[channel] = [name for name, is_dead in zip(names, dead, strict=True) if is_dead and alive.any()]
+    return {channel: columns for channel, columns in found.items() if columns}
+
+
+def dead_words(found: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return a line for each instrument of which :func:`dead_columns` has ``found`` some."""
+    return [
+        f"{' and '.join(names)} do{'es' * (len(names) == 1)} not change in any push, while other {channel} do: are they measured?"
+        for channel, names in found.items()
+    ]
 
 
 def stopped_words(found: Mapping[str, Sequence[str]], total: int) -> list[str]:
@@ -109,20 +148,29 @@ def dead_or_cut_off(forces: FloatArray) -> list[str]:
     known = forces[np.isfinite(forces).all(axis=1)]
     for name, values, other in (("fx", *known.T), ("fy", *known.T[::-1])) if len(known) >= LEAST_REST else ():
         top = float(np.abs(values).max())
-        if not np.ptp(values) and len(np.unique(other)) > _MANY_VALUES:
+        # a force along the other axis is 0 here, without noise
+        is_read = len(np.unique(other)) > _MANY_VALUES or (values[0] != 0 and (np.diff(other) != 0).mean() > _NOISY)
+        if not np.ptp(values) and is_read:
             lines.append(
                 f"{name} is {values[0]:.3g} in all rows, while the other component changes: is it connected, and mapped?"
             )
         cut, near = int((np.abs(values) == top).sum()), int((np.abs(values) > top / 2).sum())
-        if cut >= _CUT and cut > _SHARE_CUT * near and len(np.unique(values)) > _MANY_VALUES:
+        below = values[np.abs(values) < top]
+        fine = len(np.unique(values)) > _MANY_VALUES or len(np.unique(below)) > _NOISY * len(below) >= _CUT
+        if cut >= _CUT and cut > _SHARE_CUT * near and fine:
             lines.append(f"{name} is {top:.3g} at most, in {cut} rows: is the sensor saturated? Its loads are then too small")
     return lines
 
 
-def _is_same(values: FloatArray) -> bool:
-    """Whether known rows (n, k), three at least, are all the same."""
+def _is_same(values: FloatArray, least: float = 0.0) -> bool:
+    """Whether known rows (n, k), three at least, are all the same, but for ``least``."""
     known = values[np.isfinite(values).all(axis=1)]
-    return len(known) >= LEAST_REST and _ptp(known) <= _SAME * float(np.abs(known).max())
+    return len(known) >= LEAST_REST and _ptp(known) <= max(_SAME * float(np.abs(known).max()), least)
+
+
+def _near(values: FloatArray, value: float, noise: float) -> BoolArray:
+    """Which values (n,) are the same as one, of readings with noise."""
+    return np.asarray(np.abs(values - value) <= max(_SAME * abs(value), _BELOW_NOISE * noise))
 
 
 def _stays(body: FloatArray) -> BoolArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,7 +24,7 @@ from stablepush.core import (
 )
 from stablepush.geometry import compose, contacts_on_outline, nearest_on_outline, rotate_vectors
 from stablepush.identify import SlipPairs
-from stablepush.io.doubts import covers, doubts
+from stablepush.io.doubts import covers, doubts, pushes_unseen
 from stablepush.io.force_spikes import without_spikes
 from stablepush.io.pushlog import PushLog, Rig
 from stablepush.io.recorded_pushes import (
@@ -257,6 +258,11 @@ def log_from_arrays(
     made = PushLog(replace(rig, twist_window=window), log, columns)
     channels = {"poses": tracked, "tip positions": tips, "forces": world}
     lacking = [words for name, values in channels.items() if values is not None for words in covers(name, t, values)]
+    beside = np.setdiff1d(np.arange(n), np.concatenate(rows)) if trials is None else np.zeros(0, dtype=np.intp)
+    if len(beside) and tips is not None and world is not None:
+        sizes = np.linalg.norm(made.columns("fx", "fy")[made.samples["phase"] == "push"], axis=1)
+        usual = float(np.nanmedian(sizes)) if np.isfinite(sizes).any() else math.inf
+        lacking += pushes_unseen(t[beside], tips[beside], readings[beside, :2], usual)
     for words in (*lacking, *doubts(made, bool(zero_forces), t[rests] - origin)):
         warnings.warn(StablepushWarning(words), stacklevel=2)
     return made

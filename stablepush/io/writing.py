@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from stablepush.core import ASIDE, InputError, clear_scratch, scratch_folder, scratch_prefix
+from stablepush.io.special_files import require_an_end
 
 #: So many files that do not belong into a folder are named.
 _NAMED = 3
@@ -29,6 +30,7 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
         if target.is_dir():
             raise InputError("", "cannot write: is a directory", file=target)
         if target.exists() and not target.is_file():  # a pipe or a terminal takes what it gets
+            require_an_end(target, "write")
             target.write_bytes(data)
             return
         clear_scratch(target.parent)

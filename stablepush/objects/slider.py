@@ -171,10 +171,10 @@ def check_outline(vertices: ArrayLike, name: str) -> FloatArray:
 def check_simple_polygon(vertices: ArrayLike, name: str) -> FloatArray:
     """Return the vertices (n, 2) of a simple polygon of either orientation, or say what is wrong with them.
 
-    A last vertex that repeats the first, as rings of GeoJSON, Shapely and DXF have it, is left out.
+    Last vertices that repeat the first, as rings of GeoJSON, Shapely and DXF have it, are left out.
     """
     outline = check_array(vertices, name, (None, 2))
-    if len(outline) > 3 and np.linalg.norm(outline[-1] - outline[0]) < LEAST_POSITIVE:
+    while len(outline) > 3 and np.linalg.norm(outline[-1] - outline[0]) < LEAST_POSITIVE:
         outline = outline[:-1]
     if len(outline) < 3:
         raise InputError(name, "expected at least 3 vertices", len(outline))

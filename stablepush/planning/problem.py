@@ -31,7 +31,7 @@ from stablepush.core import (
     read_only,
 )
 from stablepush.effects import Effect, KnownEffect, effects_from_node
-from stablepush.geometry import inverse, transform_points, unit
+from stablepush.geometry import contacts_on_outline, inverse, transform_points, unit
 from stablepush.io import (
     contact_or_path,
     contact_to_json,
@@ -205,8 +205,18 @@ class PlanningProblem:
                     raise InputError(f"contacts[{i}].normals[{k}]", "expected a normal that points into the slider")
 
     def _require_pusher_outside(self) -> None:
-        """Refuse a pusher whose outline, docked at a contact, fills a part of the slider."""
+        """Refuse a pusher that, docked at a contact, fills a part of the slider, be it an outline or fingers."""
         edge = self.slider.polygon.exterior
+        if self.pusher is None and self.finger_radius > 0:
+            for i, contact in enumerate(self.contacts):
+                # beside an inner corner there is no room, whatever the normal that is stated
+                near, inward, away = contacts_on_outline(self.slider.vertices, contact.points)
+                stated, touching = contact.points - self.finger_radius * contact.normals, near - self.finger_radius * inward
+                room = [shapely.distance(self.slider.polygon, shapely.points(centers)) for centers in (stated, touching)]
+                depth = float((self.finger_radius - np.maximum(*room) - np.abs(away)).max())
+                if depth > _DEEP:
+                    words = f"expected fingers that only touch; docked at contact {i} one stands inside the slider"
+                    raise InputError("finger_radius", words, f"{1000 * depth:.2g} mm")
         for i, contact in enumerate(self.contacts if self.pusher is not None else ()):
             # contact points that are off the outline are noted, and move the pusher as far
             off = float(shapely.distance(edge, shapely.points(contact.points)).max())

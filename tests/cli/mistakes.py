@@ -227,7 +227,14 @@ MISTAKES = (
     Mistake("a scene that is not there", "plan {folder}/scne.json -o {out}", 2, ("scne.json", "No such file")),
     Mistake("a planner that is not there", PLAN + " --planner rrt", 2, ("rrt", "ompl-rrt")),
     Mistake("a comma for a point", PLAN + " --time-limit 1,5", 2, ("1,5",)),
-    Mistake("a trailing comma in JSON", PLAN, 2, ("scene.json", "line 2 column"), "scene", text='{"format": "scene/1",\n}'),
+    Mistake(
+        "a trailing comma in JSON",
+        PLAN,
+        2,
+        ("scene.json: line", "column", "expected JSON"),
+        "scene",
+        text='{"format": "scene/1",\n}',
+    ),
     Mistake(
         "NaN in JSON", PLAN, 2, ("scene.json", "start[0]", "finite"), "scene", lambda v: v.update(start=[float("nan"), 0, 0])
     ),

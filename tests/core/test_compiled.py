@@ -1,6 +1,5 @@
 """Machine code that is kept on disk."""
 
-import hashlib
 import os
 import subprocess
 import sys
@@ -13,6 +12,7 @@ import pytest
 from numba.core.errors import TypingError
 
 from stablepush.core import BuildLock, isolated_environment, start_child
+from stablepush.core.compiled import _checksum
 
 SOURCE = """
 from stablepush.core import compiled
@@ -21,6 +21,12 @@ from stablepush.core import compiled
 @compiled
 def twice(x):
     return 2 * x
+"""
+THRICE = """
+
+@compiled
+def thrice(x):
+    return 3 * x
 """
 
 
@@ -36,8 +42,6 @@ SPOILT = {
     "zeros": lambda data: bytes(len(data)),
     "zero tail": lambda data: data[: len(data) // 2] + bytes(len(data) - len(data) // 2),
     "random": lambda data: np.random.default_rng(0).bytes(len(data)),
-    # as after an upgrade: whole, and of types that are gone
-    "other types": lambda data: hashlib.sha256(gone := b"cstablepush.core\nNoSuchType\n.").digest() + gone,
 }
 
 
@@ -58,6 +62,47 @@ def test_kept_code_that_is_spoilt_is_built_again(tmp_path, monkeypatch, how, end
             assert kept[0].read_bytes() != SPOILT[how](whole)
         whole = kept[0].read_bytes()
         kept[0].write_bytes(SPOILT[how](whole))
+    sys.modules.pop("kept_code", None)
+
+
+def of_other_types(path):
+    """As after an upgrade: whole, and of types that are gone."""
+    path.write_bytes(_checksum(path, gone := b"cstablepush.core\nNoSuchType\n.") + gone)
+
+
+def folder(path):
+    path.unlink()
+    path.mkdir()
+
+
+def pipe(path):
+    path.unlink()
+    os.mkfifo(path)
+
+
+def anothers(path):
+    """As after a copy that confused names: whole, and another function's."""
+    other = next(file for file in path.parent.glob(f"*{path.suffix}") if file != path and "thrice" in file.name)
+    path.write_bytes(other.read_bytes())
+
+
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+@pytest.mark.parametrize("spoil", [of_other_types, folder, pipe, anothers])
+def test_what_takes_the_place_of_kept_code_is_replaced(tmp_path, monkeypatch, spoil, ending):
+    if spoil is pipe and not hasattr(os, "mkfifo"):
+        pytest.skip("no pipes here")
+    (tmp_path / "kept_code.py").write_text(SOURCE + THRICE, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for run in range(2):
+        sys.modules.pop("kept_code", None)
+        code = import_module("kept_code")
+        assert (code.twice(3.0), code.thrice(3.0)) == (6.0, 9.0)
+        kept = [file for file in tmp_path.rglob(f"*.{ending}") if "twice" in file.name]
+        if not kept:
+            pytest.skip("compiling is turned off")
+        assert kept[0].is_file()
+        if run == 0:
+            spoil(kept[0])
     sys.modules.pop("kept_code", None)
 
 

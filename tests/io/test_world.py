@@ -291,7 +291,8 @@ def test_pokes_that_missed_or_stuck_are_left_out():
 
 def test_forces_that_are_missing_and_arrays_that_are_swapped_are_told():
     (t, poses, tips, forces), trials, _ = recorded()
-    with pytest.raises(sp.InputError, match="forces, tip_positions: expected both where the slider moves, got none in 3 pokes"):
+    no_force, no_load = "in 3 of 3 pushes .* the force is missing", "expected both where the slider moves, got none in 3 pokes"
+    with pytest.warns(sp.StablepushWarning, match=no_force), pytest.raises(sp.InputError, match=no_load):
         sp.pokes_from_world(poses, tips, np.full_like(forces, np.nan), t, SLIDER, trials)
     with pytest.raises(sp.InputError, match="forces: expected forces"):
         sp.pokes_from_world(poses, tips, None, t, SLIDER, trials)

@@ -1,6 +1,6 @@
 """Fingers are discs where there is no outline of the pusher: they take room, and go round the slider to another contact."""
 
-import warnings
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -88,15 +88,21 @@ def test_scenes_keep_the_radius(tmp_path):
         with_fingers(small_scene(), -0.001)
 
 
-def test_a_finger_that_has_no_room_at_an_inner_corner_is_noted():
-    """An L: the middle of its inner edge is 20 mm from the other arm."""
-    corner = sp.Slider([(-0.04, -0.04), (0.08, -0.04), (0.08, 0.0), (0.0, 0.0), (0.0, 0.08), (-0.04, 0.08)], 0.5)
-    for along, noted in ((0.02, False), (0.077, True)):
+CORNER = sp.Slider([(-0.04, -0.04), (0.08, -0.04), (0.08, 0.0), (0.0, 0.0), (0.0, 0.08), (-0.04, 0.08)], 0.5)
+
+
+def test_a_finger_that_has_no_room_at_an_inner_corner_is_refused():
+    """An L: the middle of its inner edge is 20 mm from the other arm. Outlines of pushers are refused there, too."""
+    for along in (0.02, 0.075, 0.0751):
         contact = sp.PushContact([(0.08 - along, 0.0)], [(0, -1)], 0.5)
-        with warnings.catch_warnings(record=True) as doubts:
-            warnings.simplefilter("always")
-            small_scene(slider=corner, contacts=[contact], pusher=None, finger_radius=0.005, obstacles=[])
-        words = [str(doubt.message) for doubt in doubts]
-        assert (
-            any("contacts[0]: a finger of radius 5 mm would stand 2 mm inside of the slider" in text for text in words) == noted
-        )
+        assert small_scene(slider=CORNER, contacts=[contact], pusher=None, finger_radius=0.005, obstacles=[]).contacts
+    contact = sp.PushContact([(0.003, 0.0)], [(0, -1)], 0.5)
+    with pytest.raises(sp.InputError, match=r"finger_radius: .* docked at contact 0 one stands inside the slider, got 2 mm"):
+        small_scene(slider=CORNER, contacts=[contact], pusher=None, finger_radius=0.005, obstacles=[])
+
+
+def test_a_finger_whose_normal_is_not_the_edge_s_is_noted():
+    """The disc behind the stated normal reaches into the slider; one that touches the edge would not."""
+    tilted = sp.PushContact([(0.06, 0.0)], [(math.sin(0.9), -math.cos(0.9))], 0.5)
+    with pytest.warns(sp.PlausibilityWarning, match=r"contacts\[0\]: a finger of radius 5 mm would stand 1.9 mm inside"):
+        small_scene(slider=CORNER, contacts=[tilted], pusher=None, finger_radius=0.005, obstacles=[])

@@ -46,7 +46,10 @@ def by_program(slider, contact, twist, coms=((0.0, 0.0),), spacing=400):
         equal = np.zeros((4, len(where) + len(corners)))
         equal[0, : len(where)], equal[1, len(where) :] = 1, 1
         equal[2:, : len(where)], equal[2:, len(where) :] = where.T, -corners.T
-        values.append(linprog(np.append(g, np.zeros(len(corners))), A_eq=equal, b_eq=(1, 1, 0, 0), method="highs").fun)
+        cost = np.append(g, np.zeros(len(corners)))
+        # the simplex method of older versions of HiGHS stops at times
+        found = (linprog(cost, A_eq=equal, b_eq=(1, 1, 0, 0), method=method).fun for method in ("highs", "highs-ipm"))
+        values.append(next(value for value in found if value is not None))
     return min(values)
 
 

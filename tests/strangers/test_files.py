@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 import unicodedata
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -80,6 +81,44 @@ def test_a_pipe_for_the_outline_of_a_mapping_is_refused(tmp_path, capsys):
     (tmp_path / "t.csv").write_text("t\n0\n")
     assert main(["import", str(tmp_path / "t.csv"), "--mapping", str(mapping), "-o", str(tmp_path / "log")]) == 2
     assert "outline.json: cannot read: expected a file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["a loop of links", "a pipe with a name"])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "plan X -o out.json", "check scene.json X", "fit X -o out.json", "fit --slider X -o out.json",
+        "simulate scene.json X -o out", "trajectory scene.json X -o out.csv", "diagnose X",
+        "import X --kind csv --mapping m.yaml -o out", "view X -o out.html", "import t.csv --kind csv --mapping X -o out",
+        "import t.csv --mapping m.yaml --slider X -o out", "map X --contact c.json -o o.png",
+    ],
+)  # fmt: skip
+def test_an_input_that_is_no_file_is_refused_at_once(kind, arguments, tmp_path, monkeypatch, capsys):
+    if not hasattr(os, "mkfifo"):
+        pytest.skip("no pipes here")
+    monkeypatch.chdir(tmp_path)
+    sp.save_scene(small_scene(), "scene.json")
+    Path("t.csv").write_text("t\n0\n")
+    Path("m.yaml").write_text("columns: {t: t, x: t, y: t, theta: t}\nslider: s.json\n")
+    Path("s.json").write_text('{"format": "slider/1", "vertices": [[0, 0], [1, 0], [0, 1]]}')
+    if kind == "a loop of links":
+        Path("X").symlink_to("Y")
+        Path("Y").symlink_to("X")
+    else:
+        os.mkfifo("X")
+    before = sorted(os.listdir())
+    assert main(arguments.split()) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("stablepush: error: ") and "X" in line
+    assert sorted(os.listdir()) == before
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+def test_a_pipe_that_nobody_may_read_is_no_output(tmp_path, capsys):
+    sp.write_pushlog(make_log(count=6), tmp_path / "log")
+    os.mkfifo(tmp_path / "pipe")
+    assert main(["fit", str(tmp_path / "log"), "-o", str(tmp_path / "pipe")]) == 2
+    assert "pipe: cannot write: expected a file, not a pipe with a name" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="no such device here")

@@ -160,10 +160,19 @@ def tracker_stops(log):
     return changed(log, **columns)
 
 
+def heading_stops(log):
+    heading = np.array(log.samples["theta"])
+    for trial in map(str, log.trials["trial"]):
+        heading[log.rows(trial)] = heading[log.rows(trial)[0]]
+    return changed(log, theta=heading)
+
+
 STUCK = {
     "the tracker, half-way": (tracker_stops, "poses do not change in "),
     "the force sensor": (stuck("fx", "fy", "tau", every=True), "forces do not change in any push"),
     "the robot": (stuck("px", "py", "ptheta"), "tip positions do not change in any push"),
+    "the moment": (lambda log: changed(log, tau=np.zeros(len(log.samples["t"]))), "tau does not change in any push"),
+    "the heading, push by push": (heading_stops, "theta does not change in any push, while other poses do"),
 }
 
 
@@ -180,6 +189,11 @@ def test_a_channel_that_stands_is_left_out(what, good, tmp_path, capsys):
 
 def test_a_slider_that_stands_is_unknown(good):
     assert sp.diagnose(stuck("x", "y", "theta")(good)).verdict == "unknown"
+
+
+def test_a_log_without_poses_is_unknown(good):
+    blank = np.full(len(good.samples["t"]), np.nan)
+    assert sp.diagnose(changed(good, x=blank, y=blank, theta=blank)).verdict == "unknown"
 
 
 CHANNELS = ("fx fy tau", "px py ptheta", "ptheta", "c1x c1y", "phase", "fx fy tau phase", "px py ptheta c1x c1y")

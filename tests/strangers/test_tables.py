@@ -139,6 +139,12 @@ def dead(rows, trials):
     return rows, trials
 
 
+def dead_heading(rows, trials):
+    rows, trials = noisy(0.02)(rows, trials)
+    rows[:, 3] = 0.3
+    return rows, trials
+
+
 def missed(rows, trials):
     rows, trials = noisy(0.02)(rows, trials)
     rows[ROWS : 2 * ROWS, POSE] = rows[ROWS, POSE] + np.random.default_rng(1).normal(0, (1e-4, 1e-4, 1e-3), size=(ROWS, 3))
@@ -172,6 +178,11 @@ NOTED = {
     "a force of -9999": (told(FORCE, -9999.0, 120, 124), r"the force leaps away and back once, .* 4 forces are left out"),
     "forces cut off": (cut_off(0.7), r"f[xy] is 0\.7 at most, in \d+ rows: is the sensor saturated"),
     "a dead channel": (dead, r"fy is 0 in all rows, while the other component changes"),
+    "a dead channel of the tracker": (dead_heading, r"theta does not change in any push, while other poses do"),
+    "no tip in a push": (blank(TIP, 100, ROWS), r"in 1 of 3 pushes \(p0\) the place of the tip is missing .* they show no load"),
+    "no forces in a push": (blank(FORCE, 100, ROWS), r"in 1 of 3 pushes \(p0\) the force is missing .* they show no load"),
+    "one pose in a push": (blank(POSE, 103, ROWS - 1), r"in 1 of 3 pushes \(p0\) fewer than two rows have a pose"),
+    "three poses in a push": (blank(POSE, 113, ROWS - 2), r"in 1 of 3 pushes \(p0\) the pose is missing for up to 0\.3"),
     "a finger that misses": (missed, r"in 1 of 3 pushes \(p1\) the slider does not move: did the finger miss"),
     "the tracker ends": (blank(POSE, 2 * ROWS, None), r"poses cover .* of 21\.5 s"),
     "no pose in a push": (blank(POSE, 100, ROWS), r"1 of 3 pushes \(p0\) fewer than two rows have a pose"),
@@ -230,6 +241,20 @@ def test_a_note_names_what_is_lost(what, tmp_path, capsys):
     for name, load in zip(pairs.trials, pairs.wrenches, strict=True):
         if not {"forces", "frozen", "channel"} & set(what.split()):
             assert load == pytest.approx(loads[int(name[1:])], abs=0.05 if "misses" in what else 1e-9)
+
+
+def test_pushes_that_a_frozen_tracker_hides_are_told(tmp_path, capsys):
+    """Without names of pushes only motion tells them."""
+    rows, _ = frozen(POSE, ROWS + 50)(*noisy(0.02)(*good()))
+    table = tmp_path / "table.csv"
+    table.write_text("\n".join([",".join(NAMES), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n", encoding="utf-8")
+    mapping = mapping_file(tmp_path, columns={name: column for name, column in COLUMNS.items() if name != "trial"})
+    assert main(["import", str(table), "--mapping", str(mapping), "-o", str(tmp_path / "log")]) == 0
+    assert (
+        "2 times a force acts while the tip moves and the slider is not seen to move, at first t = 11 s"
+        in capsys.readouterr().err
+    )
+    assert len(sp.read_pushlog(tmp_path / "log").pairs().trials) == 1
 
 
 @pytest.mark.parametrize("what", REFUSED)

@@ -13,8 +13,9 @@ import yaml
 from stablepush.core import FloatArray, InputError, Node, note_noise
 from stablepush.io.formats import load_slider, model_or_path, slider_from_node
 from stablepush.io.importers.registry import Source
-from stablepush.io.json_files import read_text, require_file
+from stablepush.io.json_files import read_text
 from stablepush.io.pushlog import CONTACT_KINDS, Noise, PushLog, Rig
+from stablepush.io.special_files import require_file
 from stablepush.io.world import FORCES_ON, log_from_arrays
 from stablepush.objects import Slider
 

@@ -9,6 +9,7 @@ A folder of files is one log. What the name of a file says, as in
 from __future__ import annotations
 
 import math
+import os
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -49,7 +50,7 @@ class MitPushes:
         for folder in dict.fromkeys(file.parent for file in files):
             # a file that is named stands for itself, a folder for all of its files
             place = root if root.is_file() else folder
-            yield Source("mit-push", place, name_of(place.resolve()), {})
+            yield Source("mit-push", place, name_of(Path(os.path.realpath(place))), {})
 
     def read(self, source: Source, slider: Slider | None) -> tuple[PushLog, list[str]]:
         if slider is None:

@@ -9,6 +9,7 @@ legs of 150 mm; its tracked frame sits in the corner with the right angle, its C
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -179,7 +180,7 @@ def _actions_file(file: Path) -> Path:
 
 
 def _name_source(kind: str, file: Path) -> Source:
-    folder = file.resolve().parent.name
+    folder = Path(os.path.realpath(file)).parent.name
     surface, _, rest = folder.partition("_")
     if kind == "mlab-stable":
         surface, rest, name = "poster", folder, f"poster_{name_of(Path(folder))}_stable"

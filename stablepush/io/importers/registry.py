@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -20,8 +21,8 @@ from stablepush.core import (
     plugin_names,
     what_failed,
 )
-from stablepush.io.json_files import require_file
 from stablepush.io.pushlog import PushLog
+from stablepush.io.special_files import require_file
 from stablepush.objects import Slider
 
 
@@ -132,7 +133,8 @@ def _named_apart(sources: list[Source]) -> list[Source]:
         names = [source.name for source in sources]
         if len(set(names)) == len(names):
             return sources
-        parts = [source.file.resolve() if depth == 0 else source.file.resolve().parents[depth - 1] for source in sources]
+        places = [Path(os.path.realpath(source.file)) for source in sources]
+        parts = [place if depth == 0 else place.parents[depth - 1] for place in places]
         sources = [
             s if names.count(s.name) == 1 or name_of(p) == s.name else replace(s, name=f"{s.name}_{name_of(p)}")
             for s, p in zip(sources, parts, strict=True)
