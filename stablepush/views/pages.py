@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stablepush import __version__
-from stablepush.core import FloatArray, InputError, first_least
+from stablepush.core import FloatArray, InputError, first_least, shown
 from stablepush.geometry import angle_between, compose, cor_from_twist, exp, transform_points, twist_from_cor, unit
 from stablepush.mechanics import Pusher, PushTrace, Slide
 from stablepush.objects import PushContact, Slider
@@ -330,12 +331,16 @@ def _frame(problem: PlanningProblem, result: PlanResult) -> FloatArray:
 def render(template: str, **values: Any) -> str:
     """Return a template of the package, filled in; ``data`` is what :func:`script` returned."""
     import jinja2
+    from markupsafe import Markup
+
+    def safe(value: Any) -> Any:
+        """Names of files and folders without what changes the direction of a line or cannot be seen."""
+        return shown(value, sys.maxsize, keep="\n\t") if isinstance(value, str) and not isinstance(value, Markup) else value
 
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("stablepush.views", "templates"), autoescape=True, undefined=jinja2.StrictUndefined
-    )
+        loader=jinja2.PackageLoader("stablepush.views", "templates"), autoescape=True, undefined=jinja2.StrictUndefined,
+        finalize=safe,
+    )  # fmt: skip
     if "data" in values:
-        from markupsafe import Markup
-
         values["data"] = Markup(values["data"])
     return environment.get_template(template).render(version=__version__, **values)

@@ -53,10 +53,13 @@ def test_names_are_text_everywhere(name, tmp_path, capsys):
     names = {word: f"{word}{name}" for word in map(str, log.trials["trial"])}
     trials = {**log.trials, "trial": [names[word] for word in map(str, log.trials["trial"])]}
     samples = {**log.samples, "trial": [names[word] for word in map(str, log.samples["trial"])]}
-    sp.write_pushlog(sp.PushLog(log.rig, trials, samples), tmp_path / "log")
-    read = sp.read_pushlog(tmp_path / "log")
+    folder = tmp_path / f"log{name[:40]}"
+    sp.write_pushlog(sp.PushLog(log.rig, trials, samples), folder)
+    read = sp.read_pushlog(folder)
     assert list(read.trials["trial"]) == [word.strip() for word in trials["trial"]]
-    assert main(["diagnose", str(tmp_path / "log"), "--html", str(tmp_path / "page.html")]) == 0
+    assert main(["diagnose", str(folder), "--html", str(tmp_path / "page.html")]) == 0
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert not set("\x1b\u202e\r") & set(page)
     said = capsys.readouterr()
     for line in (said.out + said.err).split("\n"):
         assert line.isprintable() and len(line) < 8000

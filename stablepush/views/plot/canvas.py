@@ -53,9 +53,10 @@ def figure_of(drawn: Drawn) -> Figure:
     return figure
 
 
-def plain(name: object) -> str:
-    """Return a name that a file gave as a label: no formula, no control characters, and short."""
-    return shown(name, _LONGEST_LABEL).replace("$", r"\$")
+def plain(name: object, most: int = _LONGEST_LABEL) -> str:
+    """Return a name that a file gave as a label: no formula, no control characters, and at most so many letters."""
+    words = str(name)
+    return shown(words if len(words) <= most else f"{words[: most - 1]}…").replace("$", r"\$")
 
 
 def canvas(size: tuple[float, float], equal: bool = True, ax: Axes | None = None, **projection: str) -> Axes:

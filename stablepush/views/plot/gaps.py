@@ -40,8 +40,8 @@ _MOST_TIMES = 1000
 _MANY = 60
 #: Opacity of what counts in no error.
 _FAINT = 0.2
-#: Names of pushes up to so many letters stand close on an axis.
-_SHORT = 4
+#: Names of pushes up to so many letters stand close on an axis; longer ones are cut to so many, or the axes have no room.
+_SHORT, _LONGEST_TICK = 4, 16
 
 
 def marks_pushes(report: GapReport, entry: RankedEffect) -> bool:
@@ -325,7 +325,7 @@ def _name_pushes(axes: Axes, report: GapReport, told: bool = True) -> None:
     if not report.logs and names:
         places = sorted(names)
         shown = places[:: math.ceil(len(places) / (4 if max(map(len, names.values())) > _SHORT else 10))]
-        axes.set_xticks(shown, labels=[plain(names[place]) for place in shown])
+        axes.set_xticks(shown, labels=[plain(names[place], _LONGEST_TICK) for place in shown])
 
 
 def _over_direction(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
