@@ -151,10 +151,13 @@ def _geometric(
         state.setYaw(math.remainder(float(theta), 2 * math.pi))
         return state
 
-    setup.setStartState(state_of(problem.start))
+    start = state_of(problem.start)
+    setup.setStartState(start)
     goal = base.GoalStates(information)
-    for end in context.goal.ends:
-        goal.addState(state_of(end))
+    # goals are tried in this order: first the one that is nearest where nothing is in the way
+    ends = [state_of(end) for end in context.goal.ends]
+    for state in sorted(ends, key=lambda state: space.distance(start, state)):
+        goal.addState(state)
     setup.setGoal(goal)
     planner = getattr(geometric, GEOMETRIC[name])(information)
     setup.setPlanner(planner)
