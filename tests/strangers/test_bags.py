@@ -62,6 +62,12 @@ def test_a_stream_of_nothing_is_refused():
         streams(values=np.full((1000, 3), np.nan))
 
 
+def test_a_topic_of_one_message_is_named():
+    pose = Stream("topics.pose (/box)", np.arange(100) / 50, np.zeros((100, 3)))
+    with pytest.raises(InputError, match=r"topics\.force \(/ft\): expected at least two samples, got 1"):
+        on_one_clock([pose, Stream("topics.force (/ft)", np.array([1.0]), np.ones((1, 3)))], None, 0.25)
+
+
 def test_leaps_are_left_out_before_streams_are_brought_to_one_clock():
     """Means over several samples would spread a spike, and the edges of what a lost tracker says, over their neighbours."""
     t = np.arange(1000) / 200

@@ -84,6 +84,9 @@ def on_one_clock(
     :class:`InputError` if a stream covers none of the others' time, or has two samples farther apart than ``largest_gap`` (s).
     """
     known = [stream for stream in streams if stream is not None]
+    for stream in known:
+        if len(stream.t) < 2:
+            raise InputError(stream.what, "expected at least two samples", len(stream.t))
     low, high = max(s.t[0] for s in known), min(s.t[-1] for s in known)
     if low > high:
         late = max(known, key=lambda s: s.t[0])
