@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stablepush.cli.stops import CLEAR, STOPS
-from stablepush.core import EffectError, InputError, StablepushError, UnsupportedContactError, shown
+from stablepush.core import EffectError, InputError, StablepushError, UnsupportedContactError, real_path, shown
 
 if TYPE_CHECKING:
     from stablepush.planning import PlanningProblem, PlanResult
@@ -110,14 +110,9 @@ def interruptible() -> Iterator[Callable[[], bool]]:
             signal.signal(number, handler)
 
 
-def _real(path: Path) -> Path:
-    """Where a path leads; of links that lead to each other itself, where ``Path.resolve`` fails."""
-    return Path(os.path.realpath(path))
-
-
 def require_outside(path: Path, folder: Path) -> None:
     """Refuse to write a file into a folder that is read, or replaced as a whole."""
-    if _real(folder) in (_real(path), *_real(path).parents):
+    if real_path(folder) in (real_path(path), *real_path(path).parents):
         raise InputError("", f"expected a place outside of {folder}", file=path)
 
 
@@ -156,14 +151,14 @@ def options_of(*names: str, **others: str) -> dict[str, str]:
 def require_files(*paths: Path | None, read: Sequence[Path | None] = ()) -> None:
     """Refuse, before any work is done, outputs that cannot be written, that are one and the same, or that are read."""
     given = [path for path in paths if path is not None]
-    sources = [_real(path) for path in read if path is not None]
+    sources = [real_path(path) for path in read if path is not None]
     for i, path in enumerate(given):
         if path.is_dir():
             raise InputError("", "cannot write: is a directory", file=path)
         _require_parent(path)
-        if _real(path) in map(_real, given[:i]):
+        if real_path(path) in map(real_path, given[:i]):
             raise InputError("", "expected different output files, this one is given twice", file=path)
-        if _real(path) in sources:
+        if real_path(path) in sources:
             raise InputError("", "expected an output file that is not also an input", file=path)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -22,7 +21,7 @@ from stablepush.cli.common import (
     told,
     whole_number,
 )
-from stablepush.core import InputError, counted, some_of
+from stablepush.core import InputError, counted, real_path, some_of
 
 #: Angle error (deg) of left-out pokes beyond which the data is doubted: rough wood has 12.
 _LARGE = 18.0
@@ -68,7 +67,7 @@ def import_logs(
                 log, notes = import_source(item, replacement)
             except InputError as error:
                 # what is about the mapping, or the slider that it names, is about all logs
-                of_log = mapping is None or Path(os.path.realpath(error.file)).is_relative_to(os.path.realpath(item.file))
+                of_log = mapping is None or real_path(error.file).is_relative_to(real_path(item.file))
                 if not several or not error.file or not of_log:
                     raise
                 # a clone holds files of other experiments: one that is no log of ours must not keep the others out

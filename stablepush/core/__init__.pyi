@@ -54,6 +54,7 @@ from .parallel import (
     run_parallel as run_parallel,
     usable_cores as usable_cores,
 )
+from .paths import real_path as real_path
 from .plausibility import (
     note_cors as note_cors,
     note_distance as note_distance,

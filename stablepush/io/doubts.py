@@ -274,7 +274,7 @@ def _clock(log: PushLog) -> Iterator[str]:
 
 
 def _missed(log: PushLog, told: Sequence[str]) -> Iterator[str]:
-    """Pushes in which the tracker sees the slider all the time, and it does not move, but for those that are told already."""
+    """Pushes in which the tracker sees the slider all the time and it does not move. ``told``: those that another line names."""
     names = []
     for name in map(str, log.trials["trial"]):
         rows = log.rows(name)
@@ -289,7 +289,7 @@ def _missed(log: PushLog, told: Sequence[str]) -> Iterator[str]:
 
 
 def _unloaded(log: PushLog) -> Iterator[str]:
-    """Pushes that are seen, of a log with forces, in which none is known, or not where it acts."""
+    """Pushes that give no load because the force is missing, or the place of the tip, without which there is no moment."""
     if "fx" not in log.samples:
         return
     loaded = set(log.pairs().trials)
@@ -303,7 +303,6 @@ def _unloaded(log: PushLog) -> Iterator[str]:
         if np.isnan(loads[rows]).any(axis=1).mean() > _SEEN:
             lacking["force"].append(name)
         elif log.rig.contact_kind == "point" and np.isnan(tips[rows]).any(axis=1).mean() > _SEEN:
-            # nobody knows its moment
             lacking["place of the tip"].append(name)
     for what, names in lacking.items():
         if names:
@@ -311,8 +310,10 @@ def _unloaded(log: PushLog) -> Iterator[str]:
 
 
 def pushes_unseen(t: FloatArray, tips: FloatArray, forces: FloatArray, load: float) -> list[str]:
-    """Return a line if forces (n, 2) of a record at ``t`` (n,) in s act while the tip moves, in rows of no push: nobody saw the
-    slider move. ``load``: the size (N) of those of pushes."""
+    """Return a line if a force acts while the tip moves, in rows that belong to no push: the slider is not seen to move there.
+
+    Times (n,) in s, places of the tip (n, 2 or 3) and forces (n, 2) of those rows; ``load`` (N): the usual force of a push.
+    """
     acts = np.linalg.norm(forces, axis=1) > _ACTS * load
     runs = np.split(np.arange(len(t)), np.flatnonzero((np.diff(acts) != 0) | (np.diff(t) > largest_step(np.diff(t)))) + 1)
     unseen = [run for run in runs if len(run) and acts[run[0]] and np.linalg.norm(np.ptp(tips[run, :2], axis=0)) > _OFF_LEAST]

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from stablepush.core import InputError, Node, without_collecting
-from stablepush.io.special_files import require_an_end
+from stablepush.io.special_files import refuse_endless
 
 #: Files larger than this (bytes) are refused, whatever they are read from, so that memory is bounded. A number of a table takes 8
 #: bytes there, one of JSON up to 32.
@@ -83,7 +83,7 @@ def open_text(path: str | Path, newline: str | None = None) -> Iterator[TextIO]:
     """Open a UTF-8 text file to be read; every failure, also while it is read, is one line that names it."""
     try:
         about = os.stat(path)
-        require_an_end(path)
+        refuse_endless(path)
         too_large = about.st_size > _LARGEST_FILE
         stream = open(path, encoding="utf-8-sig", newline=newline)  # noqa: SIM115 (closed below)
     except ValueError as error:  # a NUL in the path

@@ -6,7 +6,7 @@ import os
 import stat
 from pathlib import Path
 
-from stablepush.core import InputError
+from stablepush.core import InputError, real_path
 
 
 def require_file(path: str | Path) -> None:
@@ -15,14 +15,14 @@ def require_file(path: str | Path) -> None:
         raise InputError("", "cannot read: expected a file", file=path)
 
 
-def require_an_end(path: str | Path, what: str = "read") -> None:
-    """Refuse a device, which never ends, and a pipe with a name, which waits for ever where nobody uses its other end.
+def refuse_endless(path: str | Path, what: str = "read") -> None:
+    """Refuse to ``read`` a device, which never ends, and to ``read`` or ``write`` a pipe with a name.
 
-    The pipes of a shell, ``<(command)``, have no name and are taken. ``what`` is to be done: ``read`` or ``write``. A device may
-    be written. Raises OSError where there is nothing.
+    Such a pipe waits for ever where nobody uses its other end. The pipes of a shell, ``<(command)``, have no name and are taken.
+    Raises OSError where there is nothing.
     """
     mode = os.stat(path).st_mode
     if what == "read" and (stat.S_ISCHR(mode) or stat.S_ISBLK(mode)):
         raise InputError("", "cannot read: expected a file, not a device", file=path)
-    if stat.S_ISFIFO(mode) and os.path.exists(os.path.realpath(path)):
+    if stat.S_ISFIFO(mode) and real_path(path).exists():
         raise InputError("", f"cannot {what}: expected a file, not a pipe with a name", file=path)

@@ -77,20 +77,23 @@ def dead_columns(log: PushLog) -> dict[str, list[str]]:
     """
     noise = log.rig.noise
     told = {"poses": noise is not None and min(noise.position, noise.angle) > 0, "forces": noise is not None and noise.force > 0}
+    phase = log.samples.get("phase", np.full(len(log.samples["t"]), ""))
     found = {}
     for channel, names in _INSTRUMENTS.items():
         values = log.columns(*names)
-        changes = []
-        for trial in map(str, log.trials["trial"]) if told[channel] or "phase" in log.samples else ():
+        known = np.asarray(np.isfinite(values).all(axis=1))
+        still, changes = np.ones(len(names), dtype=bool), []
+        for trial in map(str, log.trials["trial"]):
             rows = log.rows(trial)
-            rows = rows[np.isfinite(values[rows]).all(axis=1)]
-            noisy = rows if told[channel] or "phase" not in log.samples else rows[log.samples["phase"][rows] == "rest"]
+            rows = rows[known[rows]]
+            noisy = rows if told[channel] else rows[phase[rows] == "rest"]
             if len(noisy) >= LEAST_REST:
-                changes.append([(np.diff(values[which], axis=0) != 0).mean(axis=0) for which in (rows, noisy)])
-        if changes:
-            dead, alive = ~np.any(changes, axis=0)[0], np.min(changes, axis=0)[1] > _NOISY
-            found[channel] = [name for name, is_dead in zip(names, dead, strict=True) if is_dead and alive.any()]
-    return {channel: columns for channel, columns in found.items() if columns}
+                still &= (np.diff(values[rows], axis=0) == 0).all(axis=0)
+                changes.append((np.diff(values[noisy], axis=0) != 0).mean(axis=0))
+        # one of the others changes in every push
+        if changes and (np.min(changes, axis=0) > _NOISY).any() and still.any():
+            found[channel] = [name for name, stands in zip(names, still, strict=True) if stands]
+    return found
 
 
 def dead_words(found: Mapping[str, Sequence[str]]) -> list[str]:
@@ -143,7 +146,10 @@ def frozen(log: PushLog) -> dict[str, np.ndarray[Any, np.dtype[np.intp]]]:
 
 
 def dead_or_cut_off(forces: FloatArray) -> list[str]:
-    """Return a line for a component of recorded forces (n, 2) that is dead, or cut off at a limit."""
+    """Return a line for a component of recorded forces (n, 2) that is dead, or cut off at a limit.
+
+    In the axes of the record: loads in B, of which :func:`dead_columns` speaks, turn with the slider and hide it.
+    """
     lines = []
     known = forces[np.isfinite(forces).all(axis=1)]
     for name, values, other in (("fx", *known.T), ("fy", *known.T[::-1])) if len(known) >= LEAST_REST else ():

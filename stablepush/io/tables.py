@@ -95,10 +95,9 @@ def _check_header(header: list[str], required: Sequence[str], name: str) -> None
     missing = [column for column in required if column not in header]
     if missing:
         other = next((sign for sign in (";", "\t") if sign in header[0]), None) if len(header) == 1 else None
-        words = "missing column" + did_you_mean(missing[0], [column for column in header if column not in required])
-        if other is not None:
-            words = f"missing column: separate columns by commas, not by {other!r}"
-        raise InputError(f"line 1: column {missing[0]}", words, file=name)
+        others = [column for column in header if column not in required]
+        hint = did_you_mean(missing[0], others) if other is None else f": separate columns by commas, not by {other!r}"
+        raise InputError(f"line 1: column {missing[0]}", f"missing column{hint}", file=name)
 
 
 def _number(cell: str, name: str, line: int, column: str) -> float:

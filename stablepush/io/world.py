@@ -258,8 +258,8 @@ def log_from_arrays(
     made = PushLog(replace(rig, twist_window=window), log, columns)
     channels = {"poses": tracked, "tip positions": tips, "forces": world}
     lacking = [words for name, values in channels.items() if values is not None for words in covers(name, t, values)]
-    beside = np.setdiff1d(np.arange(n), np.concatenate(rows)) if trials is None else np.zeros(0, dtype=np.intp)
-    if len(beside) and tips is not None and world is not None:
+    if trials is None and tips is not None and world is not None:
+        beside = np.setdiff1d(np.arange(n), np.concatenate(rows))
         sizes = np.linalg.norm(made.columns("fx", "fy")[made.samples["phase"] == "push"], axis=1)
         usual = float(np.nanmedian(sizes)) if np.isfinite(sizes).any() else math.inf
         lacking += pushes_unseen(t[beside], tips[beside], readings[beside, :2], usual)

@@ -13,11 +13,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from stablepush.core import ASIDE, InputError, clear_scratch, scratch_folder, scratch_prefix
-from stablepush.io.special_files import require_an_end
-
-#: So many files that do not belong into a folder are named.
-_NAMED = 3
+from stablepush.core import ASIDE, InputError, clear_scratch, real_path, scratch_folder, scratch_prefix, some_of
+from stablepush.io.special_files import refuse_endless
 
 
 def write_atomically(path: str | Path, content: str | bytes) -> None:
@@ -30,7 +27,7 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
         if target.is_dir():
             raise InputError("", "cannot write: is a directory", file=target)
         if target.exists() and not target.is_file():  # a pipe or a terminal takes what it gets
-            require_an_end(target, "write")
+            refuse_endless(target, "write")
             target.write_bytes(data)
             return
         clear_scratch(target.parent)
@@ -57,7 +54,7 @@ def whole_folder(path: str | Path, *names: str) -> Iterator[Path]:
     a folder whose parent cannot be written are replaced one by one.
     """
     try:
-        target = Path(os.path.realpath(path))
+        target = real_path(path)
         if target.exists() and not target.is_dir():
             raise InputError("", "cannot write: exists and is not a folder", file=path)
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -87,9 +84,8 @@ def require_own_files(path: str | Path, *names: str) -> None:
     files = (file.relative_to(folder).as_posix() for file in sorted(folder.rglob("*")) if file.is_symlink() or not file.is_dir())
     others = [file for file in files if not any(fnmatch.fnmatchcase(file, name) for name in names)]
     if others:
-        named = ", ".join(others[:_NAMED]) + (f" and {len(others) - _NAMED} more" if len(others) > _NAMED else "")
         words = "cannot write: the folder is replaced as a whole, and holds files of others; move them, or name another"
-        raise InputError("", words, named, file=path)
+        raise InputError("", words, some_of(others), file=path)
 
 
 def _take_place(new: Path, target: Path) -> None:

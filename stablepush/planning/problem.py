@@ -189,6 +189,7 @@ class PlanningProblem:
         self._doubt()
         self._require_inward_normals()
         self._require_pusher_outside()
+        self._require_fingers_outside()
 
     def _require_inward_normals(self) -> None:
         """Refuse a contact on the outline whose fingers would pull."""
@@ -205,18 +206,8 @@ class PlanningProblem:
                     raise InputError(f"contacts[{i}].normals[{k}]", "expected a normal that points into the slider")
 
     def _require_pusher_outside(self) -> None:
-        """Refuse a pusher that, docked at a contact, fills a part of the slider, be it an outline or fingers."""
+        """Refuse a pusher whose outline, docked at a contact, fills a part of the slider."""
         edge = self.slider.polygon.exterior
-        if self.pusher is None and self.finger_radius > 0:
-            for i, contact in enumerate(self.contacts):
-                # beside an inner corner there is no room, whatever the normal that is stated
-                near, inward, away = contacts_on_outline(self.slider.vertices, contact.points)
-                stated, touching = contact.points - self.finger_radius * contact.normals, near - self.finger_radius * inward
-                room = [shapely.distance(self.slider.polygon, shapely.points(centers)) for centers in (stated, touching)]
-                depth = float((self.finger_radius - np.maximum(*room) - np.abs(away)).max())
-                if depth > _DEEP:
-                    words = f"expected fingers that only touch; docked at contact {i} one stands inside the slider"
-                    raise InputError("finger_radius", words, f"{1000 * depth:.2g} mm")
         for i, contact in enumerate(self.contacts if self.pusher is not None else ()):
             # contact points that are off the outline are noted, and move the pusher as far
             off = float(shapely.distance(edge, shapely.points(contact.points)).max())
@@ -225,6 +216,17 @@ class PlanningProblem:
                 if not shapely.buffer(shared, -(_DEEP + off) / 2).is_empty:
                     words = f"expected a pusher that only touches; docked at contact {i} it overlaps the slider"
                     raise InputError("pusher.outline", words, f"{1e4 * shared.area:.3g} cm²")
+
+    def _require_fingers_outside(self) -> None:
+        """Refuse a contact at which a finger stands inside the slider, as beside an inner corner, whatever normal is stated."""
+        for i, contact in enumerate(self.contacts if self.pusher is None and self.finger_radius > 0 else ()):
+            near, inward, away = contacts_on_outline(self.slider.vertices, contact.points)
+            stated, touching = contact.points - self.finger_radius * contact.normals, near - self.finger_radius * inward
+            room = [shapely.distance(self.slider.polygon, shapely.points(centers)) for centers in (stated, touching)]
+            depth = float((self.finger_radius - np.maximum(*room) - np.abs(away)).max())
+            if depth > _DEEP:
+                words = f"expected fingers that only touch; docked at contact {i} one stands inside the slider"
+                raise InputError("finger_radius", words, f"{1000 * depth:.2g} mm")
 
     def _doubt(self) -> None:
         """Note what looks like another unit."""

@@ -31,7 +31,7 @@ SAME = 1e-6
 
 
 def answer(name: str) -> dict[str, Any]:
-    """What a diagnosis says of a log: its verdict, the effects that are named, and of each the probability and the estimates."""
+    """What a diagnosis says of a log: verdict, named effects, and the probability and the estimates of each effect."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -51,7 +51,7 @@ def answer(name: str) -> dict[str, Any]:
 
 
 def differences(before: Any, after: Any, place: str = "") -> Iterator[str]:
-    """Places at which two answers differ, by more than :data:`SAME` if they are numbers."""
+    """Places at which two answers differ. Numbers differ if they do by more than :data:`SAME`."""
     if isinstance(before, dict) and isinstance(after, dict):
         for key in sorted(before.keys() | after.keys()):
             if key not in before or key not in after:

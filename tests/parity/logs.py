@@ -28,7 +28,7 @@ EFFECTS = (
     "tilt:slope=0.02/-0.01", "force-bias:force=0.2/-0.1", "force-rotation:angle=0.1", "frame-offset:offset=0.003/-0.002",
     "latency:delay=0.05", "contact-friction:mu=0.3", "contact-geometry:radius=0.006",
 )  # fmt: skip
-#: Those whose sum is told apart, in pairs.
+#: Effects of which logs have two.
 PAIRED = ("anisotropy-world:ratio=1.2,direction=0.5", "tilt:slope=0.02/-0.01", "latency:delay=0.05", "drift:rate=-0.2")
 #: Effects of executed plans, which show in where the slider ends.
 EXECUTED = ("contact-friction:mu=0.25", "tilt:slope=0.05/0.02", "frame-offset:offset=0.004/-0.003", "latency:delay=0.08")
@@ -38,7 +38,7 @@ FORCES = ("fx", "fy", "tau")
 
 
 def recipes() -> dict[str, Recipe]:
-    """Three hundred logs, or the 225 of them that need no other folder; names begin with their family."""
+    """Three hundred logs by name, or the 225 of them that need no other folder."""
     own: dict[str, Recipe] = {}
     for seed in range(4):
         own[f"rig/none-{seed}"] = functools.partial(_own, (), seed, two=bool(seed % 2))

@@ -1,4 +1,4 @@
-"""A few of the fixed logs: the diagnosis says of them what it said. ``answers.py`` asks all of them."""
+"""A few of the fixed logs have the answers that are kept; ``answers.py`` compares all of them."""
 
 import pytest
 from parity.answers import answer, differences, read

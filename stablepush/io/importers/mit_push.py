@@ -9,7 +9,6 @@ A folder of files is one log. What the name of a file says, as in
 from __future__ import annotations
 
 import math
-import os
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import FloatArray, InputError, StablepushWarning, UnavailableError
+from stablepush.core import FloatArray, InputError, StablepushWarning, UnavailableError, real_path
 from stablepush.io.doubts import doubts
 from stablepush.io.importers.registry import Source, name_of, within
 from stablepush.io.importers.streams import Stream, on_one_clock, without_leaps
@@ -50,7 +49,7 @@ class MitPushes:
         for folder in dict.fromkeys(file.parent for file in files):
             # a file that is named stands for itself, a folder for all of its files
             place = root if root.is_file() else folder
-            yield Source("mit-push", place, name_of(Path(os.path.realpath(place))), {})
+            yield Source("mit-push", place, name_of(real_path(place)), {})
 
     def read(self, source: Source, slider: Slider | None) -> tuple[PushLog, list[str]]:
         if slider is None:

@@ -9,7 +9,6 @@ legs of 150 mm; its tracked frame sits in the corner with the right angle, its C
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import LARGEST_MAGNITUDE, FloatArray, InputError
+from stablepush.core import LARGEST_MAGNITUDE, FloatArray, InputError, real_path
 from stablepush.geometry import compose, exp, inverse, rotate_vectors, transform_points, wrap_angle, wrench_from_force
 from stablepush.io.importers.registry import Source, name_of
 from stablepush.io.json_files import read_text
@@ -180,7 +179,7 @@ def _actions_file(file: Path) -> Path:
 
 
 def _name_source(kind: str, file: Path) -> Source:
-    folder = Path(os.path.realpath(file)).parent.name
+    folder = real_path(file).parent.name
     surface, _, rest = folder.partition("_")
     if kind == "mlab-stable":
         surface, rest, name = "poster", folder, f"poster_{name_of(Path(folder))}_stable"
@@ -370,7 +369,7 @@ def _what_is_wrong(push: RawPush) -> str:
     """Why the record of a poke shows no load and no motion; empty if it does."""
     if len(push.forces) < 10 or len(push.robot) < 2:
         return "expected at least 10 force and 2 robot rows"
-    if wrong := _stopped(push):
+    if wrong := _unusable(push):
         return wrong
     if push.robot[0, 0] > push.forces[-1, 0] or push.robot[-1, 0] < push.forces[0, 0]:
         return "forces and robot were recorded at different times"
@@ -379,7 +378,7 @@ def _what_is_wrong(push: RawPush) -> str:
     return ""
 
 
-def _stopped(push: RawPush) -> str:
+def _unusable(push: RawPush) -> str:
     """Why a record says nothing of a push, be it of pokes or of rotations: its clock, its robot or its tracker; else empty."""
     for name, stamps in (("forces", push.forces[:, 0]), ("robot", push.robot[:, 0])):
         if (back := -float(np.diff(stamps).min(initial=0.0))) > 0:
@@ -417,7 +416,7 @@ def _rotation_tables(pushes: list[RawPush], actions: list[Action]) -> tuple[dict
     origin = float(np.nanmin(starts)) if np.isfinite(starts).any() else 0.0
     for number, (push, action, start) in enumerate(zip(pushes, actions, starts, strict=False), 1):
         (before, tilt_0), (after, tilt_1) = _com_pose(push.before), _com_pose(push.after)
-        if wrong := _stopped(push):
+        if wrong := _unusable(push):
             notes.append(f"push {number}: left out, {wrong}")
             continue
         tracked = (tilt_0 <= _LARGEST_TILT, tilt_1 <= _LARGEST_TILT)

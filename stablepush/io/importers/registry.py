@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -19,6 +18,7 @@ from stablepush.core import (
     did_you_mean,
     load_plugin,
     plugin_names,
+    real_path,
     what_failed,
 )
 from stablepush.io.pushlog import PushLog
@@ -133,7 +133,7 @@ def _named_apart(sources: list[Source]) -> list[Source]:
         names = [source.name for source in sources]
         if len(set(names)) == len(names):
             return sources
-        places = [Path(os.path.realpath(source.file)) for source in sources]
+        places = [real_path(source.file) for source in sources]
         parts = [place if depth == 0 else place.parents[depth - 1] for place in places]
         sources = [
             s if names.count(s.name) == 1 or name_of(p) == s.name else replace(s, name=f"{s.name}_{name_of(p)}")
