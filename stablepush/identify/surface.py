@@ -37,7 +37,7 @@ def surface_from_scaled(
     if force_scale is not None and largest > LARGEST_MAGNITUDE:
         words = (
             f"loads of {force_scale:.2g} N are too small for coefficients of degree {degree} in N: the surface is in units of "
-            f"the friction force ({FORCE_UNIT}), H = 1 holds for loads over {force_scale:.4g} N"
+            f"the friction force ({FORCE_UNIT}), H = 1 at loads that are divided by {force_scale:.4g} N"
         )
         warnings.warn(StablepushWarning(words), stacklevel=3)
         factor, force_unit = 1.0, FORCE_UNIT
