@@ -112,6 +112,23 @@ def pushes_in(
     return found, [str(k + 1) for k in range(len(found))]
 
 
+def noise_of_rows(slider: Slider, t: FloatArray, poses: FloatArray) -> float:
+    """By how much (m) the places of a slider at rest differ from row to row (median), be rows named or not.
+
+    From how far each row lies beside the line through its neighbours; across gaps of the record there is none.
+    """
+    known = np.flatnonzero(np.isfinite(poses).all(axis=1))
+    steps = np.diff(t[known])
+    bent = [np.zeros(0)]
+    for piece in np.split(known, 1 + np.flatnonzero(steps > largest_step(steps))):
+        seen = poses[piece].copy()
+        seen[:, 2] = np.unwrap(seen[:, 2])
+        places = transform_points(seen, slider.vertices)
+        bent.append(np.linalg.norm(places[2:] - 2 * places[1:-1] + places[:-2], axis=-1).max(axis=1, initial=0.0))
+    # a - 2 b + c scatters sqrt(3) times as much as a - b
+    return float(np.median(np.concatenate(bent))) / math.sqrt(3) if any(map(len, bent)) else 0.0
+
+
 def _noise_of_travel(slider: Slider, poses: FloatArray) -> float:
     """Median of the noise of :func:`travel` (m), from how far blocks of poses lie beside the middle of their neighbours."""
     known = poses[np.isfinite(poses).all(axis=1)]
@@ -144,16 +161,18 @@ def phases_of(
     forces: FloatArray | None,
     away: FloatArray | None = None,
     tips: FloatArray | None = None,
+    noise: float = 0.0,
 ) -> np.ndarray[Any, np.dtype[np.object_]]:
     """Phases (n,) of a trial: ``push`` from the step of the force to where it is gone; without forces, while the slider moves.
 
     ``away``: clearances (n,) in m of the finger. Before the push the sensor rests where the tip is away; before
     that a finger may press that has ended another push, in ``approach``. ``tips`` (n, 2 or 3): a push ends where
-    the tip stops.
+    the tip stops. ``noise`` (m): by how much two rows of a slider at rest differ, as :func:`noise_of_rows` has it.
     """
     phases = np.full(len(speed), "push", dtype=object)
     moving = np.flatnonzero(speed > _MOVES * speed.max())
-    if not len(moving) or travel(slider, poses) < LEAST_TRAVEL:
+    surely = _SURELY * noise / math.sqrt(_rows_of_ends(poses))
+    if not len(moving) or travel(slider, poses) < max(LEAST_TRAVEL, surely):
         # of what is not seen to move no load is made
         phases[:] = "rest"
         return phases
@@ -362,9 +381,14 @@ def travel(slider: Slider, poses: FloatArray) -> float:
     if len(known) < 2:
         return 0.0
     known[:, 2] = np.unwrap(known[:, 2])
-    count = min(_ENDS, max(1, len(known) // 3))
+    count = _rows_of_ends(known)
     first, last = (transform_points(np.median(part, axis=0), slider.vertices) for part in (known[:count], known[-count:]))
     return float(np.linalg.norm(last - first, axis=1).max())
+
+
+def _rows_of_ends(poses: FloatArray) -> int:
+    """How many rows of poses (n, 3), of which none or some are missing, have a median at either end of :func:`travel`."""
+    return min(_ENDS, max(1, int(np.isfinite(poses).all(axis=1).sum()) // 3))
 
 
 def _size(vectors: FloatArray) -> FloatArray:

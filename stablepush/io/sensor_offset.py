@@ -71,7 +71,11 @@ def zeroed(
     spells, lonely = [], np.ones(len(readings), dtype=bool)
     for rows, phase in zip(trials, phases, strict=True):
         pushes[rows[phase == "push"]], lonely[rows] = True, False
+    for rows, phase in zip(trials, phases, strict=True):
         rest, push = (rows[known[rows] & (phase == word)] for word in ("rest", "push"))
+        if not (phase == "push").any():
+            # a finger may press a slider that does not move
+            rest = rest[is_clear(away, pushes)[rest]]
         # on the way to another contact the tool may turn
         rest = rest[~(np.abs(wrap_angle(turned[rest] - turned[rest[-1:]])) > _TURNED)]
         clear = bool(is_clear(away[rows], phase == "push")[np.isin(rows, rest)].any())

@@ -52,11 +52,11 @@ def stopped(log: PushLog) -> dict[str, list[str]]:
         moves = speed[rows] > _STANDS * speed[rows].max(initial=0.0)
         if _ptp(tips[rows]) > _TAKES_ALONG and (_is_same(body[rows]) or name in stale):
             found["poses"].append(name)
-        if moves.any() and _is_same(tips[rows]):
+        pushed = moves & (log.samples["phase"][rows] == "push") if "phase" in log.samples else moves
+        if pushed.any() and _is_same(tips[rows]):
             found["tip positions"].append(name)
         # in whatever axes they were recorded
         size = np.linalg.norm(forces[rows], axis=1)[:, None]
-        pushed = moves & (log.samples["phase"][rows] == "push") if "phase" in log.samples else moves
         if _is_same(size, _BELOW_NOISE * noise) and np.isfinite(size[pushed]).sum() >= LEAST_REST:
             constant[name] = float(np.nanmean(size))
             # friction of a slider that stands and then moves changes

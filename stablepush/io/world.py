@@ -35,6 +35,7 @@ from stablepush.io.recorded_pushes import (
     bridged,
     largest_step,
     named_rows,
+    noise_of_rows,
     phases_of,
     pushes_in,
     speeds_of,
@@ -206,7 +207,7 @@ def log_from_arrays(
     twists = [twists_of(t[mine], body[mine], window) for mine in rows]
     # what moves while the tracker sees nothing is pushed, too
     speeds = [speeds_of(rig.slider, twists_of(t[mine], bridged(t[mine], body[mine]), window)) for mine in rows]
-    away = np.full(n, np.nan)
+    away, noise = np.full(n, np.nan), noise_of_rows(rig.slider, t, body)
     if tips is not None:
         # an object is lost later than in the beginning
         first = int(np.argmin([mine[0] for mine in rows]))
@@ -215,7 +216,7 @@ def log_from_arrays(
     for name, mine, twist, speed in zip(names, rows, twists, speeds, strict=True):
         clock, here = t[mine], body[mine]
         read, tip = (None if values is None else values[mine] for values in (world, tips))
-        phases = phases_of(rig.slider, here, speed, read, away[mine], tip)
+        phases = phases_of(rig.slider, here, speed, read, away[mine], tip, noise)
         columns["trial"] += [name] * len(mine)
         columns["t"] += (clock - clock[0]).tolist()
         begins.append(float(clock[0]))

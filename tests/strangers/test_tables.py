@@ -243,6 +243,23 @@ def test_a_note_names_what_is_lost(what, tmp_path, capsys):
             assert load == pytest.approx(loads[int(name[1:])], abs=0.05 if "misses" in what else 1e-9)
 
 
+@pytest.mark.parametrize("pieces", [5, 25, 75])
+def test_no_load_is_made_of_pieces_of_a_push(pieces, tmp_path, capsys):
+    """Each piece has a name of its own; most are too short to show that anything moves, or a rest."""
+
+    def split(rows, trials):
+        rows, trials = noisy(0.02)(rows, trials)
+        return rows, [f"p1/{k % ROWS * pieces // ROWS}" if word == "p1" else word for k, word in enumerate(trials)]
+
+    code, said = run(tmp_path, capsys, split)
+    assert code == 0
+    (told,) = re.findall(rf"in (\d+) of {pieces + 2} pushes \(p1/0, p1/1, p1/2.*\) the slider does not move", said)
+    pairs, (_, _, loads) = sp.read_pushlog(tmp_path / "log").pairs(), recorded()
+    assert len(pairs.trials) == pieces + 2 - int(told)
+    for name, load in zip(pairs.trials, pairs.wrenches, strict=True):
+        assert load == pytest.approx(loads[int(name[1])], abs=0.1)
+
+
 def test_pushes_that_a_frozen_tracker_hides_are_told(tmp_path, capsys):
     """Without names of pushes only motion tells them."""
     rows, _ = frozen(POSE, ROWS + 50)(*noisy(0.02)(*good()))
