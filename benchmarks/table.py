@@ -276,10 +276,10 @@ def pushes() -> Iterator[Row]:
 
 
 def diagnoses() -> Iterator[Row]:
-    from stablepush.diagnosis.equations import SIZES
-    from stablepush.diagnosis.forward import PARAMETERS
-    from stablepush.diagnosis.observations import observe
-    from stablepush.diagnosis.system import system_of
+    from stablepush.diagnosis.likelihood.equations import SIZES
+    from stablepush.diagnosis.likelihood.forward import PARAMETERS
+    from stablepush.diagnosis.likelihood.system import system_of
+    from stablepush.diagnosis.rows.observations import observe
 
     slider = sp.Slider([(-0.05, -0.05), (0.10, -0.05), (-0.05, 0.10)], 1.2)
     support = sp.SupportDistribution.from_polygon(0.9 * slider.vertices, 0.03)

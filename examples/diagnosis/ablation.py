@@ -27,10 +27,12 @@ import stablepush as sp
 from stablepush.blind.score import Row, outcome, share
 from stablepush.blind.seal import Ledger, open_label
 from stablepush.core.parallel import run_parallel
-from stablepush.diagnosis import attribution, gap_reduction, gap_report
-from stablepush.diagnosis.equations import Demands, Equations, ScoreTest
-from stablepush.diagnosis.observations import Observations, observe
-from stablepush.diagnosis.system import System
+from stablepush.diagnosis import gap_report
+from stablepush.diagnosis.judge import gap_reduction
+from stablepush.diagnosis.likelihood.equations import Demands, Equations, ScoreTest
+from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.rows.observations import Observations, observe
+from stablepush.diagnosis.search import attribution
 from stablepush.effects import FAMILIES
 
 FORCES = ("fx", "fy", "tau")

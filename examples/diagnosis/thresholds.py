@@ -16,10 +16,10 @@ from functools import partial
 import campaign
 import numpy as np
 
-from stablepush.diagnosis.attribution import BEYOND_PRESSURE
-from stablepush.diagnosis.equations import Fitted, Values
-from stablepush.diagnosis.observations import observe
-from stablepush.diagnosis.system import system_of
+from stablepush.diagnosis.likelihood.equations import Fitted, Values
+from stablepush.diagnosis.likelihood.system import system_of
+from stablepush.diagnosis.rows.observations import observe
+from stablepush.diagnosis.search.attribution import BEYOND_PRESSURE
 
 Residual = Callable[[np.ndarray, Values], np.ndarray]
 LEVELS = (0.05, 0.1, 0.5)

@@ -1,6 +1,4 @@
-from .evidence import Evidence as Evidence
 from .gap_report import diagnose as diagnose, gap_reductions_with as gap_reductions_with
-from .report import VERDICTS as VERDICTS, GapReport as GapReport
 from .results import (
     ChannelGap as ChannelGap,
     GapReduction as GapReduction,
@@ -12,5 +10,7 @@ from .results import (
     shown_unit as shown_unit,
     size_in_words as size_in_words,
 )
-from .signatures import Estimates as Estimates, Signature as Signature
-from .wording import estimate_in_words as estimate_in_words
+from .telling.evidence import Evidence as Evidence
+from .telling.report import VERDICTS as VERDICTS, GapReport as GapReport
+from .telling.signatures import Estimates as Estimates, Signature as Signature
+from .telling.wording import estimate_in_words as estimate_in_words

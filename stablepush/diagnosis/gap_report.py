@@ -10,31 +10,31 @@ from types import MappingProxyType
 import numpy as np
 
 from stablepush.core import FloatArray, InputError, PlausibilityWarning, one_blas_thread
-from stablepush.diagnosis.attribution import Attribution, attribute
-from stablepush.diagnosis.contact_friction import slip_friction, suspected_friction
-from stablepush.diagnosis.corrected import corrections, in_own_forms, of_last_log
-from stablepush.diagnosis.determined import determined_rows
-from stablepush.diagnosis.equations import SIZES
-from stablepush.diagnosis.evidence import evidence
-from stablepush.diagnosis.finger_forces import finger_forces
-from stablepush.diagnosis.gap_reduction import HeldOut, hold_out, reductions
-from stablepush.diagnosis.motions import Motions, motions_of
-from stablepush.diagnosis.negligible import negligible_causes
-from stablepush.diagnosis.observations import Observations, heading, observe
-from stablepush.diagnosis.one_push import of_one_push
-from stablepush.diagnosis.ranking import UNSEEN, rank
-from stablepush.diagnosis.replay import Replay, replays
-from stablepush.diagnosis.report import GapReport, beside, without_causes
+from stablepush.diagnosis.judge.gap_reduction import HeldOut, hold_out, reductions
+from stablepush.diagnosis.judge.negligible import negligible_causes
+from stablepush.diagnosis.judge.ranking import UNSEEN, rank
+from stablepush.diagnosis.judge.simulated import Comparison, compare, less_simulated
+from stablepush.diagnosis.judge.verdicts import judge, leaves_lost_pushes, refit_leaves_noise, stands_clear
+from stablepush.diagnosis.judge.where import localise, residuals
+from stablepush.diagnosis.likelihood.determined import determined_rows
+from stablepush.diagnosis.likelihood.equations import SIZES
+from stablepush.diagnosis.likelihood.motions import Motions, motions_of
+from stablepush.diagnosis.likelihood.replay import Replay, replays
+from stablepush.diagnosis.likelihood.system import System, log_rows, system_of
+from stablepush.diagnosis.likelihood.together import join, observe_each, together_of
+from stablepush.diagnosis.remedy.corrected import corrections, in_own_forms, of_last_log
 from stablepush.diagnosis.results import GapReduction, NextExperiment, RankedEffect, Verdict
-from stablepush.diagnosis.signatures import estimates, signatures
-from stablepush.diagnosis.simulated import Comparison, compare, less_simulated
-from stablepush.diagnosis.slip import friction_from_poses, without_contradiction
-from stablepush.diagnosis.stopped import without_stopped
-from stablepush.diagnosis.system import System, log_rows, system_of
-from stablepush.diagnosis.together import join, observe_each, together_of
-from stablepush.diagnosis.verdicts import judge, leaves_lost_pushes, refit_leaves_noise, stands_clear
-from stablepush.diagnosis.where import localise, residuals
-from stablepush.diagnosis.wording import (
+from stablepush.diagnosis.rows.observations import Observations, heading, observe
+from stablepush.diagnosis.rows.stopped_sensors import without_stopped
+from stablepush.diagnosis.search.attribution import Attribution, attribute
+from stablepush.diagnosis.search.contact_friction import slip_friction, suspected_friction
+from stablepush.diagnosis.search.finger_forces import finger_forces
+from stablepush.diagnosis.search.slip import friction_from_poses, without_contradiction
+from stablepush.diagnosis.telling.evidence import evidence
+from stablepush.diagnosis.telling.one_push import of_one_push
+from stablepush.diagnosis.telling.report import GapReport, beside, without_causes
+from stablepush.diagnosis.telling.signatures import estimates, signatures
+from stablepush.diagnosis.telling.wording import (
     NOT_COMPARED,
     notes_on,
     sentence_of,
@@ -424,7 +424,7 @@ def _next(system: System, found: Attribution, effects: list[str], ranking: list[
     if len(pair) < 2 or unseen & set(pair) or not (system.has_wrench or isinstance(system, Motions)):
         why = "make more pushes, at varied headings, places, speeds and faces, in random order"
         return NextExperiment(pair, [], why)
-    from stablepush.diagnosis.separation import separating_pushes
+    from stablepush.diagnosis.remedy.separation import separating_pushes
 
     others = [id for id in found.chosen if id not in pair]
     pushes = separating_pushes(system, {id: system.fit([*others, id], found.free) for id in pair})

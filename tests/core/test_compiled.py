@@ -270,7 +270,8 @@ def test_all_code_is_built_by_a_command():
     ask = (
         "from stablepush.cli import main\nassert main(['compile']) == 0\n"
         "from stablepush.mechanics.kernels.rollout import run\nfrom stablepush_planners._search import expand\n"
-        "from stablepush.identify.kernels.pressure_draws import weigh\nfrom stablepush.diagnosis._readings import read\n"
+        "from stablepush.identify.kernels.pressure_draws import weigh\n"
+        "from stablepush.diagnosis.likelihood.sensor_readings import read\n"
         "print([len(f.overloads) for f in (run, expand, weigh, read)])"
     )
     with python("-c", ask) as process:

@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import t as student
 
-from stablepush.diagnosis.contact_friction import P_SLIP, _density, _Model, _share, friction_of
-from stablepush.diagnosis.finger_forces import FingerForces
+from stablepush.diagnosis.search.contact_friction import P_SLIP, _density, _Model, _share, friction_of
+from stablepush.diagnosis.search.finger_forces import FingerForces
 
 COUNT = 60
 

@@ -10,15 +10,15 @@ from conftest import LOAD, MASS, QUIET, check_schema, edited, make_log, pressure
 
 import stablepush as sp
 from stablepush.cli import main
-from stablepush.diagnosis.attribution import family_wise_p_values
-from stablepush.diagnosis.equations import SIZES, ScoreTest, statistics
-from stablepush.diagnosis.forward import ForwardModel
-from stablepush.diagnosis.gap_reduction import HeldOut
-from stablepush.diagnosis.observations import _rates, beyond_noise, observe, pushes_of
-from stablepush.diagnosis.reshaping import _as_good_as_free
-from stablepush.diagnosis.system import System
-from stablepush.diagnosis.verdicts import explains_most
-from stablepush.diagnosis.where import repeats_share
+from stablepush.diagnosis.judge.gap_reduction import HeldOut
+from stablepush.diagnosis.judge.verdicts import explains_most
+from stablepush.diagnosis.judge.where import repeats_share
+from stablepush.diagnosis.likelihood.equations import SIZES, ScoreTest, statistics
+from stablepush.diagnosis.likelihood.forward import ForwardModel
+from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.rows.observations import _rates, beyond_noise, observe, pushes_of
+from stablepush.diagnosis.search.attribution import family_wise_p_values
+from stablepush.diagnosis.search.reshaping import _as_good_as_free
 from stablepush.effects.catalogue import CATALOGUE
 from stablepush.geometry.planar import point_velocity, twist_from_cor
 from stablepush.views.gap_page import gap_html

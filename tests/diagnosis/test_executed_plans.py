@@ -11,13 +11,13 @@ from conftest import LOAD, MASS, make_log, pairs, small_scene, three_feet, trian
 
 import stablepush as sp
 from stablepush.cli.program import main
-from stablepush.diagnosis.attribution import family_wise_p_values
-from stablepush.diagnosis.corrected_surface import _least, _Prior, _Shown
-from stablepush.diagnosis.equations import ScoreTest
-from stablepush.diagnosis.nominal import nominal_of
-from stablepush.diagnosis.observations import observe
-from stablepush.diagnosis.plausibility import possible
-from stablepush.diagnosis.system import System
+from stablepush.diagnosis.likelihood.equations import ScoreTest
+from stablepush.diagnosis.likelihood.nominal import nominal_of
+from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.remedy.corrected_surface import _least, _Prior, _Shown
+from stablepush.diagnosis.rows.observations import observe
+from stablepush.diagnosis.search.attribution import family_wise_p_values
+from stablepush.diagnosis.search.plausibility import possible
 from stablepush.effects import parse_effect
 from stablepush.views import gap_html
 from stablepush.views.plot import plot_forms

@@ -7,10 +7,10 @@ import pytest
 from conftest import FORCES, LOAD, MASS, QUIET, check_schema, edited, make_log, pressure, triangle
 
 import stablepush as sp
-from stablepush.diagnosis.contact_friction import suspected_friction
-from stablepush.diagnosis.finger_forces import FingerForces
-from stablepush.diagnosis.fingers_seen import finger_places
-from stablepush.diagnosis.observations import observe
+from stablepush.diagnosis.rows.fingers import finger_places
+from stablepush.diagnosis.rows.observations import observe
+from stablepush.diagnosis.search.contact_friction import suspected_friction
+from stablepush.diagnosis.search.finger_forces import FingerForces
 from stablepush.rig import edge_command
 
 

@@ -8,10 +8,10 @@ import pytest
 from conftest import edited, make_log
 
 import stablepush as sp
-from stablepush.diagnosis import gap_reduction
-from stablepush.diagnosis.gap_reduction import HeldOut
-from stablepush.diagnosis.negligible import _reduction_beside, changes_nothing
-from stablepush.diagnosis.verdicts import _spoils_poses, stands_clear
+from stablepush.diagnosis.judge import gap_reduction
+from stablepush.diagnosis.judge.gap_reduction import HeldOut
+from stablepush.diagnosis.judge.negligible import _reduction_beside, changes_nothing
+from stablepush.diagnosis.judge.verdicts import _spoils_poses, stands_clear
 
 NOISE = sp.Noise(0.05, 5e-5, 5e-4)
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import stablepush as sp
-from stablepush.diagnosis.force_axes import uneven_axes
-from stablepush.diagnosis.forward import PARAMETERS, ForwardModel
-from stablepush.diagnosis.observations import observe
-from stablepush.diagnosis.system import System
+from stablepush.diagnosis.judge.force_axes import uneven_axes
+from stablepush.diagnosis.likelihood.forward import PARAMETERS, ForwardModel
+from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.rows.observations import observe
 from stablepush.effects import (
     FAMILIES,
     REFERENCE_SPEED,

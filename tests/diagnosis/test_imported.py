@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import stablepush as sp
-from stablepush.diagnosis.observations import observe
+from stablepush.diagnosis.rows.observations import observe
 from stablepush.geometry import rotate_vectors
 
 # what looks wrong in these records is noted, as it should be

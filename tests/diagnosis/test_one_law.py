@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stablepush as sp
-from stablepush.diagnosis.forward import ForwardModel
+from stablepush.diagnosis.likelihood.forward import ForwardModel
 from stablepush.effects import Effect
 from stablepush.effects.table import table_friction
 

@@ -8,11 +8,11 @@ from conftest import FORCES, LOAD, MASS, check_schema, edited, make_log, make_ri
 
 import stablepush as sp
 from stablepush.diagnosis.gap_report import gap_reductions_with
-from stablepush.diagnosis.motions import motions_of
-from stablepush.diagnosis.nominal import Nominal
-from stablepush.diagnosis.observations import observe
-from stablepush.diagnosis.replay import _knots, friction_of, pose_errors, replays
-from stablepush.diagnosis.system import System
+from stablepush.diagnosis.likelihood.motions import motions_of
+from stablepush.diagnosis.likelihood.nominal import Nominal
+from stablepush.diagnosis.likelihood.replay import _knots, friction_of, pose_errors, replays
+from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.rows.observations import observe
 from stablepush.effects.catalogue import parse_effect
 from stablepush.geometry.planar import twist_from_cor
 from stablepush.geometry.se2 import compose, inverse, log as log_of
@@ -180,7 +180,7 @@ def test_the_center_of_a_pressure_that_motions_moved_is_where_its_surface_has_it
     """Without forces the loads of a fit are a shift over rho and stretches, not loads of points."""
     from types import SimpleNamespace
 
-    from stablepush.diagnosis.motions import Motions
+    from stablepush.diagnosis.likelihood.motions import Motions
 
     ideal = sp.IdealLimitSurface(sp.SupportDistribution([(-0.03, -0.03), (0.07, -0.03), (-0.03, 0.07)], [1, 2, 1]), 3.0)
     fake = SimpleNamespace(_surface=ideal, rho=0.04)

@@ -8,7 +8,7 @@ import pytest
 from conftest import make_log
 
 import stablepush as sp
-from stablepush.diagnosis.gap_reduction import _reduction
+from stablepush.diagnosis.judge.gap_reduction import _reduction
 from stablepush.diagnosis.results import GapReduction, as_json
 
 

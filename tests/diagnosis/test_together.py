@@ -8,10 +8,10 @@ from conftest import LOAD, MASS, QUIET, check_schema, edited, make_log, one_line
 
 import stablepush as sp
 from stablepush.cli.program import main
-from stablepush.diagnosis.folds import halves_of
-from stablepush.diagnosis.observations import observe
-from stablepush.diagnosis.system import System
-from stablepush.diagnosis.together import join
+from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.together import join
+from stablepush.diagnosis.rows.observations import observe
+from stablepush.diagnosis.search.folds import halves_of
 from stablepush.effects import parse_effect
 from stablepush.views import gap_html
 

@@ -6,11 +6,11 @@ import pytest
 from conftest import edited, make_log, triangle
 
 import stablepush as sp
-from stablepush.diagnosis.observations import observe
+from stablepush.diagnosis.judge.verdicts import Judgement
+from stablepush.diagnosis.likelihood.system import system_of
 from stablepush.diagnosis.results import ChannelGap, GapReduction, ParameterEstimate, Verdict
-from stablepush.diagnosis.system import system_of
-from stablepush.diagnosis.verdicts import Judgement
-from stablepush.diagnosis.wording import estimate_in_words, sentence_of
+from stablepush.diagnosis.rows.observations import observe
+from stablepush.diagnosis.telling.wording import estimate_in_words, sentence_of
 from stablepush.effects import CATALOGUE, Parameter
 
 

@@ -12,7 +12,7 @@ from conftest import FORCES, LOAD, MASS, edited, make_log, pressure, small_scene
 from matplotlib.figure import Figure
 
 import stablepush as sp
-from stablepush.diagnosis.evidence import readable
+from stablepush.diagnosis.telling.evidence import readable
 from stablepush.views.gap_page import gap_html
 from stablepush.views.pages import plan_html, push_html, region_html, slide_html, surface_html
 from stablepush.views.plot.gaps import arrow_scale, magnification, plot_residuals, view_limits

@@ -1,0 +1,1 @@
+"""What the simulation predicts of the rows, and how probable they are."""

@@ -1,0 +1,1 @@
+"""What follows: the corrected rig, and the pushes that tell causes apart."""

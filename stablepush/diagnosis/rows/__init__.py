@@ -1,0 +1,1 @@
+"""What a log shows: rows of pushes, the fingers, noise of the readings."""
