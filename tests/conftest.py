@@ -11,7 +11,7 @@ import pytest
 from hypothesis import settings
 
 import stablepush as sp
-from stablepush.effects.catalogue import CATALOGUE, parse_effect
+from stablepush.effects import CATALOGUE, parse_effect
 
 #: Characteristic length in m of the pairs of :func:`pairs`.
 RHO = 0.05

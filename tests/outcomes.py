@@ -20,7 +20,7 @@ import numpy as np
 from conftest import make_log, small_scene, triangle
 
 import stablepush as sp
-from stablepush.effects.catalogue import parse_effect
+from stablepush.effects import parse_effect
 
 SQUARE = sp.Slider.rectangle(0.1, 0.1, 1.0)
 HEXAGON = sp.Slider.regular_polygon(6, 0.06, 1.0)

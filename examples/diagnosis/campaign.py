@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 import stablepush as sp
 from stablepush.core.parallel import run_parallel
-from stablepush.effects.catalogue import CATALOGUE
+from stablepush.effects import CATALOGUE
 
 #: Amplitudes from faint to strong, in shares of these largest ones.
 LARGEST = {

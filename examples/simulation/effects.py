@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 import stablepush as sp
-from stablepush.effects.catalogue import CATALOGUE, parse_effect
+from stablepush.effects import CATALOGUE, parse_effect
 from stablepush.geometry.se2 import wrap_angle
 
 #: Middle of the range, and nominal values; two numbers are along x and y.

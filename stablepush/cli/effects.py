@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from stablepush.cli.common import told
-
-if TYPE_CHECKING:
-    from stablepush.effects import LabEffect
 
 #: What effects act on, in words.
 _ACTS_ON = {
@@ -35,8 +31,7 @@ def effects(
     own = {} if effect in CATALOGUE else lab_effects()
     if effect is not None:
         check_choice(effect, "ID", (*CATALOGUE, *own))
-    chosen = [asdict(kind) for kind in CATALOGUE.values() if effect in (None, kind.id)]
-    chosen += [_of_lab(kind) for kind in own.values() if effect in (None, kind.id)]
+    chosen = [kind.description for kind in (*CATALOGUE.values(), *own.values()) if effect in (None, kind.id)]
     told(effects=chosen)
     if as_json:
         print(json.dumps(chosen if effect is None else chosen[0], indent=1))
@@ -51,17 +46,6 @@ def effects(
     if effect is None:
         print("stablepush effects ID describes one in detail")
         print("stablepush simulate --effect ID:PARAM=VALUE adds one of the catalogue to a rig")
-
-
-def _of_lab(effect: LabEffect) -> dict[str, Any]:
-    """An effect that a package registered, as those of the catalogue are shown."""
-    parameter = asdict(effect.parameter) | {"nominal": 0.0}
-    from stablepush.effects import LAB_REMEDY
-
-    return {
-        "id": effect.id, "what": f"{effect.what}; of an installed package", "acts": effect.acts, "parameters": [parameter],
-        "needs": effect.needs, "remedy": effect.remedy or LAB_REMEDY,
-    }  # fmt: skip
 
 
 def _words(parameter: dict[str, Any]) -> str:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import FloatArray, InputError, Node, check_array, did_you_mean, read_only
-from stablepush.effects.catalogue import CATALOGUE, Effect
+from stablepush.effects.catalogue import CATALOGUE
+from stablepush.effects.effect import Effect
 
 #: Rounding of a covariance, over its largest entry.
 _ROUNDED = 1e-9

@@ -7,14 +7,15 @@ one class, given to :func:`stablepush.diagnose` or registered as an entry point 
 from __future__ import annotations
 
 import warnings
-from abc import ABC
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
 from stablepush.core import FloatArray, InputError, StablepushWarning, UnavailableError, load_plugin, plugin_names, what_failed
-from stablepush.effects.catalogue import CATALOGUE, Parameter
+from stablepush.effects.catalogue import CATALOGUE
+from stablepush.effects.kind import EffectKind, LogRows, Parameter, RigBounds, TouchingRows
 
 #: What to do about an effect of a lab's own.
 LAB_REMEDY = "remove its cause, or model it in your own simulation: stablepush correct cannot take it into account"
@@ -22,35 +23,7 @@ _GROUP = "stablepush.effects"
 _ACTS = ("support", "sensing")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LogRows:
-    """The rows (n,) of a log that a diagnosis compares, as an effect sees them.
-
-    Attributes
-    ----------
-    columns : mapping of str to array, shape (n,)
-        The columns of ``trials.csv``, for each row that of its trial: numbers where all are, else words.
-    time, order : array, shape (n,)
-        In s, in the trial; and the place of the trial in the log, from 0 to 1.
-    pose, twist, pusher : array, shape (n, 3)
-        Of the tracked frame in W; its body twist; and the pose of the pusher in W, NaN where it is not known.
-    wrench : array, shape (n, 3)
-        The load as it was measured, in the tracked frame; NaN where there is none.
-    normal : array, shape (n, 2, 2)
-        Inward normals of the outline at the fingers, in B; NaN where a finger does not touch.
-    """
-
-    columns: Mapping[str, np.ndarray]
-    time: FloatArray
-    order: FloatArray
-    pose: FloatArray
-    twist: FloatArray
-    pusher: FloatArray
-    wrench: FloatArray
-    normal: FloatArray
-
-
-class LabEffect(ABC):
+class LabEffect(EffectKind):
     """An effect that the catalogue does not have.
 
     Derive from it, set the attributes, and say what the effect changes: the loads that are read, the clearances between fingers
@@ -70,17 +43,25 @@ class LabEffect(ABC):
         What to do once it is named; if it is not given, to remove its cause.
     """
 
-    id: str
-    what: str
-    needs: str
     parameter: Parameter
-    acts: str = "support"
-    remedy: str = ""
+    of_lab = in_clearances = True
 
-    def wrench(self, rows: LogRows, wrench: FloatArray, value: FloatArray) -> FloatArray:
-        """Return the loads (n, 3) that are read in the tracked frame, of those without the effect; linear in these, but for a
-        constant."""
-        return wrench
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        return (self.parameter,)
+
+    @property
+    def size(self) -> int:  # type: ignore[override]
+        return self.parameter.size
+
+    @property
+    def unseen(self) -> str:  # type: ignore[override]
+        return self.needs
+
+    @property
+    def description(self) -> dict[str, Any]:
+        words = {"what": f"{self.what}; of an installed package", "remedy": self.remedy or LAB_REMEDY}
+        return {**super().description, **words, "parameters": [asdict(self.parameter) | {"nominal": 0.0}]}
 
     def clearance(self, rows: LogRows, finger: int, value: FloatArray) -> FloatArray:
         """Return how much (n,) in m the clearance of finger 0 or 1 is changed: its centre's distance from the outline less its
@@ -88,9 +69,17 @@ class LabEffect(ABC):
         return np.zeros(len(rows.time))
 
     @property
-    def plausible(self) -> float:
+    def plausible(self) -> float:  # type: ignore[override]
         """Half of the range in which its parameter is found."""
         return (self.parameter.high - self.parameter.low) / 2
+
+    def limited(self, value: FloatArray, bounds: RigBounds) -> FloatArray:
+        return np.clip(value, self.parameter.least, self.parameter.most)
+
+    def clearance_slope(self, touch: TouchingRows, value: FloatArray) -> FloatArray:
+        units = np.eye(self.size)
+        changes = [self.clearance(touch.rows, touch.finger, unit)[touch.chosen] for unit in units]
+        return np.nan_to_num(np.column_stack(changes))
 
 
 def lab_effects(given: Sequence[LabEffect] = ()) -> dict[str, LabEffect]:
@@ -126,7 +115,7 @@ def _checked(effect: object, place: str, others: Mapping[str, LabEffect]) -> Lab
     if not id or id in CATALOGUE or id in others:
         raise InputError(place, "expected an id of its own", repr(id))
     for name in ("what", "needs", "remedy"):
-        if not isinstance(getattr(effect, name, None), str):
+        if not isinstance(getattr(effect, name, None), str) or not (getattr(effect, name) or name == "remedy"):
             raise InputError(place, f"expected {name}, in words", "none")
     if not isinstance(getattr(effect, "parameter", None), Parameter):
         raise InputError(place, "expected a parameter, a stablepush.effects.Parameter", "none")

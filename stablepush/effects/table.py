@@ -2,38 +2,48 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-import shapely
 
-from stablepush.core import LEAST_POSITIVE, EffectError, FloatArray, InputError
-from stablepush.effects.catalogue import REFERENCE_SPEED, Effect, principal
+from stablepush.core import EffectError, FloatArray, InputError
+from stablepush.effects.catalogue import CATALOGUE
+from stablepush.effects.effect import Effect
+from stablepush.effects.kind import REFERENCE_SPEED
 from stablepush.geometry import rotate_vectors, unit
 from stablepush.mechanics import TableFriction
 from stablepush.objects import Slider, SupportDistribution
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
-#: Effects that act on points under the slider.
-ON_POINTS = (
-    *("anisotropy-world", "anisotropy-object", "speed-dependence", "spatial-variation"),
-    *("pressure-shift", "pressure-spread"),
-)
 #: Slowest point (m/s) whose friction by speed is told apart.
 CREEP = 1e-5
 #: Headings and motions at which friction must hold the slider, and what lies between them.
 _HEADINGS, _MOTIONS, _MISSED = 36, 1500, 1.02
-#: Models of the degrees that a support may follow instead of the nominal surface.
-_MODELS = {2: "quadratic", 4: "poly4-cvx", 6: "poly6-cvx"}
+
+#: Numbers of parameters, by effect and name.
+Numbers = Mapping[str, Mapping[str, Sequence[float]]]
 
 
-def _slope_force(slider: Slider, effects: Mapping[str, Effect], gravity: float) -> FloatArray:
-    """The downhill force (2,) in N in W on a slider on a tilted table: ``m g slope``."""
-    if "tilt" not in effects:
-        return np.zeros(2)
-    return float(slider.mass or 0.0) * gravity * np.array(effects["tilt"].vector("slope"))
+def with_effects(
+    surface: IdealLimitSurface, acting: Numbers, weight: float, gyration: float, center: FloatArray
+) -> tuple[IdealLimitSurface, dict[str, Any]]:
+    """Return the friction of support points with effects, and the fields of :class:`TableFriction` that these change.
+
+    ``acting``: numbers of their parameters; ``weight`` (N) and radius of ``gyration`` (m) of the slider; ``center`` (2,) of the
+    nominal pressure in B. The rig, plans and the diagnosis all have it from here.
+    """
+    points = surface.support.points
+    fields: dict[str, Any] = {}
+    # what scales about the nominal centre comes before what moves it
+    for id in sorted(acting, key=lambda id: -CATALOGUE[id].number):
+        points = CATALOGUE[id].pressed(points, center, acting[id])
+        fields |= CATALOGUE[id].table_fields(acting[id], weight, gyration)
+    if points is surface.support.points:
+        return surface, fields
+    support = SupportDistribution(points, surface.support.weights)
+    return IdealLimitSurface(support, surface.friction_load, surface.characteristic_length), fields
 
 
 def resting_share(friction: TableFriction, place: FloatArray, rho: float) -> float:
@@ -92,84 +102,28 @@ def table_friction(
     # fits load solvers: not before they are needed
     from stablepush.identify import support_for
 
-    shape, load = (surface, load) if "model-capacity" not in effects else _other_shape(slider, surface, effects, load, points)
-    stand_in: IdealLimitSurface | None = None
-    perturbed: IdealLimitSurface | None = None
+    acting, shape = {id: effect.numbers for id, effect in effects.items()}, surface
+    for id, numbers in acting.items():
+        shape, load = CATALOGUE[id].other_shape(slider, shape, numbers, load, points)
+    weight = float(slider.mass or 0.0) * gravity
+
+    def changed(ideal: IdealLimitSurface) -> tuple[IdealLimitSurface, dict[str, Any]]:
+        for id, numbers in acting.items():
+            CATALOGUE[id].require_on(slider, ideal.support.center, numbers)
+        try:
+            return with_effects(ideal, acting, weight, slider.radius_of_gyration, ideal.support.center)
+        except InputError as error:
+            # a shift that leaves the slider is refused above
+            raise EffectError("effect pressure-spread: scale", str(error)) from None
+
     if shape.point_loads is not None:
-        shape = _moved_pressure(slider, support_for(shape, slider, load), effects)
-    elif any(id in effects for id in ON_POINTS):
-        stand_in = points if points is not None and shape is surface else support_for(shape, slider, load)
-        perturbed = _moved_pressure(slider, stand_in, effects)
-    tables = [np.eye(2), np.eye(2)]
-    for i, id in enumerate(("anisotropy-object", "anisotropy-world")):
-        if id in effects:
-            tables[i] = principal(effects[id].number("ratio") or 1.0, effects[id].number("direction") or 0.0)
-    slope = effects["speed-dependence"].number("slope") if "speed-dependence" in effects else 0.0
-    gradient = effects["spatial-variation"].vector("gradient") if "spatial-variation" in effects else (0.0, 0.0)
-    mass = (effects["inertia"].number("mass") or 0.0) if "inertia" in effects else 0.0
-    return TableFriction(
-        shape,
-        load,
-        stand_in,
-        perturbed,
-        tables[0],
-        tables[1],
-        gradient or (0.0, 0.0),
-        slope or 0.0,
-        REFERENCE_SPEED,
-        _slope_force(slider, effects, gravity),
-        (mass, mass * slider.radius_of_gyration**2),
-    )
-
-
-def _other_shape(
-    slider: Slider, surface: LimitSurface, effects: Mapping[str, Effect], load: float, points: IdealLimitSurface | None
-) -> tuple[LimitSurface, float]:
-    """The surface of another kind that comes nearest to the nominal one, a few support points or a polynomial, and the newtons
-    in the unit of its forces."""
-    from stablepush.identify import sample_loads, support_for
-
-    effect = effects["model-capacity"]
-    facets, degree = effect.number("facets"), effect.number("degree")
-    if (facets is None) == (degree is None):
-        raise EffectError("effect model-capacity", "expected either facets or degree")
-    if degree is not None:
-        if degree not in _MODELS:
-            raise EffectError("effect model-capacity: degree", f"expected one of {', '.join(map(str, _MODELS))}", f"{degree:g}")
-        from stablepush.identify import fit_limit_surface
-
-        loads, twists = sample_loads(surface, load)
-        rho = surface.characteristic_length
-        fitted = fit_limit_surface(loads, twists, model=_MODELS[int(degree)], characteristic_length=rho).surface
-        return fitted, float(fitted.provenance["force_scale_N"]) if fitted.force_unit == "mu*N" else 1.0
-    ideal = support_for(surface, slider, load) if points is None else points
-    # as many even feet on a circle, about the same centre, as far from it on average
-    count = int(facets or 0)
-    places, weights = ideal.support.points, ideal.support.weights
-    angles = 2 * np.pi * (np.arange(count) + 0.25) / count
-    radius = math.sqrt(float(weights @ ((places - ideal.support.center) ** 2).sum(axis=1) / weights.sum()))
-    feet = ideal.support.center + radius * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
-    feet_on = SupportDistribution(feet, np.ones(count))
-    return IdealLimitSurface(feet_on, ideal.friction_load, surface.characteristic_length), load
-
-
-def _moved_pressure(slider: Slider, surface: IdealLimitSurface, effects: Mapping[str, Effect]) -> IdealLimitSurface:
-    """The support with its pressure moved or spread."""
-    support = surface.support
-    points, center = support.points, support.center
-    if "pressure-spread" in effects:
-        points = center + (effects["pressure-spread"].number("scale") or 1.0) * (points - center)
-    if "pressure-shift" in effects:
-        offset = np.array(effects["pressure-shift"].vector("offset"))
-        points = points + offset
-        hull = shapely.Polygon(slider.vertices).convex_hull
-        if not hull.buffer(-LEAST_POSITIVE).contains(shapely.Point(center + offset)):
-            raise EffectError("effect pressure-shift: offset", "expected a centre of pressure that stays under the slider")
-    if points is support.points:
-        return surface
-    try:
-        moved = SupportDistribution(points, support.weights)
-        return IdealLimitSurface(moved, surface.friction_load, surface.characteristic_length)
-    except InputError as error:
-        # a shift that leaves the slider is refused above
-        raise EffectError("effect pressure-spread: scale", str(error)) from None
+        shape, fields = changed(support_for(shape, slider, load))
+        return TableFriction(shape, load, reference=REFERENCE_SPEED, **fields)
+    if not any(CATALOGUE[id].on_points for id in effects):
+        fields = {}
+        for id, numbers in acting.items():
+            fields |= CATALOGUE[id].table_fields(numbers, weight, slider.radius_of_gyration)
+        return TableFriction(shape, load, reference=REFERENCE_SPEED, **fields)
+    stand_in = points if points is not None and shape is surface else support_for(shape, slider, load)
+    perturbed, fields = changed(stand_in)
+    return TableFriction(shape, load, stand_in, perturbed, reference=REFERENCE_SPEED, **fields)

@@ -15,7 +15,7 @@ from stablepush import InputError, read_pushlog
 from stablepush.blind.score import outcome, score_of, share
 from stablepush.blind.seal import Ledger, complaint, digest, digest_of_folder, open_label
 from stablepush.blind.worlds import CHANGING_FORMS, FORMS, Applied, draw, share_in_log
-from stablepush.effects.catalogue import CATALOGUE
+from stablepush.effects import CATALOGUE
 
 pytest.importorskip("mujoco")
 fernet = pytest.importorskip("cryptography.fernet")

@@ -10,7 +10,7 @@ from conftest import make_log, small_scene
 
 import stablepush as sp
 from stablepush.core.plausibility import note_cors
-from stablepush.effects.catalogue import parse_effect
+from stablepush.effects import parse_effect
 
 pytestmark = pytest.mark.filterwarnings("error::stablepush.core.errors.PlausibilityWarning")
 

@@ -19,7 +19,7 @@ from stablepush.diagnosis.likelihood.system import System
 from stablepush.diagnosis.rows.observations import _rates, beyond_noise, observe, pushes_of
 from stablepush.diagnosis.search.attribution import family_wise_p_values
 from stablepush.diagnosis.search.reshaping import _as_good_as_free
-from stablepush.effects.catalogue import CATALOGUE
+from stablepush.effects import CATALOGUE
 from stablepush.geometry.planar import point_velocity, twist_from_cor
 from stablepush.views.gap_page import gap_html
 from stablepush.views.plot.gaps import plot_effects

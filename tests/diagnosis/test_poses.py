@@ -13,7 +13,7 @@ from stablepush.diagnosis.likelihood.nominal import Nominal
 from stablepush.diagnosis.likelihood.replay import _knots, friction_of, pose_errors, replays
 from stablepush.diagnosis.likelihood.system import System
 from stablepush.diagnosis.rows.observations import observe
-from stablepush.effects.catalogue import parse_effect
+from stablepush.effects import parse_effect
 from stablepush.geometry.planar import twist_from_cor
 from stablepush.geometry.se2 import compose, inverse, log as log_of
 from stablepush.rig.commands import contact_push

@@ -6,7 +6,7 @@ import shapely
 from hypothesis import given, settings, strategies as st
 
 import stablepush as sp
-from stablepush.effects.catalogue import principal
+from stablepush.effects import principal
 from stablepush.geometry.planar import point_velocity, transport_twist, twist_from_cor, wrench_from_force
 from stablepush.geometry.se2 import compose, inverse, transform_points
 from stablepush.mechanics.pushing import Pusher, TableFriction, push_twist, simulate_push

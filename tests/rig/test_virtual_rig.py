@@ -7,7 +7,7 @@ import shapely
 from conftest import small_scene, three_feet, triangle
 
 import stablepush as sp
-from stablepush.effects.catalogue import CATALOGUE, REFERENCE_SPEED, parse_effect
+from stablepush.effects import CATALOGUE, REFERENCE_SPEED, parse_effect
 from stablepush.geometry.planar import twist_from_cor
 from stablepush.geometry.se2 import compose, inverse, rotate_vectors, transform_points
 from stablepush.mechanics.pushing import simulate_push

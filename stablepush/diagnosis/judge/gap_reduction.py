@@ -4,24 +4,29 @@ to."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import reduce
 
 import numpy as np
 from scipy.stats import chi2, t as student
 
 from stablepush.core import ConvergenceError, FloatArray, InputError
-from stablepush.diagnosis.likelihood.determined import determined_rows, size, variance
-from stablepush.diagnosis.likelihood.equations import Values
-from stablepush.diagnosis.likelihood.replay import Replay, first_contacts, friction_change
-from stablepush.diagnosis.likelihood.system import IN_CLEARANCES, System
+from stablepush.diagnosis.likelihood.channel import Values
+from stablepush.diagnosis.likelihood.experiment import Experiment
+from stablepush.diagnosis.likelihood.final_pose import FinalPoses
+from stablepush.diagnosis.likelihood.likelihood import Likelihood
+from stablepush.diagnosis.likelihood.model import Model
+from stablepush.diagnosis.likelihood.replay import first_contacts
+from stablepush.diagnosis.likelihood.wrench import Wrench
 from stablepush.diagnosis.results import ChannelGap, GapReduction
 from stablepush.diagnosis.search.attribution import Attribution
 from stablepush.diagnosis.search.folds import FOLDS, folds_of
+from stablepush.effects import FINGER_FRICTION, friction_change
 from stablepush.geometry import angle_between, twist_from_cor
 from stablepush.io import PushLog
 from stablepush.objects import PushContact, Slider
 from stablepush.stability import StabilityOracle
-from stablepush.surfaces import IdealLimitSurface, LimitSurface
+from stablepush.surfaces import IdealLimitSurface
 
 #: Resampled trials behind an interval.
 _RESAMPLES = 500
@@ -44,12 +49,16 @@ class HeldOut:
     The channel ``"touch"``, clearances between fingers and outline, is for judgements; reports have it where it stands for poses.
     """
 
-    wrenches: dict[str, FloatArray]
-    ends: dict[str, FloatArray]
-    squares: dict[str, dict[str, FloatArray]]
-    trials: dict[str, np.ndarray]
-    floors: dict[str, float]
+    wrenches: dict[str, FloatArray] = field(default_factory=dict)
+    ends: dict[str, FloatArray] = field(default_factory=dict)
+    squares: dict[str, dict[str, FloatArray]] = field(default_factory=dict)
+    trials: dict[str, np.ndarray] = field(default_factory=dict)
+    floors: dict[str, float] = field(default_factory=dict)
     rigid: dict[str, float] = field(default_factory=dict)
+
+    def plus(self, other: HeldOut) -> HeldOut:
+        """Return these channels and others."""
+        return HeldOut(*(getattr(self, f.name) | getattr(other, f.name) for f in fields(self)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,95 +73,105 @@ class _Fold:
     surfaces: dict[str, tuple[IdealLimitSurface, ...]]
 
 
-def hold_out(system: System, found: Attribution, log: PushLog, pushes: Sequence[Replay]) -> HeldOut:
-    """Predict every trial by fits to the others: five folds, repeats kept together.
-
-    ``pushes``: those whose final poses are measurements.
-    """
-    held = HeldOut({}, {}, {}, {}, {})
-    folds = list(_folds(system, found))
-    if system.has_wrench:
-        _wrenches(held, system, folds)
-    if any(len(rows) for _, rows in system.clearance_rows):
-        _clearances(held, system, folds)
-    if system.has_surface and pushes:
-        _ends(held, system, folds, pushes)
-    elif "touch" in held.squares:
-        held.squares["pose"], held.trials["pose"] = held.squares["touch"], held.trials["touch"]
-        held.floors["pose"] = held.floors["touch"] + rigid_square(system.rig.slider)
-    labels = _labels(system, log) if system.has_surface and system.rig.contact_friction is not None else {}
+def hold_out(found: Attribution, log: PushLog, poses: FinalPoses) -> HeldOut:
+    """Predict every trial by fits to the others: five folds, repeats kept together."""
+    likelihood, experiment = found.likelihood, found.likelihood.experiment
+    folds, has_surface = list(_folds(found)), likelihood.prior.has_surface
+    parts = [HeldOut()]
+    if likelihood.wrench is not None:
+        parts.append(_wrenches(likelihood, likelihood.wrench, folds))
+    if likelihood.clearance.is_seen:
+        parts.append(_clearances(likelihood, folds))
+    if has_surface and poses.pushes:
+        parts.append(_ends(poses, folds))
+    elif likelihood.clearance.is_seen:
+        touch = parts[-1]
+        floor = touch.floors["touch"] + rigid_square(experiment.rig.slider)
+        parts.append(
+            HeldOut(squares={"pose": touch.squares["touch"]}, trials={"pose": touch.trials["touch"]}, floors={"pose": floor})
+        )
+    labels = _labels(experiment, log) if has_surface and experiment.rig.contact_friction is not None else {}
     if labels:
-        _stability(held, folds, labels, system.rig.model, system)
-    return held
+        parts.append(_stability(experiment, folds, labels))
+    return reduce(lambda first, second: first.plus(second), parts)
 
 
-def _folds(system: System, found: Attribution) -> Iterator[_Fold]:
-    folds, free = folds_of(system), system.fit([], True)
+def _folds(found: Attribution) -> Iterator[_Fold]:
+    likelihood, model = found.likelihood, found.model
+    prior, folds, free = likelihood.prior, folds_of(likelihood.experiment), likelihood.fit(Model())
     for k in range(FOLDS):
         test = folds == k
         if not test.any():
             continue
         train = ~test if not test.all() else test
-        corrected, plain = system.fit(found.chosen, found.free, train, found.final), system.fit([], True, train, free)
-        scaled = system.nominal if system.known_scale else system.fit([], False, train).loads
+        corrected, plain = likelihood.fit(model, train, found.final), likelihood.fit(Model(), train, free)
+        known = likelihood.experiment.known_scale
+        scaled = prior.nominal if known else likelihood.fit(Model(free=False), train).loads
         loads = {"before": scaled, "refit": plain.loads, "after": corrected.loads}
-        unknown = {id: v for id, v in plain.values.items() if id in system.nuisance}
-        values: dict[str, Values] = {"before": {}, "refit": unknown, "after": {**corrected.values, **found.slips(system)}}
+        unknown = {id: v for id, v in plain.values.items() if id in likelihood.nuisance}
+        values: dict[str, Values] = {"before": {}, "refit": unknown, "after": {**corrected.values, **found.slips}}
         simulated = loads["after"], values["after"]
-        if system.opened:
-            with system.own_forms():
-                own = system.fit(found.chosen, found.free, train)
-            simulated = own.loads, {**own.values, **found.slips(system)}
-        surfaces = {k: system.surfaces(m) for k, m in loads.items()} if system.has_surface else {}
+        if model.families:
+            own = likelihood.from_nominal.fit(model.in_own_forms, train)
+            simulated = own.loads, {**own.values, **found.slips}
+        surfaces = {k: prior.surfaces(m) for k, m in loads.items()} if prior.has_surface else {}
         yield _Fold(test, loads, values, simulated, surfaces)
 
 
-def _wrenches(held: HeldOut, system: System, folds: list[_Fold]) -> None:
+def _wrenches(likelihood: Likelihood, wrench: Wrench, folds: list[_Fold]) -> HeldOut:
     """Loads of the measured motions, and directions of motion of the measured loads."""
-    o = system.observations
+    o = likelihood.experiment.observations
     wrenches = {k: np.zeros_like(o.wrench) for k in FITS}
     angles = {k: np.zeros(len(o.time)) for k in FITS}
     floor = 0.0
     for fold in folds:
         rows = fold.test[o.trial]
         for key in FITS:
-            acting = system.of_wrench(fold.values[key])
-            wrench = system.model.predict(fold.loads[key], acting)
-            wrenches[key][rows] = wrench[rows]
+            predicted = wrench.predict(fold.loads[key], fold.values[key])
+            wrenches[key][rows] = predicted[rows]
             # what the effects do to a load is taken back before the surface is asked for its motion
-            load = o.wrench - (wrench - system.model.predict(fold.loads[key], {})) - system.model.beyond_points
-            angles[key][rows] = _angles(system, fold.surfaces[key], load)[rows]
-        floor += float(_twist_floor(system, fold, rows).sum()) / len(o.time)
-    held.wrenches.update(wrenches)
-    held.squares["twist"] = {k: angle**2 for k, angle in angles.items()}
-    counted = determined_rows(system)
-    held.squares["wrench"] = {k: size(system, o.wrench - w)[counted] for k, w in wrenches.items()}
-    held.trials["wrench"], held.trials["twist"] = o.trial[counted], o.trial
-    own = 3 * _RIGID**2 * size(system, o.wrench)
-    explained = variance(system, system.noise_covariance) + own
-    held.floors["wrench"], held.floors["twist"] = float(explained[counted].mean()), floor
-    # a load that is off across itself is that of a motion that is turned about as far
-    held.rigid["wrench"], held.rigid["twist"] = float(own[counted].mean()) / 3, _RIGID**2
+            load = o.wrench - (predicted - wrench.predict(fold.loads[key], {})) - wrench.beyond_points
+            angles[key][rows] = _angles(likelihood.experiment, fold.surfaces[key], load)[rows]
+        floor += float(_twist_floor(likelihood.experiment, wrench, fold, rows).sum()) / len(o.time)
+    counted = wrench.determined
+    own = 3 * _RIGID**2 * wrench.squares(o.wrench)
+    explained = wrench.variance(wrench.noise_covariance) + own
+    return HeldOut(
+        wrenches,
+        squares={
+            "wrench": {k: wrench.squares(o.wrench - w)[counted] for k, w in wrenches.items()},
+            "twist": {k: angle**2 for k, angle in angles.items()},
+        },
+        trials={"wrench": o.trial[counted], "twist": o.trial},
+        floors={"wrench": float(explained[counted].mean()), "twist": floor},
+        # a load that is off across itself is that of a motion that is turned about as far
+        rigid={"wrench": float(own[counted].mean()) / 3, "twist": _RIGID**2},
+    )
 
 
-def _ends(held: HeldOut, system: System, folds: list[_Fold], pushes: Sequence[Replay]) -> None:
+def _ends(poses: FinalPoses, folds: list[_Fold]) -> HeldOut:
     """Final poses of pushes."""
-    trial = np.array([push.trial for push in pushes], dtype=int)
+    pushes = poses.pushes
+    trial, found = np.array([push.trial for push in pushes], dtype=int), {}
     for key in FITS:
         ends = np.zeros((len(pushes), 3))
         for fold in folds:
             here = np.flatnonzero(fold.test[trial])
-            chosen = [pushes[int(i)] for i in here]
             loads, values = fold.simulated if key == "after" else (fold.loads[key], fold.values[key])
-            ends[here] = system.simulated_errors(chosen, loads, values)
-        held.ends[key] = ends
-    simulated = np.isfinite([held.ends[k] for k in FITS]).all(axis=(0, 2))
-    if simulated.any():
-        held.trials["pose"] = trial[simulated]
-        held.squares["pose"] = {k: (held.ends[k][simulated] ** 2).sum(axis=1) for k in FITS}
-        noise = float((system.final_pose_noise[simulated] ** 2).sum(axis=1).mean())
-        held.rigid["pose"] = rigid_square(system.rig.slider)
-        held.floors["pose"] = noise + held.rigid["pose"]
+            ends[here] = poses.errors([pushes[int(i)] for i in here], loads, values)
+        found[key] = ends
+    simulated = np.isfinite([found[k] for k in FITS]).all(axis=(0, 2))
+    if not simulated.any():
+        return HeldOut(ends=found)
+    rigid = rigid_square(poses.experiment.rig.slider)
+    noise = float((poses.noise[simulated] ** 2).sum(axis=1).mean())
+    return HeldOut(
+        ends=found,
+        squares={"pose": {k: (found[k][simulated] ** 2).sum(axis=1) for k in FITS}},
+        trials={"pose": trial[simulated]},
+        floors={"pose": noise + rigid},
+        rigid={"pose": rigid},
+    )
 
 
 def rigid_square(slider: Slider) -> float:
@@ -160,37 +179,31 @@ def rigid_square(slider: Slider) -> float:
     return float((_RIGID * slider.radius) ** 2)
 
 
-def _clearances(held: HeldOut, system: System, folds: list[_Fold]) -> None:
+def _clearances(likelihood: Likelihood, folds: list[_Fold]) -> HeldOut:
     """Clearances between fingers and outline."""
-    o = system.observations
-    trial = np.concatenate([o.trial[rows] for _, rows in system.clearance_rows]).astype(int)
-    clearances = np.concatenate([o.clearance[rows, k] for k, rows in system.clearance_rows])
-    # neither the surface nor what a fit takes for granted changes them
-    held.squares["touch"] = {"before": clearances**2, "refit": clearances**2, "after": np.zeros_like(clearances)}
+    channel = likelihood.clearance
+    measured, after = channel.measured, np.zeros_like(channel.measured)
     for fold in folds:
-        acting = {id: v for id, v in fold.values["after"].items() if id in IN_CLEARANCES or id in system.own}
-        left = clearances - sum(system.clearance_change(id, v) for id, v in acting.items())
-        held.squares["touch"]["after"][fold.test[trial]] = left[fold.test[trial]] ** 2
-    held.trials["touch"], held.floors["touch"] = trial, system.clearance_noise**2
+        acting = {id: v for id, v in fold.values["after"].items() if channel.shows(id)}
+        left = measured - sum(channel.change(id, v) for id, v in acting.items())
+        after[fold.test[channel.trial]] = left[fold.test[channel.trial]] ** 2
+    # neither the surface nor what a fit takes for granted changes them
+    squares = {"before": measured**2, "refit": measured**2, "after": after}
+    return HeldOut(squares={"touch": squares}, trials={"touch": channel.trial}, floors={"touch": channel.noise**2})
 
 
-def _stability(
-    held: HeldOut,
-    folds: list[_Fold],
-    labels: dict[int, tuple[PushContact, FloatArray, bool]],
-    model: LimitSurface | None,
-    system: System,
-) -> None:
-    """Labels of stability: 1 where the oracle errs. ``model``: the nominal surface, if it is not that of points."""
-    order = system.observations.trial_order
-    held.squares["stability"] = {k: np.zeros(len(labels)) for k in FITS}
-    held.trials["stability"], held.floors["stability"] = np.array(list(labels)), 0.0
+def _stability(experiment: Experiment, folds: list[_Fold], labels: dict[int, tuple[PushContact, FloatArray, bool]]) -> HeldOut:
+    """Labels of stability: 1 where the oracle errs."""
+    order, model = experiment.observations.trial_order, experiment.rig.model
+    squares = {k: np.zeros(len(labels)) for k in FITS}
     for at, (trial, (contact, twist, stable)) in enumerate(labels.items()):
         fold = next(fold for fold in folds if fold.test[trial])
         for key, surfaces in fold.surfaces.items():
-            touching = replace(contact, mu=max(0.0, contact.mu + friction_change(fold.values[key], order[trial])))
-            believed = model if model is not None and key == "before" else surfaces[system.log[trial]]
-            held.squares["stability"][key][at] = float(StabilityOracle(believed, touching).is_stable(twist) != stable)
+            change = friction_change(fold.values[key].get(FINGER_FRICTION, np.zeros(1)), order[trial])
+            touching = replace(contact, mu=max(0.0, contact.mu + change))
+            believed = model if model is not None and key == "before" else surfaces[experiment.log[trial]]
+            squares[key][at] = float(StabilityOracle(believed, touching).is_stable(twist) != stable)
+    return HeldOut(squares={"stability": squares}, trials={"stability": np.array(list(labels))}, floors={"stability": 0.0})
 
 
 def clearance_reduction(held: HeldOut) -> float:
@@ -211,47 +224,47 @@ def _twists(surface: IdealLimitSurface, wrenches: FloatArray) -> FloatArray:
     return np.concatenate((_twists(surface, wrenches[:half]), _twists(surface, wrenches[half:])))
 
 
-def _angles(system: System, surfaces: Sequence[IdealLimitSurface], wrenches: FloatArray) -> FloatArray:
+def _angles(experiment: Experiment, surfaces: Sequence[IdealLimitSurface], wrenches: FloatArray) -> FloatArray:
     """Angles (n,) in ``(vx, vy, rho*omega)`` between slip twists of loads and the measured ones; none where there is no twist."""
-    return _apart(system, surfaces, np.arange(len(wrenches)), wrenches, system.observations.twist)
+    return _apart(experiment, surfaces, np.arange(len(wrenches)), wrenches, experiment.observations.twist)
 
 
 def _apart(
-    system: System, surfaces: Sequence[IdealLimitSurface], rows: np.ndarray, wrenches: FloatArray, twists: FloatArray
+    experiment: Experiment, surfaces: Sequence[IdealLimitSurface], rows: np.ndarray, wrenches: FloatArray, twists: FloatArray
 ) -> FloatArray:
     """Angles (m,) between the slip twists of loads (m, 3) and twists (m, 3) of rows (m,), each on the surface of its log."""
-    scale, found = np.array((1.0, 1.0, system.rho)), np.zeros(len(wrenches))
-    log = system.log[system.observations.trial[rows]]
+    scale, found = np.array((1.0, 1.0, experiment.rho)), np.zeros(len(wrenches))
+    log = experiment.log[experiment.observations.trial[rows]]
     for k, surface in enumerate(surfaces):
         mine = np.flatnonzero(log == k)
         found[mine] = np.nan_to_num(angle_between(_twists(surface, wrenches[mine]) * scale, twists[mine] * scale))
     return found
 
 
-def _twist_floor(system: System, fold: _Fold, rows: np.ndarray) -> FloatArray:
+def _twist_floor(experiment: Experiment, wrench: Wrench, fold: _Fold, rows: np.ndarray) -> FloatArray:
     """Mean squared angles of rows that noise of forces and motion alone would leave."""
     rng = np.random.default_rng(0)
-    clean = (system.model.predict(fold.loads["after"], {}) - system.model.beyond_points)[rows]
-    scale = np.array((1.0, 1.0, system.rho))
+    clean = (wrench.predict(fold.loads["after"], {}) - wrench.beyond_points)[rows]
+    scale = np.array((1.0, 1.0, experiment.rho))
     own = _RIGID * np.linalg.norm(clean / scale, axis=1)[:, None, None] * np.diag(scale)
-    readings = np.linalg.cholesky(system.reading_covariance[rows] + own @ own)
-    motion = system.observations.twist[rows]
+    readings = np.linalg.cholesky(wrench.reading_covariance[rows] + own @ own)
+    motion = experiment.observations.twist[rows]
     total = np.zeros(len(clean))
     for _ in range(_DRAWS):
         load = clean + np.einsum("nij,nj->ni", readings, rng.normal(size=clean.shape))
-        moved = motion + system.motion_noise[rows] * rng.normal(size=motion.shape)
-        total += _apart(system, fold.surfaces["after"], np.flatnonzero(rows), load, moved) ** 2
+        moved = motion + experiment.motion_noise[rows] * rng.normal(size=motion.shape)
+        total += _apart(experiment, fold.surfaces["after"], np.flatnonzero(rows), load, moved) ** 2
     return total / _DRAWS
 
 
-def _labels(system: System, log: PushLog) -> dict[int, tuple[PushContact, FloatArray, bool]]:
+def _labels(experiment: Experiment, log: PushLog) -> dict[int, tuple[PushContact, FloatArray, bool]]:
     """Contact, commanded twist and whether it was stable, of trials by number, where the log has them all."""
     needed = ("cor_x", "cor_y", "sense", "stable")
     if not set(needed) <= set(log.trials):
         return {}
     columns = np.stack([np.asarray(log.trials[c], dtype=np.float64) for c in needed], axis=-1)
     found = {}
-    for trial, contact in first_contacts(log, system.observations).items():
+    for trial, contact in first_contacts(log, experiment.observations).items():
         x, y, sense, stable = columns[trial]
         if np.isfinite((x, y, sense, stable)).all():
             found[trial] = (contact, twist_from_cor((x, y), sense), bool(stable))
@@ -302,14 +315,14 @@ def _reduction(channel: str, unit: str, trial: np.ndarray, squares: dict[str, Fl
     )
 
 
-def gap(system: System, held: HeldOut) -> list[ChannelGap]:
+def gap(likelihood: Likelihood, held: HeldOut) -> list[ChannelGap]:
     """Return the size of the gap, channel by channel, as ``diagnosis/1`` has it."""
     entries: list[ChannelGap] = []
     for channel, unit in _UNITS.items():
         if channel not in held.squares:
             continue
         if channel == "wrench":
-            p = wrenches_lack_of_fit(system, held.wrenches["before"])
+            p = wrenches_lack_of_fit(likelihood, held.wrenches["before"])
         else:
             p = above_floor(held.squares[channel]["before"], held.trials[channel], held.floors[channel])
         squares = held.squares[channel]
@@ -326,17 +339,19 @@ def gap(system: System, held: HeldOut) -> list[ChannelGap]:
     return entries
 
 
-def wrenches_lack_of_fit(system: System, predicted: FloatArray) -> float:
+def wrenches_lack_of_fit(likelihood: Likelihood, predicted: FloatArray) -> float:
     """Return the p-value of mean residuals of the wrench over trials: larger than noise and the simulation's own error leave.
 
     The mean ``z`` of a trial's n whitened residuals has the covariance ``I/n + A Aᵀ``: the noise of the rows, and an error of
     all of them alike that is :data:`_RIGID` of the load in each component. ``zᵀ (I/n + A Aᵀ)⁻¹ z`` is chi-squared with three
     degrees of freedom.
     """
-    o, scale = system.observations, np.array((1.0, 1.0, system.rho))
-    off = system.white(o.wrench - predicted).reshape(-1, 3)
+    wrench = likelihood.wrench
+    assert wrench is not None
+    o, scale = likelihood.experiment.observations, np.array((1.0, 1.0, likelihood.experiment.rho))
+    off = wrench.white(o.wrench - predicted).reshape(-1, 3)
     own = _RIGID * np.linalg.norm(predicted / scale, axis=1)[:, None, None] * np.diag(scale)
-    own = system.white(own).reshape(-1, 3, 3)
+    own = wrench.white(own).reshape(-1, 3, 3)
     statistic, names = 0.0, np.unique(o.trial)
     for name in names:
         rows = o.trial == name

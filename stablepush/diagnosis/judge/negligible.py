@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from stablepush.diagnosis.judge.gap_reduction import HeldOut, hold_out
-from stablepush.diagnosis.likelihood.replay import Replay
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.final_pose import FinalPoses
 from stablepush.diagnosis.search.attribution import Attribution
+from stablepush.effects import FINGER_FRICTION
 from stablepush.io import PushLog
 
 #: Share of the mean square of every channel below which a reduction is none. Effects that acted reduced that of some channel by
@@ -16,35 +15,36 @@ from stablepush.io import PushLog
 _NEXT_TO_NOTHING = 0.015
 
 
-def negligible_causes(system: System, found: Attribution, held: HeldOut, log: PushLog, pushes: Sequence[Replay]) -> list[str]:
+def negligible_causes(found: Attribution, held: HeldOut, log: PushLog, poses: FinalPoses) -> list[str]:
     """Return the causes to set aside: all if together they change next to nothing, else the one that does least, if that is
     next to nothing, with those that it is confounded with.
 
     ``held``: how fits to other pushes, with what was found, predict each.
     """
-    if changes_nothing(system, found, held):
+    if changes_nothing(found, held):
         return [*found.chosen, *found.confounded]
     least: tuple[float, list[str]] = (_NEXT_TO_NOTHING, [])
     # noise would have to be alike in several logs to look like a cause
-    if len(found.named) < 2 or system.logs > 1 or not system.has_wrench:
+    likelihood = found.likelihood
+    if len(found.named) < 2 or likelihood.experiment.logs > 1 or likelihood.wrench is None:
         return []
     for id in found.chosen:
-        others = [e for e in found.chosen if e != id]
+        others = found.model.without(id)
         alike = found.confounded if found.confounded_with == id else []
         without = replace(
             found,
-            chosen=others,
+            model=others,
             confounded=[] if alike else found.confounded,
             confounded_with="" if alike else found.confounded_with,
-            final=system.fit(others, found.free),
+            final=likelihood.fit(others),
         )
-        share = _reduction_beside(held, hold_out(system, without, log, pushes))
+        share = _reduction_beside(held, hold_out(without, log, poses))
         if share < least[0]:
             least = share, [id, *alike]
     return least[1]
 
 
-def changes_nothing(system: System, found: Attribution, held: HeldOut) -> bool:
+def changes_nothing(found: Attribution, held: HeldOut) -> bool:
     """Return whether what was found changes each channel, on trials that it was not fitted to, by less than rigid bodies err,
     or explains next to nothing of what a surface that was fitted alike leaves.
 
@@ -52,7 +52,7 @@ def changes_nothing(system: System, found: Attribution, held: HeldOut) -> bool:
     a finger as inertia. Friction of the fingers and clearances are judged by other things. Several logs together show effects as
     small: noise would have to be alike in each.
     """
-    if system.logs > 1 or not found.named or "contact-friction" in found.named or "wrench" not in held.rigid:
+    if found.likelihood.experiment.logs > 1 or not found.named or FINGER_FRICTION in found.named or "wrench" not in held.rigid:
         return False
     base = "refit" if found.free else "before"
     means = [(s[base].mean(), s["after"].mean()) for s in held.squares.values()]

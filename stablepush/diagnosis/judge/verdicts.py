@@ -19,10 +19,11 @@ from stablepush.diagnosis.judge.gap_reduction import (
 )
 from stablepush.diagnosis.judge.negligible import changes_nothing
 from stablepush.diagnosis.judge.where import flexible_share, repeats_share
-from stablepush.diagnosis.likelihood.equations import ANISOTROPIES, OF_PRESSURE, robust_variance
-from stablepush.diagnosis.likelihood.forward import PARAMETERS
-from stablepush.diagnosis.likelihood.replay import Replay
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.experiment import Experiment
+from stablepush.diagnosis.likelihood.final_pose import FinalPoses
+from stablepush.diagnosis.likelihood.likelihood import Likelihood
+from stablepush.diagnosis.likelihood.model import Model
+from stablepush.diagnosis.likelihood.robust import robust_variance
 from stablepush.diagnosis.results import ChannelGap, GapReduction, Verdict
 from stablepush.diagnosis.search.attribution import Attribution
 from stablepush.diagnosis.search.folds import folds_of, predicted
@@ -87,24 +88,23 @@ class Judgement:
     unnamed: str
 
 
-def judge(
-    system: System, found: Attribution, held: HeldOut, log: PushLog, pushes: Sequence[Replay], simulator_is_off: bool
-) -> Judgement:
+def judge(found: Attribution, held: HeldOut, log: PushLog, poses: FinalPoses, simulator_is_off: bool) -> Judgement:
     """Return the verdict. ``simulator_is_off``: another simulator's log, as the nominal simulation, clearly differs."""
-    share, p_share, size, shared = _left(system, found, held)
-    reduced, touch, gaps = reductions(held), clearance_reduction(held), gap(system, held)
+    likelihood = found.likelihood
+    share, p_share, size, shared = _left(found, held)
+    reduced, touch, gaps = reductions(held), clearance_reduction(held), gap(likelihood, held)
     clear = [entry for entry in gaps if stands_clear(entry)]
-    lost, slipping = lost_pushes(system, pushes), slipping_unexpectedly(system, held, log)
-    worse = _explains_too_little(system, found, held, clear) or _brings_nothing_nearer(system, found, reduced, touch)
-    trivial = changes_nothing(system, found, held)
+    lost, slipping = lost_pushes(poses), slipping_unexpectedly(likelihood.experiment, held, log)
+    worse = _explains_too_little(found, held, clear) or _brings_nothing_nearer(found, reduced, touch)
+    trivial = changes_nothing(found, held)
     effects: list[str] = []
     apart: list[str] = []
     unnamed = ""
 
     def nameless() -> Verdict:
-        no_fit = _fits_nothing(system, held, size, shared) or bool(lost)
-        beyond = len(slipping) >= _SLIPPING or (simulator_is_off and not pushes)
-        return _without_names(system, found, held, pushes, no_fit, beyond, clear)
+        no_fit = _fits_nothing(likelihood, held, size, shared) or bool(lost)
+        beyond = len(slipping) >= _SLIPPING or (simulator_is_off and not poses.pushes)
+        return _without_names(found, held, poses, no_fit, beyond, clear)
 
     patterned = share > _UNKNOWN_SHARE and p_share < _UNKNOWN_P and size > _UNKNOWN_SIZE
     if trivial:
@@ -113,13 +113,13 @@ def judge(
         unnamed = "it changes loads and poses by next to nothing"
     elif worse:
         verdict, unnamed = Verdict.UNKNOWN, "it fits these pushes, but does not predict left-out ones better"
-    elif found.named and not system.opened and _spoils_poses(held, reduced):
+    elif found.named and not found.model.families and _spoils_poses(held, reduced):
         # a form that the catalogue does not have cannot be simulated
         verdict, unnamed = Verdict.UNKNOWN, "its correction would throw off final poses that the nominal simulation has right"
     elif waves := _other_waves(found):
         # with another law of friction, what the fingers do is no measure of theirs either
         verdict, unnamed = Verdict.UNKNOWN, waves
-    elif leaves_lost_pushes(system, found, held, pushes):
+    elif leaves_lost_pushes(found, held, poses):
         verdict, unnamed = Verdict.UNKNOWN, "pushes that the nominal simulation has elsewhere end as far from where it puts them"
     elif patterned and not explains_most(held, found.named):
         verdict, unnamed = Verdict.UNKNOWN, "the remaining residuals still depend on place, heading, order or speed"
@@ -140,8 +140,8 @@ def _other_waves(found: Attribution) -> str:
     Anisotropy has two lobes, of an amplitude of half the difference of its squares over their mean. A family may give it more of
     four and six; where these are larger it is another law, of which anisotropy is the part that its family happens to hold.
     """
-    for id in ANISOTROPIES:
-        if id in found.named and len(values := found.final.values.get(id, ())) > _WAVES:
+    for id, kind in CATALOGUE.items():
+        if kind.two_lobed and id in found.named and len(values := found.final.values.get(id, ())) > _WAVES:
             two, *others = (float(np.hypot(*values[k : k + 2])) for k in range(0, _WAVES + 1, 2))
             largest = int(np.argmax(others))
             if others[largest] > two / 2:
@@ -154,20 +154,19 @@ def _other_waves(found: Attribution) -> str:
     return ""
 
 
-def _fits_nothing(system: System, held: HeldOut, size: float, shared: bool) -> bool:
+def _fits_nothing(likelihood: Likelihood, held: HeldOut, size: float, shared: bool) -> bool:
     """Whether residuals are such that no model here fits: not only in a few rows, or shared by repeats of a push; without forces,
     if many pushes end far off."""
-    if not system.has_wrench:
+    if likelihood.wrench is None:
         return pose_errors_are_significant(held)
     # precise sensors see the error of rigid bodies, where no cause acts: that is no gap
-    return (size > _NO_FIT or shared) and correction_leaves_more(system, held)
+    return (size > _NO_FIT or shared) and correction_leaves_more(likelihood, held)
 
 
 def _without_names(
-    system: System,
     found: Attribution,
     held: HeldOut,
-    pushes: Sequence[Replay],
+    poses: FinalPoses,
     no_fit: bool,
     beyond: bool,
     clear: Sequence[ChannelGap],
@@ -180,31 +179,33 @@ def _without_names(
         return Verdict.NONE
     # only means of pushes are off, within the noise of a row, and no refit is shown to do better
     if not (found.recalibrated or beyond) and all(entry.nominal <= entry.noise_floor for entry in clear):
-        return Verdict.NONE if _refit_may_absorb(system, held, pushes, clear) else Verdict.UNKNOWN
+        return Verdict.NONE if _refit_may_absorb(found.likelihood, held, poses, clear) else Verdict.UNKNOWN
     # a refit that leaves pushes where they were absorbs nothing of that
     nearer = found.recalibrated and not refit_leaves_poses_off(held) and not _leaves_a_gap(held, clear)
-    absorbed = nearer or _refit_may_absorb(system, held, pushes, clear)
+    absorbed = nearer or _refit_may_absorb(found.likelihood, held, poses, clear)
     return Verdict.ABSORBED if absorbed else Verdict.UNKNOWN
 
 
-def _left(system: System, found: Attribution, held: HeldOut) -> tuple[float, float, float, bool]:
+def _left(found: Attribution, held: HeldOut) -> tuple[float, float, float, bool]:
     """What the corrected simulation leaves of wrenches: the share that covariates could explain and its p-value, the size over
     the noise, and whether repeats of a push share it."""
-    if not system.has_wrench:
+    experiment, wrench = found.likelihood.experiment, found.likelihood.wrench
+    if wrench is None:
         return 0.0, 1.0, 0.0, False
-    white = system.white(system.observations.wrench - held.wrenches["after"]).reshape(-1, 3)
-    share, p_share = flexible_share(system, white)
-    common, p_common = repeats_share(system, found.final.residual[: white.size].reshape(-1, 3))
+    white = wrench.white(experiment.observations.wrench - held.wrenches["after"]).reshape(-1, 3)
+    share, p_share = flexible_share(experiment, white)
+    common, p_common = repeats_share(experiment, found.final.residual[: white.size].reshape(-1, 3))
     return share, p_share, float(np.sqrt(robust_variance(white**2))), common > _COMMON and p_common < _P_COMMON
 
 
-def _explains_too_little(system: System, found: Attribution, held: HeldOut, clear: Sequence[ChannelGap]) -> bool:
+def _explains_too_little(found: Attribution, held: HeldOut, clear: Sequence[ChannelGap]) -> bool:
     """Whether gaps are well above their floors, and what was found explains little of each: a stand-in for another cause.
 
     Neither of the gap of the nominal simulation nor of what a refitted surface leaves, as where feet were not known. Several logs
     together are not asked this: a cause must show in each of them, and the surface of each is fitted to few pushes.
     """
-    if system.logs > 1 or not found.named:
+    likelihood = found.likelihood
+    if likelihood.experiment.logs > 1 or not found.named:
         return False
     gaps = [
         (*(float(held.squares[channel][key].mean()) for key in FITS), held.floors[channel])
@@ -213,7 +214,7 @@ def _explains_too_little(system: System, found: Attribution, held: HeldOut, clea
     ]
     # few rows of slow motions, whose loads noise leaves open, may be most of a mean square: so each row by its own noise, too
     if any(entry.channel == "wrench" and entry.nominal**2 > _WELL * entry.noise_floor**2 for entry in clear):
-        gaps.append((*(_over_noise(system, held.wrenches[key]) for key in FITS), 1.0))
+        gaps.append((*(_over_noise(likelihood, held.wrenches[key]) for key in FITS), 1.0))
     shares = []
     for before, refit, after, floor in gaps:
         # a refit that predicts worse is no measure of what is not fitted beside one
@@ -223,22 +224,24 @@ def _explains_too_little(system: System, found: Attribution, held: HeldOut, clea
     return bool(shares) and max(shares) < _LITTLE
 
 
-def _over_noise(system: System, wrenches: FloatArray) -> float:
+def _over_noise(likelihood: Likelihood, wrenches: FloatArray) -> float:
     """Mean square of what predicted wrenches (n, 3) leave of the rows, over the noise; a component counts up to ten times it."""
-    left = system.white(system.observations.wrench - wrenches)
+    assert likelihood.wrench is not None
+    left = likelihood.wrench.white(likelihood.experiment.observations.wrench - wrenches)
     return float(np.minimum(left**2, _MOST_OVER_NOISE**2).mean())
 
 
-def _brings_nothing_nearer(system: System, found: Attribution, reduced: Sequence[GapReduction], touch: float) -> bool:
+def _brings_nothing_nearer(found: Attribution, reduced: Sequence[GapReduction], touch: float) -> bool:
     """Whether what was found reduces no channel on trials that it was not fitted to: then it explains nothing."""
     if not (found.named and reduced) or max(touch, *(entry.closed for entry in reduced)) > 0:
         return False
     if not (found.chosen and found.scores):
         return True
     # a few uninformative rows may hide it from the mean square
-    folds = folds_of(system)
-    with_them, without = (predicted(system, effects, found.free, folds).density for effects in (found.chosen, []))
-    return not system.significantly_better(with_them, without)
+    likelihood, folds = found.likelihood, folds_of(found.likelihood.experiment)
+    models = found.model, found.model.of(())
+    with_them, without = (predicted(likelihood, model, folds).density for model in models)
+    return not likelihood.significantly_better(with_them, without)
 
 
 def _spoils_poses(held: HeldOut, reduced: Sequence[GapReduction]) -> bool:
@@ -250,12 +253,13 @@ def _spoils_poses(held: HeldOut, reduced: Sequence[GapReduction]) -> bool:
     return before < held.floors["pose"] and after > _SPOILT**2 * before and pose.ci95[1] < _SURELY_WORSE
 
 
-def leaves_lost_pushes(system: System, found: Attribution, held: HeldOut, pushes: Sequence[Replay]) -> bool:
+def leaves_lost_pushes(found: Attribution, held: HeldOut, poses: FinalPoses) -> bool:
     """Whether pushes of a log without forces are lost, and a correction brings next to none of the final poses nearer: a finger
     that leaves a lost slider touches it where no cause has it, and what explains that is a stand-in."""
-    if system.has_wrench or not found.chosen or not lost_pushes(system, pushes):
+    likelihood = found.likelihood
+    if likelihood.wrench is not None or not found.chosen or not lost_pushes(poses):
         return False
-    return _leaves_poses(reductions(held), [entry for entry in gap(system, held) if stands_clear(entry)])
+    return _leaves_poses(reductions(held), [entry for entry in gap(likelihood, held) if stands_clear(entry)])
 
 
 def _leaves_poses(reduced: Sequence[GapReduction], clear: Sequence[ChannelGap]) -> bool:
@@ -275,21 +279,22 @@ def _leaves_a_gap(held: HeldOut, clear: Sequence[ChannelGap]) -> bool:
     return after > _FAR**2 * held.floors["wrench"] and after > _LEFT_OF_GAP * before
 
 
-def _refit_may_absorb(system: System, held: HeldOut, pushes: Sequence[Replay], clear: Sequence[ChannelGap]) -> bool:
+def _refit_may_absorb(likelihood: Likelihood, held: HeldOut, poses: FinalPoses, clear: Sequence[ChannelGap]) -> bool:
     """Whether a refit fits what stands clear, though few trials do not show that it predicts others better.
 
     A push that is like no other is lost by a fit to the others. That says nothing against a surface that fits all.
     """
     of_forces = bool(clear) and all(entry.channel in ("wrench", "twist") for entry in clear)
-    return of_forces and refit_leaves_noise(system, held) and not _refit_moves_poses(system, held, pushes)
+    return of_forces and refit_leaves_noise(likelihood, held) and not _refit_moves_poses(likelihood, held, poses)
 
 
-def _refit_moves_poses(system: System, held: HeldOut, pushes: Sequence[Replay]) -> bool:
+def _refit_moves_poses(likelihood: Likelihood, held: HeldOut, poses: FinalPoses) -> bool:
     """Whether pushes end clearly elsewhere than a surface has them that is fitted to all."""
+    pushes = poses.pushes
     if not (pushes and refit_leaves_poses_off(held)):
         return False
-    fit = system.fit([], True)
-    errors = system.simulated_errors(pushes, fit.loads, {id: v for id, v in fit.values.items() if id in system.nuisance})
+    fit = likelihood.fit(Model())
+    errors = poses.errors(pushes, fit.loads, {id: v for id, v in fit.values.items() if id in likelihood.nuisance})
     left = (errors**2).sum(axis=1)
     return not np.isfinite(left).all() or _poses_off(left, np.array([push.trial for push in pushes]), held.floors["pose"])
 
@@ -302,7 +307,7 @@ def explains_most(held: HeldOut, effects: Sequence[str]) -> bool:
     form differs from the catalogue's leaves a gap, too. The other effects act like a refit: they must leave a tenth of the gap
     of the nominal simulation or less.
     """
-    beyond = any(id not in CATALOGUE or (id in PARAMETERS and id not in OF_PRESSURE) for id in effects)
+    beyond = any(id not in CATALOGUE or (CATALOGUE[id].in_loads and CATALOGUE[id].reshapes != "pressure") for id in effects)
     base, most = ("refit", _LEAVES_OF_REFIT) if beyond else ("before", _LEAVES)
     gap, after = (float(held.squares["wrench"][k].mean()) for k in (base, "after"))
     floor = min(held.floors["wrench"], after)
@@ -329,22 +334,23 @@ def stands_clear(entry: ChannelGap) -> bool:
     return far or entry.p_lack_of_fit < _SIGNIFICANT
 
 
-def refit_leaves_noise(system: System, held: HeldOut) -> bool:
+def refit_leaves_noise(likelihood: Likelihood, held: HeldOut) -> bool:
     """Return whether a refitted surface leaves no more of the wrenches that it is fitted to than noise, and of the directions
     of motion of other pushes."""
-    if not system.has_wrench:
+    wrench = likelihood.wrench
+    if wrench is None:
         return False
     if above_floor(held.squares["twist"]["refit"], held.trials["twist"], held.floors["twist"]) < _SIGNIFICANT:
         return False
-    fit = system.fit([], True)
-    left = fit.residual[: 3 * len(system.observations.time)]
-    predicted = system.model.predict(fit.loads, system.of_wrench(fit.values))
-    return bool(np.sqrt(np.mean(left**2)) < _MISFIT and wrenches_lack_of_fit(system, predicted) > _SIGNIFICANT)
+    fit = likelihood.fit(Model())
+    left = likelihood.rows_of(wrench, fit.residual)
+    predicted = wrench.predict(fit.loads, fit.values)
+    return bool(np.sqrt(np.mean(left**2)) < _MISFIT and wrenches_lack_of_fit(likelihood, predicted) > _SIGNIFICANT)
 
 
-def correction_leaves_more(system: System, held: HeldOut) -> bool:
+def correction_leaves_more(likelihood: Likelihood, held: HeldOut) -> bool:
     """Return whether the corrected simulation leaves more of the wrenches of other pushes than their floor."""
-    return system.has_wrench and wrenches_lack_of_fit(system, held.wrenches["after"]) < _SIGNIFICANT
+    return likelihood.wrench is not None and wrenches_lack_of_fit(likelihood, held.wrenches["after"]) < _SIGNIFICANT
 
 
 def refit_leaves_poses_off(held: HeldOut) -> bool:
@@ -359,7 +365,7 @@ def _poses_off(left: FloatArray, trials: np.ndarray, floor: float) -> bool:
     return size > _FAR or (size > _MISFIT and above_floor(left, trials, floor) < _SIGNIFICANT)
 
 
-def slipping_unexpectedly(system: System, held: HeldOut, log: PushLog) -> list[int]:
+def slipping_unexpectedly(experiment: Experiment, held: HeldOut, log: PushLog) -> list[int]:
     """Return the numbers of the trials whose fingers slipped although the nominal simulation calls them stable.
 
     Both fingers must be seen to touch at once: one that never met the slider is no slip.
@@ -368,6 +374,6 @@ def slipping_unexpectedly(system: System, held: HeldOut, log: PushLog) -> list[i
         return []
     stable = np.asarray(log.trials["stable"], dtype=np.float64)
     wrong = held.squares["stability"]["before"] > 0
-    o = system.observations
+    o = experiment.observations
     both = set(o.trial[np.isfinite(o.normal).all(axis=(1, 2))].tolist())
     return [int(trial) for trial in held.trials["stability"][wrong] if stable[trial] == 0 and trial in both]

@@ -9,8 +9,9 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from stablepush.core import FloatArray, order_with_ties
-from stablepush.diagnosis.likelihood.equations import robust_variance
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.experiment import Experiment
+from stablepush.diagnosis.likelihood.likelihood import Likelihood
+from stablepush.diagnosis.likelihood.robust import robust_variance
 from stablepush.diagnosis.rows.observations import heading
 from stablepush.geometry import rotate_vectors
 
@@ -36,13 +37,13 @@ class Finding:
     strength: float
 
 
-def covariates(system: System) -> dict[str, FloatArray]:
+def covariates(experiment: Experiment) -> dict[str, FloatArray]:
     """Features (n, q) of the rows by covariate."""
-    o = system.observations
+    o = experiment.observations
     angle, body = heading(o), np.arctan2(o.twist[:, 1], o.twist[:, 0])
     x, y = o.pose[:, 0], o.pose[:, 1]
     speed = np.log(np.maximum(o.speed, 1e-6))
-    turn = o.twist[:, 2] * system.rho / np.maximum(o.speed, 1e-6)
+    turn = o.twist[:, 2] * experiment.rho / np.maximum(o.speed, 1e-6)
     turn = np.clip(turn, -5, 5)
     return {
         "world heading": np.stack([f(k * angle) for k in (1, 2) for f in (np.cos, np.sin)], axis=-1),
@@ -61,7 +62,11 @@ Residuals = Mapping[tuple[str, str], tuple[np.ndarray, FloatArray]]
 
 
 def residuals(
-    system: System, wrenches: FloatArray | None, ends: FloatArray, trials_of_errors: np.ndarray, floors: Mapping[str, float]
+    likelihood: Likelihood,
+    wrenches: FloatArray | None,
+    ends: FloatArray,
+    trials_of_errors: np.ndarray,
+    floors: Mapping[str, float],
 ) -> Residuals:
     """Return the residuals of the nominal simulation in the frames that separate causes, in units of the noise.
 
@@ -69,10 +74,10 @@ def residuals(
     ``ends`` (m, 3): pose errors ``(x, y, rho θ)`` in B, of the trials ``trials_of_errors``. Clearances are the
     observations'. ``floors``: mean squares of the noise by channel.
     """
-    o = system.observations
+    o = likelihood.experiment.observations
     found: dict[tuple[str, str], tuple[np.ndarray, FloatArray]] = {}
     if wrenches is not None:
-        unit = np.array((1.0, 1.0, system.rho)) * np.sqrt(floors["wrench"] / 3)
+        unit = np.array((1.0, 1.0, likelihood.experiment.rho)) * np.sqrt(floors["wrench"] / 3)
         measured, predicted = o.wrench / unit, wrenches / unit
         off = measured - predicted * (measured * predicted).sum() / (predicted**2).sum()
         world = rotate_vectors(o.pose[:, 2], off[:, :2])
@@ -82,29 +87,28 @@ def residuals(
             "fy world": world[:, 1], "size": (off[:, :2] * along).sum(axis=1),
         }  # fmt: skip
         found |= {("wrench", name): (o.trial, values) for name, values in parts.items()}
-    trial = np.concatenate([o.trial[rows] for _, rows in system.clearance_rows]).astype(int)
-    if len(trial):
-        clearances = np.concatenate([o.clearance[rows, k] for k, rows in system.clearance_rows])
-        found["pose", "clearance of fingers"] = trial, clearances / system.clearance_noise
+    touch = likelihood.clearance
+    if touch.is_seen:
+        found["pose", "clearance of fingers"] = touch.trial, touch.measured / touch.noise
     good = np.isfinite(ends).all(axis=1)
     for k, name in enumerate(FINAL_POSE):
         found["pose", name] = trials_of_errors[good], ends[good, k] / np.sqrt(floors.get("pose", 1.0) / 3)
     return found
 
 
-def localise(system: System, residuals: Residuals, seed: int = 0) -> list[Finding]:
+def localise(experiment: Experiment, residuals: Residuals, seed: int = 0) -> list[Finding]:
     """Return the covariates that residuals depend on, false discoveries controlled (Benjamini and Hochberg 1995).
 
     What stands out most from the noise comes first. Final poses come last: all that acts during a push shows in them.
     """
-    features = covariates(system)
+    features = covariates(experiment)
     found: list[Finding] = []
     # components that the same trials have are tested side by side
     alike: dict[bytes, list[tuple[str, str]]] = {}
     for key, (trial, _) in residuals.items():
         alike.setdefault(np.unique(trial).tobytes(), []).append(key)
     for keys in alike.values():
-        found += _findings(system.observations.trial, features, {key: residuals[key] for key in keys}, seed)
+        found += _findings(experiment.observations.trial, features, {key: residuals[key] for key in keys}, seed)
     found.sort(key=lambda f: (f.p_value, -f.share))
     kept = 0
     for rank, finding in enumerate(found, start=1):
@@ -159,13 +163,13 @@ def _findings(rows: np.ndarray, features: Mapping[str, FloatArray], residuals: R
     return found
 
 
-def repeats_share(system: System, white: FloatArray) -> tuple[float, float]:
+def repeats_share(experiment: Experiment, white: FloatArray) -> tuple[float, float]:
     """Robust mean square of what is left of trials' mean wrenches over what noise leaves, from whitened rows (n, 3), and the
     p-value of an F-test that repeats of one push have it in common: scatter they do not, an effect that no fit has they do.
 
     The rows are to be those of a fit to all trials: on trials left out, repeats share what the fit to the others lacks.
     """
-    o = system.observations
+    o = experiment.observations
     means = np.array([white[o.trial == t].sum(axis=0) / np.sqrt(max(1, (o.trial == t).sum())) for t in range(len(o.names))])
     size = float(np.median(np.sum(means[np.unique(o.trial)] ** 2, axis=1)) / 2.366)
     groups = np.array([g if t in set(o.trial) else "" for t, g in enumerate(o.group)], dtype=object)
@@ -182,13 +186,13 @@ def repeats_share(system: System, white: FloatArray) -> tuple[float, float]:
     return size, float(f_distribution.sf(between / shared / (within / own), shared, own))
 
 
-def flexible_share(system: System, whitened: FloatArray, seed: int = 0) -> tuple[float, float]:
+def flexible_share(experiment: Experiment, whitened: FloatArray, seed: int = 0) -> tuple[float, float]:
     """Share of what is left of the wrenches, beyond noise, that a Gaussian process of place, heading, order and speed could
     explain, on held-out trials, and its p-value by permuting trials.
 
     ``whitened`` (n, 3): residuals in units of the noise.
     """
-    o = system.observations
+    o = experiment.observations
     trials, rows = np.unique(o.trial, return_inverse=True)
     if len(trials) < 20:
         return 0.0, 1.0

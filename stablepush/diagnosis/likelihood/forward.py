@@ -10,47 +10,11 @@ import numpy as np
 
 from stablepush.core import FloatArray
 from stablepush.diagnosis.rows.observations import Observations
-from stablepush.effects import FAMILIES, REFERENCE_SPEED, LabEffect, LogRows
+from stablepush.effects import CATALOGUE, REFERENCE_SPEED, EffectKind, LogRows
 from stablepush.geometry import rotate_vectors
 
-#: Parameters of effects that change the wrench, as they enter: near zero for no effect.
-#: anisotropy: ``(a, b)``, squares of the frictions being ``1 ± √(a² + b²)`` over their mean, the greater along ``atan2(b, a)/2``.
-PARAMETERS: Mapping[str, int] = {
-    "anisotropy-world": 2,
-    "anisotropy-object": 2,
-    "speed-dependence": 1,
-    "spatial-variation": 2,
-    "drift": 1,
-    "pressure-shift": 2,
-    "pressure-spread": 1,
-    "tilt": 2,
-    "inertia": 1,
-    "force-bias": 2,
-    "force-rotation": 1,
-    "frame-offset": 2,
-    "latency": 1,
-}
-#: Effects whose families of forms follow those parameters, in the order of the kernel.
-FORMS = (
-    "anisotropy-world", "anisotropy-object", "speed-dependence", "spatial-variation", "drift", "tilt", "force-bias",
-    "force-rotation", "latency", "frame-offset",
-)  # fmt: skip
-#: Sizes of the parameters that count as small, for differences.
-SMALL: Mapping[str, float] = {
-    "anisotropy-world": 0.01,
-    "anisotropy-object": 0.01,
-    "speed-dependence": 0.01,
-    "spatial-variation": 0.05,
-    "drift": 0.01,
-    "pressure-shift": 2e-4,
-    "pressure-spread": 0.01,
-    "tilt": 1e-3,
-    "inertia": 0.05,
-    "force-bias": 0.01,
-    "force-rotation": 0.005,
-    "frame-offset": 2e-4,
-    "latency": 5e-3,
-}
+#: Numbers that the compiled readings take: those of all effects, and behind them those of their families.
+_COUNT = 53
 
 Values = Mapping[str, FloatArray]
 
@@ -71,7 +35,7 @@ class ForwardModel:
         Nominal centre of pressure in B, about which pressure spreads.
     beyond_points : array, shape (n, 3)
         Loads in B that the nominal surface adds to those of the points.
-    own : mapping of str to LabEffect
+    own : mapping of str to EffectKind
         Effects of a lab's own, which act on what the catalogue's leave.
     rows : LogRows, optional
         The same rows, as those see them.
@@ -85,7 +49,7 @@ class ForwardModel:
         inertia: float,
         center: FloatArray,
         beyond_points: FloatArray,
-        own: Mapping[str, LabEffect] = MappingProxyType({}),
+        own: Mapping[str, EffectKind] = MappingProxyType({}),
         rows: LogRows | None = None,
     ) -> None:
         self._own, self._rows = own, rows
@@ -130,16 +94,15 @@ class ForwardModel:
     def _read(self, values: Values, loads: FloatArray, matrix: FloatArray) -> FloatArray:
         from stablepush.diagnosis.likelihood.sensor_readings import read
 
-        o = self._o
-        # an effect's own parameters, and the terms of its family behind them if it has any
-        sizes = [(id, 0, size) for id, size in PARAMETERS.items()]
-        sizes += [(id, PARAMETERS[id], len(FAMILIES[id].terms)) for id in FORMS]
-        theta, at = np.zeros(sum(size for *_, size in sizes)), 0
-        for id, first, size in sizes:
-            if id in values:
-                given = values[id][first : first + size]
-                theta[at : at + len(given)] = given
-            at += size
+        o, theta = self._o, np.zeros(_COUNT)
+        for id, value in values.items():
+            kind = CATALOGUE.get(id)
+            if kind is not None and kind.slots is not None:
+                own = min(len(value), kind.size)
+                theta[kind.slots[0] : kind.slots[0] + own] = value[: kind.size]
+                if kind.term_slots is not None:
+                    terms = value[kind.size :]
+                    theta[kind.term_slots[0] : kind.term_slots[0] + len(terms)] = terms
         result = np.empty((len(o.twist), 3))
         read(
             self._points, self._center, self._inertia, self._weight, REFERENCE_SPEED, o.order, o.pose, o.twist, o.acceleration,

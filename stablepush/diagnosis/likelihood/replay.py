@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -15,11 +14,10 @@ from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError,
 from stablepush.diagnosis.likelihood.nominal import Nominal, nominal_of
 from stablepush.diagnosis.rows.fingers import finger_places
 from stablepush.diagnosis.rows.observations import Observations
-from stablepush.effects import principal
+from stablepush.effects import CATALOGUE, EffectKind, PushSetup, with_effects
 from stablepush.geometry import (
     compose,
     contacts_on_outline,
-    exp,
     inverse,
     log as log_of,
     transform_points,
@@ -39,12 +37,7 @@ _SAME_POINT = 1e-3
 #: Travel of a finger in a step of the simulation, in m and over the slider's radius of gyration, the greater of the two: final
 #: poses are within about 0.1 mm of those of small steps on a slider of 5 cm.
 _STEP, _STEP_SHARE = 2e-3, 0.04
-#: Parameters of effects that change where a slider goes, sizes of them that count as small, and the least radius of a finger.
-MOVING: Mapping[str, float] = {
-    "anisotropy-world": 0.05, "anisotropy-object": 0.05, "spatial-variation": 0.2, "pressure-shift": 1e-3,
-    "pressure-spread": 0.05, "tilt": 5e-3, "contact-friction": 0.03, "contact-geometry": 5e-4, "frame-offset": 5e-4,
-    "latency": 0.02,
-}  # fmt: skip
+#: Least radius (m) of a finger.
 _THIN = 1e-4
 #: Largest number of pieces of constant twist that stand for a logged path, but for one in which the pusher stands at its end.
 _MOST_PIECES = 16
@@ -265,25 +258,19 @@ def _knots(rows: np.ndarray, pushers: FloatArray, phases: np.ndarray | None) -> 
     return rows[np.unique((*at, len(rows) - max(1, int(stops)), len(rows) - 1))]
 
 
+def _moving(values: Mapping[str, FloatArray]) -> list[EffectKind]:
+    """Effects that change where a slider goes, in the order of the catalogue."""
+    return [kind for id, kind in CATALOGUE.items() if kind.pose_step and id in values]
+
+
 def friction_of(believed: Nominal, surface: IdealLimitSurface, values: Mapping[str, FloatArray], weight: float) -> TableFriction:
-    """Return the friction of the table for the friction of points and fitted parameters of effects; ``weight`` of the slider in
-    N."""
-    tables = []
-    for id in ("anisotropy-object", "anisotropy-world"):
-        a, b = values.get(id, np.zeros(2))[:2]
-        size = min(float(np.hypot(a, b)), 0.9)
-        tables.append(principal(math.sqrt((1 + size) / (1 - size)), 0.5 * math.atan2(b, a)))
-    # terms of families are not simulated
-    gradient, slope = (values.get(id, np.zeros(2))[:2] for id in ("spatial-variation", "tilt"))
-    support = surface.support
-    points = support.points
-    if "pressure-spread" in values:
-        points = support.center + (1 + values["pressure-spread"][0]) * (points - support.center)
-    points = points + values.get("pressure-shift", np.zeros(2))
-    moved = IdealLimitSurface(type(support)(points, support.weights), surface.friction_load, surface.characteristic_length)
-    return believed.table(
-        moved, body_anisotropy=tables[0], world_anisotropy=tables[1], gradient=gradient, external_force=weight * slope
-    )
+    """Return the friction of the table for the friction of points and fitted numbers of effects; ``weight`` of the slider in N.
+
+    Terms of families are not simulated.
+    """
+    acting = {kind.id: kind.numbers(values[kind.id]) for kind in _moving(values)}
+    moved, fields = with_effects(surface, acting, weight, 0.0, surface.support.center)
+    return believed.table(moved, **fields)
 
 
 def pose_errors(
@@ -323,35 +310,18 @@ def carried(
     return nominal, np.sqrt(np.where(counts > 0, squares / np.maximum(counts, 1), np.nan))
 
 
-def friction_change(values: Mapping[str, FloatArray], order: float) -> float:
-    """Return what effects add to the friction of the fingers in a push at a place in the log, 0 to 1: a number, or one in the
-    middle of the log and its change from the first push to the last."""
-    middle, *change = np.atleast_1d(values.get("contact-friction", np.zeros(1))).tolist()
-    return float(middle + sum(change) * (order - 0.5))
-
-
 def carry_out(replay: Replay, table: Any, slider: Slider, mu: float, values: Mapping[str, FloatArray]) -> FloatArray:
     """Return the pose (3,) of the tracked frame where a push ends, on a table as compiled; NaN where it cannot be simulated."""
-    offset = np.array((*values.get("frame-offset", np.zeros(2))[:2], 0.0))
-    delay = float(values.get("latency", np.zeros(1))[0]) if replay.logged else 0.0
-    pusher = replay.pusher
-    if replay.logged and "contact-geometry" in values:
-        pusher = replay.thicker(float(values["contact-geometry"][0]))
-    mu = max(0.0, mu + friction_change(values, replay.order))
-    # the tracked origin lies off the centre of mass by the offset
-    start = compose(replay.start, -offset)
+    moving = _moving(values)
+    setup = PushSetup(replay.start, replay.pusher, mu)
+    for kind in moving:
+        setup = kind.at_start(setup, replay, values[kind.id])
     try:
-        trace = rollout(table, slider, pusher, mu, start, replay.place, replay.profile)
+        trace = rollout(table, slider, setup.pusher, setup.mu, setup.start, replay.place, replay.profile)
     except (InputError, ConvergenceError):
         return np.full(3, np.nan)
     end = trace.poses[-1]
-    if delay > 0:
-        at = max(0.0, float(trace.t[-1]) - delay)
-        i = int(np.clip(np.searchsorted(trace.t, at), 1, len(trace.t) - 1))
-        share = (at - trace.t[i - 1]) / (trace.t[i] - trace.t[i - 1])
-        end = compose(trace.poses[i - 1], exp(share * log_of(compose(inverse(trace.poses[i - 1]), trace.poses[i]))))
-    elif delay < 0:
-        # poses ahead of the pusher: on as it went last
-        last = trace.t[-1] - trace.t[-2]
-        end = compose(end, exp(-delay / last * log_of(compose(inverse(trace.poses[-2]), end))))
-    return compose(end, offset)
+    # what is read late is of the tracked origin, too
+    for kind in reversed(moving):
+        end = kind.at_end(end, trace, replay, values[kind.id])
+    return end

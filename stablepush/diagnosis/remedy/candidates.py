@@ -9,12 +9,13 @@ from itertools import product
 import numpy as np
 
 from stablepush.core import FloatArray
-from stablepush.diagnosis.likelihood.equations import Fitted
-from stablepush.diagnosis.likelihood.forward import PARAMETERS, SMALL, ForwardModel
-from stablepush.diagnosis.likelihood.motions import Motions
-from stablepush.diagnosis.likelihood.replay import MOVING, Replay, carry_out, step_of
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.experiment import Experiment
+from stablepush.diagnosis.likelihood.final_pose import FinalPose, FinalPoses
+from stablepush.diagnosis.likelihood.forward import ForwardModel
+from stablepush.diagnosis.likelihood.likelihood import Fitted, Likelihood
+from stablepush.diagnosis.likelihood.replay import Replay, carry_out, friction_of, step_of
 from stablepush.diagnosis.rows.observations import Observations
+from stablepush.effects import TouchingRows
 from stablepush.geometry import compose
 from stablepush.mechanics import motion_profile
 from stablepush.objects import EdgePush, Slider
@@ -36,6 +37,10 @@ _ALONG, _DIRECTIONS, _DRAWN = (0.2, 0.5, 0.8), (-0.4, 0.0, 0.4), 120
 _BACK = 8e-3
 
 
+#: A step of an effect that counts as small where it is shown by other readings alone.
+_SMALL = 1e-4
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
     """Pushes as entries of a list, and what they would read.
@@ -51,47 +56,54 @@ class Candidates:
     expected: Callable[[FloatArray], dict[str, float]]
 
 
-def loads_of(system: System) -> Candidates:
+def loads_of(likelihood: Likelihood) -> Candidates:
     """Loads while the slider is pushed straight at the middle of an edge; clearances between fingers and outline if the log has
     them."""
-    entries, inward, o = _straight(system)
-    inertia, beyond_points = system.rig.slider.radius_of_gyration**2, system.believed.beyond_points(o.twist)
-    model = ForwardModel(o, system.points, system.weight, inertia, system.center, beyond_points)
-    noise = np.array((system.noise.force, system.noise.force, system.noise.moment))
-    seen = any(len(rows) for _, rows in system.clearance_rows)
+    experiment, touch = likelihood.experiment, likelihood.clearance
+    entries, inward, o = _straight(experiment)
+    inertia, beyond_points = experiment.rig.slider.radius_of_gyration**2, experiment.believed.beyond_points(o.twist)
+    model = ForwardModel(o, experiment.points, experiment.weight, inertia, experiment.center, beyond_points)
+    sensor, effects = experiment.noise, experiment.effects
+    noise = np.array((sensor.force, sensor.force, sensor.moment))
+    still, chosen = np.zeros_like(inward), np.arange(len(inward))
+    at_fingers = TouchingRows(experiment.rows, 0, chosen, inward, o.twist[:, :2], still, 1.0, o.order)
 
     def readings(id: str, fitted: Fitted, step: FloatArray) -> FloatArray:
-        value = fitted.values[id] + step
-        effects = {**fitted.values, id: value}
-        load = model.predict(system.of_last(fitted.loads), {k: v for k, v in effects.items() if k in PARAMETERS})
-        return np.column_stack((load / noise, seen * _clearance_change(id, value, inward, o.twist) / system.clearance_noise))
+        value, kind = fitted.values[id] + step, effects[id]
+        acting = {k: v for k, v in {**fitted.values, id: value}.items() if effects[k].slots is not None}
+        load = model.predict(likelihood.prior.of_last(fitted.loads), acting)
+        change = kind.clearance_slope(at_fingers, np.zeros(0)) @ value[: kind.size]
+        return np.column_stack((load / noise, touch.is_seen * change / touch.noise))
 
     def expected(difference: FloatArray) -> dict[str, float]:
-        force = float(np.linalg.norm(difference[:3] * noise / (1, 1, system.rho)))
-        return {"expected_difference_N": force, "expected_difference_m": float(np.abs(difference[3]) * system.clearance_noise)}
+        force = float(np.linalg.norm(difference[:3] * noise / (1, 1, experiment.rho)))
+        return {"expected_difference_N": force, "expected_difference_m": float(np.abs(difference[3]) * touch.noise)}
 
-    return Candidates(entries, readings, lambda id: SMALL.get(id, 1e-4), expected)
+    return Candidates(entries, readings, lambda id: effects[id].small or _SMALL, expected)
 
 
-def final_poses_of(system: Motions) -> Candidates:
+def final_poses_of(likelihood: Likelihood, channel: FinalPose) -> Candidates:
     """Final poses of the slider if a pusher like the log's pushes it, off the middle of an edge and askew as well."""
-    drawn = _drawn(system) if system.pushes else []
-    kept, _ = system.predictable([push for _, push in drawn])
+    experiment, poses = likelihood.experiment, channel.poses
+    drawn = _drawn(poses) if poses.pushes else []
+    kept = poses.predictable([push for _, push in drawn]).pushes
     if not kept:
         return Candidates([], lambda *_: np.zeros((0, 3)), lambda _: 0.0, lambda _: {})
-    rig, table = system.rig, system.table(system.nominal, {}).compiled()
+    rig, surface = experiment.rig, poses.prior.surface(poses.prior.nominal)
+    table = friction_of(experiment.believed, surface, {}, experiment.moving_weight).compiled()
     # pose errors about the final pose of a push are small
-    kept = [replace(push, end=carry_out(push, table, rig.slider, system.mu, {})) for push in kept]
-    noise = np.median(system.spread.reshape(-1, 3), axis=0)
+    kept = [replace(push, end=carry_out(push, table, rig.slider, experiment.mu, {})) for push in kept]
+    noise = np.median(channel.spread.reshape(-1, 3), axis=0)
 
     def readings(id: str, fitted: Fitted, step: FloatArray) -> FloatArray:
         effects = {**fitted.values, id: fitted.values[id] + step}
-        return system.simulated_errors(kept, fitted.loads, effects) / noise
+        return poses.errors(kept, fitted.loads, effects) / noise
 
     def expected(difference: FloatArray) -> dict[str, float]:
         return {"expected_difference_of_ends_m": float(np.linalg.norm(difference * noise))}
 
-    return Candidates([drawn[push.trial][0] for push in kept], readings, lambda id: MOVING.get(id, 1e-4), expected)
+    entries = [drawn[push.trial][0] for push in kept]
+    return Candidates(entries, readings, lambda id: experiment.effects[id].pose_step or _SMALL, expected)
 
 
 def _places(poses: FloatArray) -> list[tuple[float, float]]:
@@ -109,13 +121,13 @@ def _with_room(slider: Slider, needed: float) -> list[tuple[int, float]]:
     return roomy or [edge for edge in edges if edge[1] > needed]
 
 
-def _drawn(system: Motions) -> list[tuple[EdgePush, Replay]]:
+def _drawn(poses: FinalPoses) -> list[tuple[EdgePush, Replay]]:
     """Pushes by the log's pusher, as entries of a list and as they are simulated."""
-    like, slider = system.pushes[0], system.rig.slider
+    like, slider = poses.pushes[0], poses.experiment.rig.slider
     pusher = like.pusher
     half = float(np.abs(pusher.fingers[:, 1]).max()) + pusher.radius
     headings = 2 * np.pi * np.arange(_HEADINGS) / _HEADINGS
-    places = _places(np.array([push.start for push in system.pushes]))
+    places = _places(np.array([push.start for push in poses.pushes]))
     choices = (_with_room(slider, 2 * half), _ALONG, _DIRECTIONS, headings.tolist(), _SPEEDS, *places)
     sizes = [len(choice) for choice in choices]
     rng = np.random.default_rng(0)
@@ -141,25 +153,27 @@ def _drawn(system: Motions) -> list[tuple[EdgePush, Replay]]:
     return found
 
 
-def _straight(system: System) -> tuple[list[EdgePush], FloatArray, Observations]:
+def _straight(experiment: Experiment) -> tuple[list[EdgePush], FloatArray, Observations]:
     """Pushes, normals (n, 2) of the edges that they push, and rows as a log of them would have."""
-    two = system.rig.contact_kind == "two-point"
-    width = _apart(system) if two else 0.0
-    needed = width + 2 * (system.observations.finger_radius or 0.0) if two else 0.0
+    two = experiment.rig.contact_kind == "two-point"
+    width = _apart(experiment) if two else 0.0
+    needed = width + 2 * (experiment.observations.finger_radius or 0.0) if two else 0.0
     entries, twists, poses, places, normals = [], [], [], [], []
-    for face, length in _with_room(system.rig.slider, needed):
-        a, b = system.rig.slider.edge(face)
+    for face, length in _with_room(experiment.rig.slider, needed):
+        a, b = experiment.rig.slider.edge(face)
         along = (b - a) / length
         normal, middle = np.array((-along[1], along[0])), (a + b) / 2
         # a finger off the centre turns the slider about as much as its lever says, two fingers do not
-        turn = 0.0 if two else float(middle[0] * normal[1] - middle[1] * normal[0]) / system.rho**2
+        turn = 0.0 if two else float(middle[0] * normal[1] - middle[1] * normal[0]) / experiment.rho**2
         headings = 2 * np.pi * np.arange(_HEADINGS) / _HEADINGS
-        for heading, speed, x, y in product(headings, _SPEEDS, *_places(system.observations.pose)):
+        for heading, speed, x, y in product(headings, _SPEEDS, *_places(experiment.observations.pose)):
             start = (x, y, float(heading))
             entries.append(
-                EdgePush.on_edge(system.rig.slider, face, length / 2, distance=_DISTANCE, speed=speed, width=width, start=start)
+                EdgePush.on_edge(
+                    experiment.rig.slider, face, length / 2, distance=_DISTANCE, speed=speed, width=width, start=start
+                )
             )
-            twists.append(speed * np.array((*normal, turn)) / np.hypot(1.0, turn * system.rho))
+            twists.append(speed * np.array((*normal, turn)) / np.hypot(1.0, turn * experiment.rho))
             poses.append((x, y, heading))
             places.append(middle)
             normals.append(normal)
@@ -167,7 +181,7 @@ def _straight(system: System) -> tuple[list[EdgePush], FloatArray, Observations]
     # a small slider may have no edge that is long enough for the fingers
     pose, twist, place = (np.reshape(part, (n, size)) for part, size in ((poses, 3), (twists, 3), (places, 2)))
     rows = replace(
-        system.observations,
+        experiment.observations,
         trial=np.arange(n),
         # they come after the log
         order=np.ones(n),
@@ -188,20 +202,9 @@ def _straight(system: System) -> tuple[list[EdgePush], FloatArray, Observations]
     return entries, np.reshape(normals, (n, 2)), rows
 
 
-def _apart(system: System) -> float:
+def _apart(experiment: Experiment) -> float:
     """Distance (m) between the two fingers, as the log has it."""
-    places = system.observations.place
+    places = experiment.observations.place
     apart = np.linalg.norm(places[:, 0] - places[:, 1], axis=1)
     known = np.isfinite(apart)
     return float(np.median(apart[known])) if known.any() else 0.0
-
-
-def _clearance_change(id: str, value: FloatArray, normals: FloatArray, twists: FloatArray) -> FloatArray:
-    """Change (n,) of the clearances between finger and outline by an effect, in m, of straight pushes along normals (n, 2)."""
-    if id == "contact-geometry":
-        return np.full(len(normals), float(value[0]))
-    if id == "frame-offset":
-        return np.asarray(normals @ value[:2])
-    if id == "latency":
-        return np.asarray(-float(value[0]) * (normals * twists[:, :2]).sum(axis=1))
-    return np.zeros(len(normals))

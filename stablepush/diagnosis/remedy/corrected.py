@@ -12,42 +12,38 @@ from scipy.stats import chi2
 from stablepush.core import FloatArray
 from stablepush.diagnosis.judge.force_axes import uneven_axes
 from stablepush.diagnosis.judge.ranking import rank
-from stablepush.diagnosis.likelihood.equations import OF_PRESSURE, Fitted
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.experiment import Experiment
+from stablepush.diagnosis.likelihood.likelihood import Fitted
 from stablepush.diagnosis.remedy.corrected_surface import Base, corrected_surface
 from stablepush.diagnosis.results import RankedEffect
 from stablepush.diagnosis.search.attribution import Attribution
-from stablepush.effects import CATALOGUE, Effect, KnownEffect
+from stablepush.effects import FINGER_FRICTION, Effect, EffectKind, KnownEffect
 from stablepush.planning import Correction
 from stablepush.surfaces import LimitSurface
 
 #: Standard error of the friction of fingers, over itself, where there is a gap that nothing named explains. Fingers of 0.5 to
 #: 0.75 of their believed friction often slip in none of a few plans; 30 % to either side cost half a per cent of a plan's time.
 _UNSHOWN = 0.15
-#: Effects that are no entry of ``effects``: surface and contact hold them.
-_FOLDED = (*OF_PRESSURE, "contact-friction", "contact-geometry", "frame-offset", "model-capacity")
 
 
 def in_own_forms(
-    system: System, found: Attribution, ranking: Sequence[RankedEffect], effects: list[str]
+    found: Attribution, ranking: Sequence[RankedEffect], effects: list[str]
 ) -> tuple[Attribution, Sequence[RankedEffect], list[str]]:
     """Return what was found, its ranking and the named effects as simulations and plans can have them: in their own forms.
 
     They are fitted without the terms of their families. An effect of which nothing is then left is dropped, and a force sensor
     whose axes are uneven: an angle alone would take up some of that.
     """
-    if not system.opened:
+    formed = found.model.families
+    if not formed:
         return found, ranking, effects
-    formed = system.opened
-    with system.own_forms():
-        found = replace(found, final=system.fit(found.chosen, found.free))
-        uneven = {entry.effect for entry in ranking if uneven_axes(entry) is not None}
-        effects = [id for id in effects if id not in formed or not (id in uneven or _holds_zero(found.final, id))]
-        return found, rank(system, found, effects), effects
+    own = found.in_own_forms
+    uneven = {entry.effect for entry in ranking if uneven_axes(entry) is not None}
+    effects = [id for id in effects if id not in formed or not (id in uneven or _holds_zero(own.final, id))]
+    return own, rank(own, effects), effects
 
 
 def corrections(
-    system: System,
     found: Attribution,
     ranking: Sequence[RankedEffect],
     effects: Sequence[str],
@@ -62,9 +58,8 @@ def corrections(
     has shown is then less certain than it was. ``suspected``: friction of the fingers that pushes do not
     show clearly enough for a name, and its standard error.
     """
-    with system.own_forms():
-        found_rigs = _corrections(system, found, ranking, effects, refitted)
-    nominal = system.rig.contact_friction
+    found_rigs = _corrections(found.in_own_forms, ranking, effects, refitted)
+    nominal = found.likelihood.experiment.rig.contact_friction
     if suspected is not None:
         # what holds with less friction holds with more
         friction, error = suspected
@@ -83,25 +78,23 @@ def _holds_zero(fitted: Fitted, id: str) -> bool:
     return bool(len(value)) and float(value @ np.linalg.pinv(spread) @ value) < chi2.ppf(0.95, len(value))
 
 
-def _corrections(
-    system: System, found: Attribution, ranking: Sequence[RankedEffect], effects: Sequence[str], refitted: bool
-) -> list[Correction]:
+def _corrections(found: Attribution, ranking: Sequence[RankedEffect], effects: Sequence[str], refitted: bool) -> list[Correction]:
     if not found.confounded or found.confounded_with not in effects:
-        return [_correction(system, found, found.final, effects, ranking, 1.0, refitted)]
+        return [_correction(found, found.final, effects, ranking, 1.0, refitted)]
     probable = {entry.effect: max(entry.probability, 1e-3) for entry in ranking}
     others = [id for id in effects if id != found.confounded_with and id not in found.confounded]
     causes = [found.confounded_with, *found.confounded]
     total, result = sum(probable[id] for id in causes), []
     for id in causes:
-        fitted = system.fit([*(e for e in found.chosen if e != found.confounded_with), id], found.free)
+        model = found.model.without(found.confounded_with).plus(id)
+        fitted = found.likelihood.fit(model)
         # parameters of this fit: those of the ranking were fitted with the other cause
-        beside = rank(system, replace(found, final=fitted), [id, *others])
-        result.append(_correction(system, found, fitted, [id, *others], beside, probable[id] / total, refitted))
+        beside = rank(replace(found, final=fitted), [id, *others])
+        result.append(_correction(found, fitted, [id, *others], beside, probable[id] / total, refitted))
     return result
 
 
 def _correction(
-    system: System,
     found: Attribution,
     fitted: Fitted,
     effects: Sequence[str],
@@ -109,67 +102,84 @@ def _correction(
     probability: float,
     refitted: bool,
 ) -> Correction:
-    rig, values = system.rig, fitted.values
-    friction, error = None, None
-    # what a fit takes for friction that is not stated is no estimate of it
-    if found.contact is not None and ("contact-friction" in effects or rig.contact_friction is None):
-        friction, error = found.contact.last
-    elif "contact-friction" in effects and "contact-friction" in values and rig.contact_friction is not None:
-        friction = max(0.0, system.mu + float(values["contact-friction"][0]))
-        error = _error(system, fitted, "contact-friction")
-    if not friction:
-        # no plan pushes without friction
-        friction, error = None, None
-    radius = None
-    if "contact-geometry" in effects and "contact-geometry" in values and all(system.observations.off):
-        radius = max(0.0, (system.observations.finger_radius or 0.0) + float(values["contact-geometry"][0]))
-    tracker = values["frame-offset"][:2] if "frame-offset" in effects and "frame-offset" in values else None
+    experiment = found.likelihood.experiment
+    kinds, values = experiment.effects, fitted.values
+    friction, error = _finger_friction(found, fitted, effects)
     known = {entry.effect: entry for entry in ranking}
     # effects of a lab's own are in no catalogue: a scene cannot hold them
-    others = [id for id in effects if id not in _FOLDED and id in CATALOGUE and known[id].parameters]
+    others = [id for id in effects if not (_folded(kinds[id]) or kinds[id].of_lab) and known[id].parameters]
+    radius, offset = None, None
+    for id in (id for id in effects if id in values):
+        if kinds[id].in_clearances and kinds[id].acts == "contact" and all(experiment.observations.off):
+            radius = max(0.0, (experiment.observations.finger_radius or 0.0) + float(values[id][0]))
+        if kinds[id].moves_tracker:
+            offset = values[id][:2]
     return Correction(
         probability=probability,
-        surface=_surface(system, found, fitted, effects, refitted),
+        surface=_surface(found, fitted, effects, refitted),
         contact_friction=friction,
         contact_friction_error=error,
         finger_radius=radius,
-        tracker_offset=tracker,
+        tracker_offset=offset,
         effects=tuple(
-            KnownEffect(Effect(id, of_last_log(known[id], system)), None if id in system.each else _covariance(known[id]))
+            KnownEffect(
+                Effect(id, of_last_log(known[id], experiment)), None if experiment.per_log(id) else _covariance(known[id])
+            )
             for id in others
         ),
     )
 
 
-def of_last_log(entry: RankedEffect, system: System) -> dict[str, Any]:
+def _folded(kind: EffectKind) -> bool:
+    """Whether an effect is no entry of ``effects``: surface, contact or goal hold it."""
+    return bool(kind.instead) or kind.reshapes == "pressure" or kind.moves_tracker
+
+
+def _finger_friction(found: Attribution, fitted: Fitted, effects: Sequence[str]) -> tuple[float | None, float | None]:
+    """Friction of the fingers, and its standard error, where they are another or were not known."""
+    experiment, values = found.likelihood.experiment, fitted.values
+    nominal, friction, error = experiment.rig.contact_friction, None, None
+    # what a fit takes for friction that is not stated is no estimate of it
+    if found.contact is not None and (FINGER_FRICTION in effects or nominal is None):
+        friction, error = found.contact.last
+    elif FINGER_FRICTION in effects and FINGER_FRICTION in values and nominal is not None:
+        friction = max(0.0, experiment.mu + float(values[FINGER_FRICTION][0]))
+        error = _error(fitted, FINGER_FRICTION)
+    # no plan pushes without friction
+    return (friction, error) if friction else (None, None)
+
+
+def of_last_log(entry: RankedEffect, experiment: Experiment) -> dict[str, Any]:
     """Return the estimates of an effect by parameter; of one that each log has of its own, those of the last."""
-    if entry.effect not in system.each:
+    if not experiment.per_log(entry.effect):
         return entry.estimates
-    return {name: value[system.last] for name, value in entry.estimates.items()}
+    return {name: value[experiment.last] for name, value in entry.estimates.items()}
 
 
-def _surface(system: System, found: Attribution, fitted: Fitted, effects: Sequence[str], refitted: bool) -> LimitSurface | None:
+def _surface(found: Attribution, fitted: Fitted, effects: Sequence[str], refitted: bool) -> LimitSurface | None:
     """The friction of the support, if it is now believed to be another; else the rig's model, None if it has none.
 
     A pressure that has moved need not have done so in a form of the catalogue: a refit of any pressure may be nearer.
     A model of few pokes is fitted anew beside effects that change plans: a log says more of it. None where a log without forces
     does not show how much friction there is.
     """
-    moved = [id for id in OF_PRESSURE if id in effects and id in fitted.values]
-    sized = system.has_wrench or (system.has_surface and bool(system.moving_weight))
-    plans = any(id in CATALOGUE and CATALOGUE[id].acts != "sensing" for id in effects)
-    anew = refitted or moved or (plans and system.has_wrench and bool(system.open_modes.size))
+    likelihood, experiment = found.likelihood, found.likelihood.experiment
+    has_wrench, kinds = likelihood.wrench is not None, experiment.effects
+    moved = [id for id in effects if kinds[id].reshapes == "pressure" and id in fitted.values]
+    sized = has_wrench or (likelihood.prior.has_surface and bool(experiment.moving_weight))
+    plans = any(not kinds[id].of_lab and kinds[id].acts != "sensing" for id in effects)
+    anew = refitted or moved or (plans and has_wrench and bool(experiment.open_modes.size))
     if not (anew and sized):
-        return system.rig.model
+        return experiment.rig.model
     if not moved:
-        return corrected_surface(system, Base(fitted, found.free))
-    refit = Base(found.refit(system), True, found.scores.get("free"))
-    if found.moves_freely(system):
-        return corrected_surface(system, refit)
-    return corrected_surface(system, Base(fitted, found.free, found.scores.get(moved[0])), refit)
+        return corrected_surface(likelihood, Base(fitted, found.free))
+    refit = Base(found.refit, True, found.scores.get("free"))
+    if found.moves_freely:
+        return corrected_surface(likelihood, refit)
+    return corrected_surface(likelihood, Base(fitted, found.free, found.scores.get(moved[0])), refit)
 
 
-def _error(system: System, fitted: Fitted, id: str) -> float:
+def _error(fitted: Fitted, id: str) -> float:
     """Standard error of an effect of one parameter."""
     names = list(fitted.values)
     at = sum(len(fitted.values[name]) for name in names[: names.index(id)])

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from stablepush.core import BoolArray, FloatArray
-from stablepush.diagnosis.likelihood.equations import Fitted, robust_scale, student_density, student_weights
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.likelihood import Fitted, Likelihood
+from stablepush.diagnosis.likelihood.robust import robust_scale, student_density, student_weights
 from stablepush.diagnosis.search.folds import folds_of
 from stablepush.objects import SupportDistribution
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
@@ -37,7 +37,7 @@ class Base(NamedTuple):
     density: FloatArray | None = None
 
 
-def corrected_surface(system: System, base: Base, refit: Base | None = None) -> IdealLimitSurface:
+def corrected_surface(likelihood: Likelihood, base: Base, refit: Base | None = None) -> IdealLimitSurface:
     """Return the friction of the support, beside the effects of a fit, as a pressure with an ensemble.
 
     With forces the loads ``m >= 0`` (k,) of the support points have the least
@@ -56,42 +56,45 @@ def corrected_surface(system: System, base: Base, refit: Base | None = None) -> 
     pushes better. With forces both predict them by the loads above. Without forces the ensemble has the width of the refit's
     either way: a form has none of its own.
     """
-    if system.has_wrench:
-        fits = [_Loads.by(system, each.fitted) for each in (base, refit) if each is not None]
+    if likelihood.wrench is not None:
+        fits = [_Loads.by(likelihood, each.fitted) for each in (base, refit) if each is not None]
         loads = max(fits, key=lambda each: float(each.score.sum()))
-        fitted, (best, members) = loads.fitted, loads.with_ensemble(system)
+        fitted, (best, members) = loads.fitted, loads.with_ensemble(likelihood)
     else:
-        fitted, (best, members) = _by_poses(system, base, refit)
+        fitted, (best, members) = _by_poses(likelihood, base, refit)
     carrying = np.maximum(best, members.max(axis=0)) > _LEAST_SHARE * float(best.sum())
-    center = system.center
-    points = center + (1 + fitted.values.get("pressure-spread", np.zeros(1))[0]) * (system.points[carrying] - center)
-    points = points + fitted.values.get("pressure-shift", np.zeros(2))[:2]
+    center = likelihood.experiment.center
+    points = likelihood.experiment.points[carrying]
+    moved = [kind for id, kind in likelihood.experiment.effects.items() if kind.reshapes == "pressure" and id in fitted.values]
+    # what scales about the nominal centre comes before what moves it
+    for kind in reversed(moved):
+        points = kind.pressed(points, center, kind.numbers(fitted.values[kind.id]))
     best, members = best[carrying], members[:, carrying]
     ensemble = members if np.ptp(members, axis=0).any() else None
-    return IdealLimitSurface(SupportDistribution(points, best), float(best.sum()), system.rho, ensemble)
+    return IdealLimitSurface(SupportDistribution(points, best), float(best.sum()), likelihood.experiment.rho, ensemble)
 
 
-def _by_poses(system: System, base: Base, refit: Base | None) -> tuple[Fitted, tuple[FloatArray, FloatArray]]:
+def _by_poses(likelihood: Likelihood, base: Base, refit: Base | None) -> tuple[Fitted, tuple[FloatArray, FloatArray]]:
     """From final poses: the fit that is taken, the loads (k,) of points with its friction, and the loads (m, k) of the
     ensemble."""
     fitted = base.fitted
     if refit is not None and refit.density is not None and base.density is not None:
         fitted = refit.fitted if refit.density.sum() > base.density.sum() else fitted
-    rng, believed = np.random.default_rng(0), system.believed
-    design, twists = believed.design(system.points)
+    rng, believed = np.random.default_rng(0), likelihood.experiment.believed
+    design, twists = believed.design(likelihood.experiment.points)
     model = believed.points if believed.model is None else believed.model
     unit = 1.0 if believed.model is None else believed.load
 
     def friction(surface: LimitSurface, unit: float = 1.0) -> FloatArray:
-        return np.asarray(unit * surface.wrench(twists) / (1, 1, system.rho)).ravel()
+        return np.asarray(unit * surface.wrench(twists) / (1, 1, likelihood.experiment.rho)).ravel()
 
-    beyond = friction(model, unit) - friction(system.surface(system.nominal))
+    beyond = friction(model, unit) - friction(likelihood.prior.surface(likelihood.prior.nominal))
 
     def points(loads: FloatArray) -> FloatArray:
-        return np.asarray(nnls(design, friction(system.surface(loads)) + beyond)[0])
+        return np.asarray(nnls(design, friction(likelihood.prior.surface(loads)) + beyond)[0])
 
     widest = refit or base
-    deviations = _SHARED * system.deviations(widest.fitted, widest.free)
+    deviations = _SHARED * likelihood.deviations(widest.fitted, widest.free)
     draws = rng.normal(size=(_MEMBERS, deviations.shape[1]))
     return fitted, (points(fitted.loads), np.array([points(fitted.loads + deviations @ draw) for draw in draws]))
 
@@ -127,15 +130,17 @@ class _Shown:
     trial: np.ndarray
 
     @classmethod
-    def by(cls, system: System, fitted: Fitted) -> _Shown:
+    def by(cls, likelihood: Likelihood, fitted: Fitted) -> _Shown:
         """Of the last log that is fitted."""
-        matrix, _ = system.model.matrix(system.of_wrench(fitted.values))
-        trial = system.observations.trial
-        last = np.repeat(system.log[trial] == system.last, 3)
-        slopes = system.white(matrix)
+        channel = likelihood.wrench
+        assert channel is not None
+        matrix, _ = channel.matrix(fitted.values)
+        trial = likelihood.experiment.observations.trial
+        last = np.repeat(likelihood.experiment.log[trial] == likelihood.experiment.last, 3)
+        slopes = channel.white(matrix)
         # a model's friction beyond that of the points is theirs from now on
-        wrench = fitted.residual[: len(slopes)] + slopes @ fitted.loads + system.white(system.model.beyond_points)
-        own = system.of_last(slopes.T).T
+        wrench = fitted.residual[: len(slopes)] + slopes @ fitted.loads + channel.white(channel.beyond_points)
+        own = likelihood.prior.of_last(slopes.T).T
         return cls(wrench[last], own[last], np.repeat(trial, 3)[last])
 
     def part(self, trials: BoolArray) -> _Shown:
@@ -183,31 +188,31 @@ class _Loads:
     score: FloatArray
 
     @classmethod
-    def by(cls, system: System, fitted: Fitted) -> _Loads:
-        nominal = np.maximum(0.0, system.of_last(system.nominal))
-        believed = nominal * max(0.01, float(system.of_last(fitted.loads).sum() / nominal.sum()))
-        shown = _Shown.by(system, fitted)
-        spread, score = _spread(system, shown, believed)
+    def by(cls, likelihood: Likelihood, fitted: Fitted) -> _Loads:
+        nominal = np.maximum(0.0, likelihood.prior.of_last(likelihood.prior.nominal))
+        believed = nominal * max(0.01, float(likelihood.prior.of_last(fitted.loads).sum() / nominal.sum()))
+        shown = _Shown.by(likelihood, fitted)
+        spread, score = _spread(likelihood, shown, believed)
         return cls(fitted, shown, _Prior(believed, spread), score)
 
-    def with_ensemble(self, system: System) -> tuple[FloatArray, FloatArray]:
+    def with_ensemble(self, likelihood: Likelihood) -> tuple[FloatArray, FloatArray]:
         """Loads (k,) and those (m, k) of the ensemble."""
         rng, shown, prior = np.random.default_rng(0), self.shown, self.prior
         best, weights = shown.fit(prior)
         root = shown.root(prior, weights)[:, :-1]
         members = []
         for _ in range(_MEMBERS):
-            of_push = rng.exponential(size=len(system.push))[system.push]
+            of_push = rng.exponential(size=len(likelihood.experiment.push))[likelihood.experiment.push]
             member = _least(shown.root(prior.moved(rng), weights * of_push[shown.trial]))
             # what is less than no load counts as in the fit
             members.append(nnls(root, root @ (best + _SHARED * (member - best)))[0])
         return best, np.array(members)
 
 
-def _spread(system: System, shown: _Shown, believed: FloatArray) -> tuple[float, FloatArray]:
+def _spread(likelihood: Likelihood, shown: _Shown, believed: FloatArray) -> tuple[float, FloatArray]:
     """Standard deviation (N) of loads about the believed ones, and the log density (trials,) of trials that are left out of the
     fit: larger than usual where they are then predicted clearly better."""
-    folds, mean = folds_of(system), float(believed.sum()) / len(believed)
+    folds, mean = folds_of(likelihood.experiment), float(believed.sum()) / len(believed)
 
     def held_out(spread: float) -> FloatArray:
         found = np.zeros(len(folds))
@@ -223,7 +228,7 @@ def _spread(system: System, shown: _Shown, believed: FloatArray) -> tuple[float,
     score = held_out(best)
     for times in _WIDER:
         wider = held_out(times * mean)
-        if not system.significantly_better(wider, score):
+        if not likelihood.significantly_better(wider, score):
             break
         best, score = times * mean, wider
     return best, score

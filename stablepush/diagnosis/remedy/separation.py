@@ -8,9 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from stablepush.core import first_least
-from stablepush.diagnosis.likelihood.equations import Fitted
-from stablepush.diagnosis.likelihood.motions import Motions
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.likelihood import Fitted, Likelihood
 from stablepush.diagnosis.remedy.candidates import Candidates, final_poses_of, loads_of
 from stablepush.objects import EdgePush
 
@@ -23,7 +21,7 @@ _RANK = 1e-9
 _ALIKE = 1e-6
 
 
-def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[EdgePush]:
+def separating_pushes(likelihood: Likelihood, causes: Mapping[str, Fitted]) -> list[EdgePush]:
     """Return pushes that separate two effects, each as it was fitted, the most informative first, each twice: the diagnosis
     believes no single push. None if not even all of them would.
 
@@ -33,7 +31,7 @@ def separating_pushes(system: System, causes: Mapping[str, Fitted]) -> list[Edge
     They are straight, and ``expected`` has the differences of the readings: of loads (N) and of clearances between fingers and
     outline (m), or without forces of final poses (m; turns times the radius of gyration).
     """
-    candidates: Candidates = final_poses_of(system) if isinstance(system, Motions) else loads_of(system)
+    candidates: Candidates = loads_of(likelihood) if likelihood.pose is None else final_poses_of(likelihood, likelihood.pose)
     if not candidates.entries:
         return []
     predicted, slopes, known = [], [], []

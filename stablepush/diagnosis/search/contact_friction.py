@@ -14,8 +14,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from stablepush.core import FloatArray
-from stablepush.diagnosis.likelihood.equations import Fitted
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.likelihood import Fitted, Likelihood
 from stablepush.diagnosis.results import readable
 from stablepush.diagnosis.search.finger_forces import CLEARLY_LESS, SAME, FingerForces, finger_forces
 
@@ -106,10 +105,10 @@ class ContactFriction:
         return np.array([self.estimate - nominal, self.change] if self.change else [self.estimate - nominal])
 
 
-def slip_friction(system: System, fitted: Fitted) -> ContactFriction | None:
+def slip_friction(likelihood: Likelihood, fitted: Fitted) -> ContactFriction | None:
     """Return the friction of the fingers from the forces of a log; None if too few trials show any."""
-    forces = finger_forces(system, fitted)
-    return None if forces is None else friction_of(forces, system.rig.contact_friction)
+    forces = finger_forces(likelihood, fitted)
+    return None if forces is None else friction_of(forces, likelihood.experiment.rig.contact_friction)
 
 
 def friction_of(forces: FingerForces, nominal: float | None) -> ContactFriction | None:

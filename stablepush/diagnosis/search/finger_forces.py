@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stablepush.core import BoolArray, FloatArray
-from stablepush.diagnosis.likelihood.equations import Fitted
-from stablepush.diagnosis.likelihood.system import System
-from stablepush.effects import CATALOGUE
+from stablepush.diagnosis.likelihood.likelihood import Fitted, Likelihood
 
 #: Slip counts from so many of its own standard errors, and from this share of the speed.
 _SLIPS, _SLIP_SHARE = 4.0, 0.2
@@ -87,17 +85,18 @@ class FingerForces:
         return bool(middle > 0 and same)
 
 
-def finger_forces(system: System, fitted: Fitted) -> FingerForces | None:
+def finger_forces(likelihood: Likelihood, fitted: Fitted) -> FingerForces | None:
     """Return what the trials of a log say of its fingers' friction; None without forces, or if no row shows the contact.
 
     What ``fitted`` effects of the sensors do to the force is taken back: they turn it away from the normal as friction would.
     """
-    o = system.observations
-    if not system.has_wrench:
+    experiment, wrench = likelihood.experiment, likelihood.wrench
+    if wrench is None:
         return None
-    acting = system.of_wrench(fitted.values)
-    rest = {id: v for id, v in acting.items() if (system.own.get(id) or CATALOGUE[id]).acts != "sensing"}
-    sensed = system.model.predict(fitted.loads, acting) - system.model.predict(fitted.loads, rest)
+    o, acting = experiment.observations, wrench.acting(fitted.values)
+    rest = {id: v for id, v in acting.items() if experiment.effects[id].acts != "sensing"}
+    noise = experiment.noise
+    sensed = wrench.predict(fitted.loads, acting) - wrench.predict(fitted.loads, rest)
     normal = np.where(np.isfinite(o.normal[:, 0]), o.normal[:, 0], o.normal[:, 1])
     known = np.isfinite(normal).all(axis=1) & np.isfinite(o.slip)
     # two fingers on one face only
@@ -107,15 +106,15 @@ def finger_forces(system: System, fitted: Fitted) -> FingerForces | None:
     along = (force * normal).sum(axis=1)
     across = force[:, 1] * normal[:, 0] - force[:, 0] * normal[:, 1]
     lever = np.linalg.norm(np.where(np.isfinite(o.place[:, 0]), o.place[:, 0], o.place[:, 1]), axis=1)
-    jitter = np.hypot(1.05 * system.noise.position, system.noise.angle * lever)
+    jitter = np.hypot(1.05 * noise.position, noise.angle * lever)
     fast_rows = np.abs(o.slip) > np.maximum(_SLIPS * jitter / o.span, _SLIP_SHARE * o.speed)
-    pressed = known & (along > 3 * system.noise.force)
+    pressed = known & (along > 3 * noise.force)
     if not pressed.any():
         return None
     ratio = np.where(pressed, across / np.where(pressed, along, 1.0), 0.0)
     # noise of the force turns it, noise of the heading the normal
     slope = np.hypot(1.0, ratio)
-    error = np.hypot(slope * system.noise.force / np.where(pressed, along, 1.0), slope**2 * system.noise.angle)
+    error = np.hypot(slope * noise.force / np.where(pressed, along, 1.0), slope**2 * noise.angle)
     found = []
     for trial in np.unique(o.trial[pressed]):
         rows = np.flatnonzero((o.trial == trial) & pressed)

@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from stablepush.core import FloatArray
-from stablepush.diagnosis.likelihood.determined import determined_rows, size
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.experiment import Experiment
+from stablepush.diagnosis.likelihood.likelihood import Likelihood
+from stablepush.diagnosis.likelihood.model import Model
 
 #: Parts into which trials fall for held-out judgements.
 FOLDS = 5
 
 
-def folds_of(system: System, seed: int = 0) -> np.ndarray:
+def folds_of(experiment: Experiment, seed: int = 0) -> np.ndarray:
     """Number of the fold of each trial; repeats of a push stay together."""
-    order = np.random.default_rng(seed).permutation(int(system.push.max(initial=-1)) + 1)
+    order = np.random.default_rng(seed).permutation(int(experiment.push.max(initial=-1)) + 1)
     fold = np.empty(len(order), dtype=int)
     fold[order] = np.arange(len(order)) % FOLDS
-    return fold[system.push]
+    return fold[experiment.push]
 
 
-def halves_of(system: System) -> np.ndarray:
+def halves_of(experiment: Experiment) -> np.ndarray:
     """Number, 0 or 1, of the half of the pushes that each trial is in; repeats of a push stay together."""
-    order = np.random.default_rng(1).permutation(int(system.push.max(initial=-1)) + 1)
-    return (order % 2)[system.push]
+    order = np.random.default_rng(1).permutation(int(experiment.push.max(initial=-1)) + 1)
+    return (order % 2)[experiment.push]
 
 
 class Predicted(NamedTuple):
@@ -38,19 +38,19 @@ class Predicted(NamedTuple):
     square: float
 
 
-def predicted(system: System, effects: Sequence[str], free: bool, folds: np.ndarray) -> Predicted:
+def predicted(likelihood: Likelihood, model: Model, folds: np.ndarray) -> Predicted:
     """Return how fits to the other folds predict the trials of each."""
-    trial = system.observations.trial
-    density, left = np.zeros(len(folds)), np.zeros(len(trial))
-    full = system.fit(effects, free)
+    o, wrench = likelihood.experiment.observations, likelihood.wrench
+    density, left = np.zeros(len(folds)), np.zeros(len(o.trial))
+    full = likelihood.fit(model)
     for k in range(FOLDS):
         test = folds == k
         if not test.any() or test.all():
             continue
-        fit = system.fit(effects, free, ~test, full)
+        fit = likelihood.fit(model, ~test, full)
         n = len(fit.density)
         density[:n][test[:n]] = fit.density[test[:n]]
-        if system.has_wrench:
-            wrench = system.model.predict(fit.loads, system.of_wrench(fit.values))
-            left[test[trial]] = size(system, system.observations.wrench - wrench)[test[trial]]
-    return Predicted(density, float(left[determined_rows(system)].mean()) if system.has_wrench else math.nan)
+        if wrench is not None:
+            here = test[o.trial]
+            left[here] = wrench.squares(o.wrench - wrench.predict(fit.loads, fit.values))[here]
+    return Predicted(density, math.nan if wrench is None else float(left[wrench.determined].mean()))

@@ -6,17 +6,20 @@ is scanned, not fitted by steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from stablepush.core import BoolArray, FloatArray
+from stablepush.diagnosis.likelihood.final_pose import FinalPoses
+from stablepush.diagnosis.likelihood.nominal import Nominal
 from stablepush.diagnosis.likelihood.replay import Replay
-from stablepush.diagnosis.likelihood.system import System
 from stablepush.diagnosis.search.attribution import Attribution
 from stablepush.diagnosis.search.contact_friction import NORMAL, ContactFriction
 from stablepush.diagnosis.search.finger_forces import finger_forces
+from stablepush.effects import FINGER_FRICTION
 
 #: Friction that the forces of few trials show must differ by so much, and leave less than this share of the squares; and its
 #: standard error over itself.
@@ -46,25 +49,27 @@ def _robust(sizes: FloatArray) -> float:
     return float(np.log1p(np.nan_to_num(sizes, nan=_LOST) ** 2).sum())
 
 
-def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Replay]) -> ContactFriction | None:
+def friction_from_poses(found: Attribution, poses: FinalPoses) -> ContactFriction | None:
     """Return the friction with which simulated pushes end where they were measured, if that of the rig is clearly another.
 
     None unless most of what several pushes are off by goes away with another friction, and not with fingers that are aside.
     """
-    nominal = system.rig.contact_friction
-    pushes, noise = all_pushes(system, pushes)
+    experiment = poses.experiment
+    nominal = experiment.rig.contact_friction
+    pushes, noise = all_pushes(poses)
     if nominal is None or not pushes:
         return None
     final = found.final
-    values = {id: value for id, value in final.values.items() if id != "contact-friction"}
+    values = {id: value for id, value in final.values.items() if id != FINGER_FRICTION}
 
-    def sizes(mu: float, aside: float = 0.0) -> FloatArray:
+    def sizes(mu: float, aside: float = 0.0, believed: Nominal | None = None) -> FloatArray:
         moved = [replace(push, pusher=push.pusher.moved(aside)) for push in pushes] if aside else pushes
-        errors = system.simulated_errors(moved, final.loads, {**values, "contact-friction": np.array([mu - system.mu])})
+        friction = {FINGER_FRICTION: np.array([mu - experiment.mu])}
+        errors = poses.errors(moved, final.loads, {**values, **friction}, believed)
         return np.nan_to_num(np.linalg.norm(errors, axis=1) / noise, nan=_LOST)
 
-    def loss(mu: float, aside: float = 0.0) -> float:
-        return _robust(sizes(mu, aside))
+    def loss(mu: float, believed: Nominal | None = None) -> float:
+        return _robust(sizes(mu, believed=believed))
 
     def least_aside(chosen: BoolArray) -> float:
         """Sum of squares that fingers aside, instead of another friction, leave of some pushes."""
@@ -72,7 +77,7 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
 
     before = sizes(nominal)
     off = before > _OFF
-    seen = finger_forces(system, final)
+    seen = finger_forces(found.likelihood, final)
     if seen is not None and seen.informative_agree and off.any():
         # few fingers slip fast enough for their forces alone to tell, but the object ends where that friction takes it
         trials = seen.trial[seen.informative]
@@ -99,24 +104,24 @@ def friction_from_poses(system: System, found: Attribution, pushes: Sequence[Rep
         return None
     # above the friction at which all fingers stick any fits as well
     near = [mu for mu, found_loss in tried if found_loss <= min(found_loss for _, found_loss in tried) + 1.0]
-    mu, spread = _over_ensemble(system, loss, best)
+    mu, spread = _over_ensemble(experiment.believed, loss, best)
     error = float(np.hypot(max(0.5 * (max(near) - min(near)), 0.02 * best), spread))
     return _with_error(mu, error, int(off.sum()), "final poses")
 
 
-def _over_ensemble(system: System, loss: Callable[[float], float], best: float) -> tuple[float, float]:
+def _over_ensemble(believed: Nominal, loss: Callable[..., float], best: float) -> tuple[float, float]:
     """Return the mean friction over the likely surfaces of the rig's model, and its standard deviation: which push is lost hangs
     on the surface as well. Each has the friction with which poses end best, and counts by how well they then do: ``loss`` is
     minus the logarithm of a Cauchy density. The ``best`` friction, and 0, without such surfaces."""
-    model = system.believed.model
+    model = believed.model
     members = () if model is None else model.members()
     if model is None or not members:
         return best, 0.0
     grid = best * np.geomspace(1 / _FARTHER, _FARTHER, _SEARCHED)
     found = []
     for member in (model, *members[:: -(-len(members) // _MEMBERS)]):
-        with system.believing(member):
-            mu, tried = _scanned(loss, grid, rounds=1)
+        of_member = partial(loss, believed=replace(believed, model=member))
+        mu, tried = _scanned(of_member, grid, rounds=1)
         found.append((mu, min(size for _, size in tried)))
     frictions, losses = np.array(found).T
     weights = np.exp(losses.min() - losses)
@@ -144,36 +149,35 @@ def _with_error(mu: float, error: float, trials: int, readings: str) -> ContactF
     return ContactFriction(mu, interval, trials, _P_VALUE, readings)
 
 
-def all_pushes(system: System, pushes: Sequence[Replay]) -> tuple[list[Replay], FloatArray]:
+def all_pushes(poses: FinalPoses) -> tuple[list[Replay], FloatArray]:
     """Return all pushes, also those whose final pose cannot be predicted, and the noise (n,) of their final poses in m, with what
     the friction of the table may be wrong by."""
-    others, larger = system.unpredictable
-    noise = np.linalg.norm(np.concatenate((system.final_pose_noise, larger)), axis=1)
-    return [*pushes, *others], np.hypot(noise, _WRONG * system.rig.slider.radius)
+    noise = np.linalg.norm(np.concatenate((poses.noise, poses.lost_noise)), axis=1)
+    return [*poses.pushes, *poses.lost], np.hypot(noise, _WRONG * poses.experiment.rig.slider.radius)
 
 
-def lost_pushes(system: System, pushes: Sequence[Replay]) -> dict[int, float]:
+def lost_pushes(poses: FinalPoses) -> dict[int, float]:
     """Return trials that end far from where the nominal simulation has them, whatever the noise, and how far (m)."""
-    pushes, noise = all_pushes(system, pushes)
+    pushes, noise = all_pushes(poses)
     if not pushes:
         return {}
-    away = np.linalg.norm(system.simulated_errors(pushes, system.nominal, {}), axis=1)
+    away = np.linalg.norm(poses.errors(pushes, poses.prior.nominal, {}), axis=1)
     return {push.trial: float(size) for push, size, far in zip(pushes, away, away > _OFF * noise, strict=True) if far}
 
 
-def without_contradiction(system: System, found: Attribution, pushes: Sequence[Replay]) -> Attribution:
+def without_contradiction(found: Attribution, poses: FinalPoses) -> Attribution:
     """Return what was found, friction of slipping fingers taken back if with it pushes end farther from where they were measured.
 
     A few rows of force may look like slip; fingers of such friction would slip in other pushes, too.
     """
-    contact, nominal = found.contact, system.rig.contact_friction
-    if contact is None or nominal is None or not pushes or "contact-friction" not in found.named:
+    contact, nominal = found.contact, poses.experiment.rig.contact_friction
+    if contact is None or nominal is None or not poses.pushes or FINGER_FRICTION not in found.named:
         return found
-    noise = np.linalg.norm(system.final_pose_noise, axis=1)
+    noise = np.linalg.norm(poses.noise, axis=1)
 
     def loss(friction: FloatArray) -> float:
-        values = {**found.final.values, "contact-friction": friction}
-        return _robust(np.linalg.norm(system.simulated_errors(pushes, found.final.loads, values), axis=1) / noise)
+        values = {**found.final.values, FINGER_FRICTION: friction}
+        return _robust(np.linalg.norm(poses.errors(poses.pushes, found.final.loads, values), axis=1) / noise)
 
-    holds = loss(contact.beside(system.mu)) <= loss(np.zeros(1))
+    holds = loss(contact.beside(poses.experiment.mu)) <= loss(np.zeros(1))
     return found if holds else replace(found, contact=replace(contact, p_value=1.0))

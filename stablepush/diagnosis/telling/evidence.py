@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.likelihood import Demands
 from stablepush.diagnosis.results import RankedEffect, readable
-from stablepush.diagnosis.search.attribution import Attribution, Screening
+from stablepush.diagnosis.search.attribution import Attribution
 from stablepush.diagnosis.search.contact_friction import P_SLIP
+from stablepush.diagnosis.search.screening import Screening
+from stablepush.effects import FINGER_FRICTION
 
 #: Contact friction that differs with so small a p-value does so clearly, though it need not be named.
 _UNSURE = 0.02
@@ -27,41 +29,40 @@ def not_identifiable(reason: str) -> Evidence:
     return Evidence([], [], f"not identifiable from this log: {reason}")
 
 
-def evidence(
-    system: System, found: Attribution, ranking: Sequence[RankedEffect], effects: list[str], why: str
-) -> dict[str, Evidence]:
+def evidence(found: Attribution, ranking: Sequence[RankedEffect], effects: list[str], why: str) -> dict[str, Evidence]:
     """Return the evidence for and against each effect of a ranking.
 
     ``effects``: those that the verdict names; ``why`` it does not name others that act.
     """
     # whether the measured shape of the surface is another, not its size alone
-    reshaped = "free" in found.scores and system.significantly_better(found.scores["free"], found.scores["scaled"])
+    likelihood, kinds = found.likelihood, found.likelihood.experiment.effects
+    reshaped = "free" in found.scores and likelihood.significantly_better(found.scores["free"], found.scores["scaled"])
     result = {}
     for entry in ranking:
         id = entry.effect
         acts = id in (*found.named, *found.confounded)
         if not entry.identifiable and not acts:
             clauses = not_identifiable(entry.reason or "")
-        elif id == "contact-friction" and found.contact is not None:
-            clauses = _of_slip(system, found)
-        elif id == "model-capacity":
+        elif kinds[id].by_slip and found.contact is not None:
+            clauses = _of_slip(found)
+        elif not kinds[id].size:
             clauses = _of_surface(found, reshaped)
         elif acts:
-            clauses = _of_acting(id, system, found)
+            clauses = _of_acting(id, found)
         else:
-            clauses = _of_others(id, system, found, reshaped)
+            clauses = _of_others(id, found, reshaped)
         if acts and id not in effects:
             clauses.opposing.append(why)
         result[id] = clauses
     return result
 
 
-def _of_slip(system: System, found: Attribution) -> Evidence:
-    contact, nominal = found.contact, system.rig.contact_friction
+def _of_slip(found: Attribution) -> Evidence:
+    contact, nominal = found.contact, found.likelihood.experiment.rig.contact_friction
     assert contact is not None
     assert nominal is not None
     words = f"the {contact.readings} of {contact.trials} pushes give {contact.in_words}; {readable(nominal)} was assumed"
-    if "contact-friction" in found.named:
+    if FINGER_FRICTION in found.named:
         return Evidence([f"{words}, p {contact.p_value:.1g}"], [])
     unsure = f"p {contact.p_value:.1g}, above the limit of {P_SLIP:g}"
     return Evidence([], [f"{words}, {unsure if contact.p_value < _UNSURE else 'no significant difference'}"])
@@ -76,7 +77,7 @@ def _of_surface(found: Attribution, reshaped: bool) -> Evidence:
     return Evidence([], [f"{words} (log density {pressure} and {friction})"])
 
 
-def _of_acting(id: str, system: System, found: Attribution) -> Evidence:
+def _of_acting(id: str, found: Attribution) -> Evidence:
     """Of an effect that acts, or may act in the place of one that does."""
     clauses = Evidence([], [])
     if id in found.scores:
@@ -89,8 +90,8 @@ def _of_acting(id: str, system: System, found: Attribution) -> Evidence:
             clauses.supporting.append(f"{_beside([e for e in found.chosen if e != id])}{_GAINS} {gain}")
             screening = found.screened.get(id)
             if screening is not None and screening.significantly_better:
-                certain = screening.family_wise_p <= system.demands.family_wise_p
-                times = "" if certain else f"{system.demands.certain:g} times "
+                certain = screening.family_wise_p <= found.likelihood.demands.family_wise_p
+                times = "" if certain else f"{found.likelihood.demands.certain:g} times "
                 clauses.supporting.append(
                     f"most pushes speak for it: when it was found, their log density rose by more than {times}the threshold"
                 )
@@ -103,10 +104,10 @@ def _of_acting(id: str, system: System, found: Attribution) -> Evidence:
     return clauses
 
 
-def _of_others(id: str, system: System, found: Attribution, reshaped: bool) -> Evidence:
+def _of_others(id: str, found: Attribution, reshaped: bool) -> Evidence:
     """Of an effect that is not found to act."""
     screening = found.screened.get(id)
-    if id in system.nuisance:
+    if id in found.likelihood.nuisance:
         return Evidence([], [], "the rig does not state it: it is fitted with the rest and cannot be judged")
     if id in found.scores:
         return Evidence([], [_of_held_out(id, found)])
@@ -114,7 +115,7 @@ def _of_others(id: str, system: System, found: Attribution, reshaped: bool) -> E
         words = f"{_beside(screening.given)}{_GAINS} {readable(screening.gain)}"
         if not found.free:
             words += " after the pressure is refitted"
-        return Evidence([], [f"{words}: {_failed(screening, system)}"])
+        return Evidence([], [f"{words}: {_failed(screening, found.likelihood.demands)}"])
     if reshaped:
         return Evidence([], ["a refitted pressure explains what it would change"])
     return Evidence([], ["a refitted pressure does not predict held-out pushes significantly better than the nominal one"])
@@ -128,9 +129,9 @@ def _beside(others: Sequence[str]) -> str:
     return f"with {' and '.join(others)} fitted already, " if others else ""
 
 
-def _failed(screening: Screening, system: System) -> str:
+def _failed(screening: Screening, demands: Demands) -> str:
     """Why an effect did not enter, or did not stay."""
-    least = system.demands.gain
+    least = demands.gain
     if screening.gain <= least:
         return f"{readable(least)} is needed"
     if screening.statistic <= least:
@@ -138,10 +139,10 @@ def _failed(screening: Screening, system: System) -> str:
     if not screening.possible:
         return "but it is too small to matter, of a sign that it cannot have, or larger than any"
     if screening.significantly_better is False:
-        if screening.family_wise_p > system.demands.family_wise_p:
+        if screening.family_wise_p > demands.family_wise_p:
             return f"but its family-wise p-value is {_p(screening.family_wise_p)}"
         return "but the log density does not rise significantly over its scatter between pushes"
-    if screening.family_wise_p > system.demands.family_wise_p:
+    if screening.family_wise_p > demands.family_wise_p:
         return f"but its family-wise p-value is {_p(screening.family_wise_p)}"
     return "but other effects explain the gap better"
 

@@ -8,14 +8,12 @@ import numpy as np
 from scipy.stats import chi2
 
 from stablepush.diagnosis.judge.gap_reduction import rigid_square
-from stablepush.diagnosis.judge.ranking import UNSEEN
+from stablepush.diagnosis.likelihood.experiment import noise_of
 from stablepush.diagnosis.likelihood.nominal import nominal_of
 from stablepush.diagnosis.likelihood.replay import carried, friction_of, replays
-from stablepush.diagnosis.likelihood.system import noise_of
 from stablepush.diagnosis.results import ChannelGap, GapReduction, Verdict
 from stablepush.diagnosis.rows.observations import Observations
 from stablepush.diagnosis.telling.report import GapReport, without_causes
-from stablepush.effects import CATALOGUE
 from stablepush.io import PushLog
 
 #: p-value below which a push ends elsewhere than simulated.
@@ -49,7 +47,7 @@ def of_one_push(log: PushLog, name: str, observations: Observations) -> GapRepor
     gap = ChannelGap("pose", "m", far, far, floor, p)
     reduced = GapReduction("pose", "m", 1, far, far, min(floor, far), 0.0, [0.0, 0.0], floor)
     verdict = Verdict.UNKNOWN if p < _OFF else Verdict.NONE
-    return without_causes(log, name, verdict, [gap], [reduced], sentence, [], dict.fromkeys(CATALOGUE, _WHY))
+    return without_causes(log, name, verdict, [gap], [reduced], sentence, [], _WHY)
 
 
 def _too_little(log: PushLog, name: str, observations: Observations) -> GapReport:
@@ -58,4 +56,4 @@ def _too_little(log: PushLog, name: str, observations: Observations) -> GapRepor
     sentence = f"{_TOO_LITTLE[0].upper()}{_TOO_LITTLE[1:]}."
     if still:
         sentence += f" In {still} of {len(log)} pushes it stands: {_WHY_STILL}"
-    return without_causes(log, name, Verdict.UNKNOWN, [], [], sentence, [_TOO_LITTLE], UNSEEN)
+    return without_causes(log, name, Verdict.UNKNOWN, [], [], sentence, [_TOO_LITTLE])

@@ -11,13 +11,12 @@ import numpy as np
 from stablepush.core import BoolArray, FloatArray, renamed_fields, shown_as
 from stablepush.diagnosis.judge.force_axes import uneven_axes
 from stablepush.diagnosis.judge.where import Finding
-from stablepush.diagnosis.likelihood.equations import OF_PRESSURE
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json, size_in_words
 from stablepush.diagnosis.search.finger_forces import FingerForces
 from stablepush.diagnosis.telling.evidence import Evidence, not_identifiable
 from stablepush.diagnosis.telling.signatures import Estimates, Signature
-from stablepush.effects import CATALOGUE, LAB_REMEDY
-from stablepush.geometry import compose, rotate_vectors
+from stablepush.effects import CATALOGUE, LAB_REMEDY, OF_PRESSURE
+from stablepush.geometry import rotate_vectors
 from stablepush.io import PushLog, Rig, slider_to_json
 from stablepush.planning import Correction
 from stablepush.surfaces import IdealLimitSurface
@@ -44,8 +43,6 @@ _UNSIZED = (
     "state the support friction (friction: support) and the mass of the slider, rough values do, and diagnose again: without "
     "these or forces no corrected surface is made"
 )
-#: Effects that the import of a log takes off: no plan changes.
-_OF_IMPORTS = frozenset(("frame-offset", "latency", "force-rotation"))
 #: A channel is predicted worse by a correction that leaves so many times what there was, and what noise leaves.
 _WORSE, _BEYOND = 1.5, 1.1
 #: Causes that are less probable than this need no further experiment.
@@ -144,7 +141,9 @@ class GapReport:
         remedies = [f"{id}: {self._remedy(id)}" for id in self.named]
         if self.surface_beside:
             remedies.append(f"{beside(self.rig)}: stablepush correct, then plan again")
-        far = [] if _OF_IMPORTS.issuperset(self.named) else self._predicted_worse()
+        # what an import takes off changes no plan
+        imported = all(id in CATALOGUE and CATALOGUE[id].import_key for id in self.named)
+        far = [] if imported else self._predicted_worse()
         if far:
             told = [(e.channel, size_in_words(e.before, e.unit), size_in_words(e.after, e.unit)) for e in far]
             changes = ", ".join(f"{channel} {before} to {after}" for channel, before, after in told)
@@ -178,28 +177,24 @@ class GapReport:
             return _UNSIZED
         if id in OF_PRESSURE and self.rig.model is None and self.rig.slider.support is None and "wrench" in self.channels:
             return f"{CATALOGUE[id].remedy}; or stablepush fit this log: no surface was stated, and a fit finds this one, too"
-        if id == "tilt" and entry is not None and entry.form is not None:
-            return "look for a table that is not flat, or a cable that pulls at the object; plans take one slope for all places"
-        stays = "; you need no new plan" if id == "latency" and self.verdict == "named" and not self.changes_plans else ""
-        return CATALOGUE[id].remedy + stays + ("" if entry is None else self._in_numbers(entry))
+        kind = CATALOGUE[id]
+        if entry is not None and entry.form is not None and kind.remedy_in_form():
+            return kind.remedy_in_form()
+        late = kind.import_key and kind.shows_in == "pose" and not kind.moves_tracker
+        stays = "; you need no new plan" if late and self.verdict == "named" and not self.changes_plans else ""
+        return kind.remedy + stays + ("" if entry is None else self._in_numbers(entry))
 
     def _in_numbers(self, entry: RankedEffect) -> str:
         """What to write into the mapping of an import, for effects that it takes off."""
-        id, found = entry.effect, entry.estimates
-        key = {"frame-offset": "body_pose", "latency": "pose_delay", "force-rotation": "force_angle"}.get(id)
+        kind, found = CATALOGUE[entry.effect], entry.estimates
         terms = [] if entry.form is None else entry.form["ci95"]
-        if key is None or not found:
+        if not kind.import_key or not found:
             return ""
         if any(low > 0 or high < 0 for low, high in terms):
             return ". Here it changes over the log: no one number takes it off"
-        was = _at_import(self.rig, key)
+        was = _at_import(self.rig, kind.import_key)
         unless = "" if was is not None else ", if the import had none"
-        if id == "frame-offset":
-            x, y = found["offset"]
-            pose = compose(np.zeros(3) if was is None else np.asarray(was), (-x, -y, 0.0)) + 0.0
-            return f". Here{unless}: body_pose: [{pose[0]:.5f}, {pose[1]:.5f}, {pose[2]:.5g}]"
-        value = found["delay" if id == "latency" else "angle"]
-        return f". Here{unless}: {key}: {value + (was or 0.0):.4f}"
+        return f". Here{unless}: {kind.import_key}: {kind.import_value(found, was)}"
 
     @property
     def settled(self) -> bool:
@@ -232,7 +227,7 @@ class GapReport:
     def _changing(self) -> list[str]:
         """The named effects with which plans differ."""
         carried = [id for id in self.named if not (id in OF_PRESSURE and self._lacks_surface)]
-        return [id for id in carried if id == "frame-offset" or (id in CATALOGUE and CATALOGUE[id].changes_plans)]
+        return [id for id in carried if id in CATALOGUE and (CATALOGUE[id].moves_tracker or CATALOGUE[id].changes_plans)]
 
     @property
     def changes_plans(self) -> bool:
@@ -311,8 +306,10 @@ def without_causes(
     reduced: list[GapReduction],
     sentence: str,
     notes: list[str],
-    reasons: Mapping[str, str],
+    reason: str = "",
 ) -> GapReport:
+    """Return the report of a log in which no cause can be told, for a ``reason``; that of each effect if it is not given."""
+    reasons = {id: reason or kind.unseen for id, kind in CATALOGUE.items()}
     ranking = [RankedEffect(id, 0.02, {}, False, reasons[id]) for id in CATALOGUE]
     nothing = np.zeros((0, 3))
     after = NextExperiment([], [], "make more pushes, at varied headings, places, speeds and faces, in random order")

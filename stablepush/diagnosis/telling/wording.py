@@ -10,8 +10,8 @@ import numpy as np
 from stablepush.core import FloatArray, some_of
 from stablepush.diagnosis.judge.force_axes import uneven_axes
 from stablepush.diagnosis.judge.verdicts import Judgement
-from stablepush.diagnosis.likelihood.equations import OF_PRESSURE, robust_variance
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.likelihood import Likelihood
+from stablepush.diagnosis.likelihood.robust import robust_variance
 from stablepush.diagnosis.results import (
     ChannelGap,
     GapReduction,
@@ -21,11 +21,9 @@ from stablepush.diagnosis.results import (
     size_in_words,
 )
 from stablepush.diagnosis.search.attribution import Attribution
-from stablepush.effects import CATALOGUE, Parameter, friction_over_place, slope_over_place
+from stablepush.effects import CATALOGUE, Parameter
 from stablepush.io import PushLog
 
-#: Effects that are another in each log.
-_EACH_LOG = ("drift", "pressure-shift", "pressure-spread", "anisotropy-object")
 #: Trials and effects that a sentence lists at most, and the least probability of an effect that one lists.
 _LISTED, _LIKELY = 3, 0.005
 #: A sentence compares a size with the noise if it is so many times as large: means over pushes may be off by less.
@@ -53,8 +51,6 @@ NOT_COMPARED = (
     "No push could be simulated, so nothing was compared: a log without forces needs the poses of the pusher, and with two "
     "fingers the distance between them (finger_distance of the import)."
 )
-#: Effects of sensing that show in poses, too.
-_OF_POSES = {"latency", "frame-offset"}
 #: A power of ten that rounding has just missed is one.
 _LAST_BIT = 1e-9
 #: Channels as a sentence has them.
@@ -72,7 +68,7 @@ _SHOWN = {
 }  # fmt: skip
 
 
-def sentence_of(system: System, judged: Judgement, ranking: list[RankedEffect], loads: FloatArray) -> str:
+def sentence_of(likelihood: Likelihood, judged: Judgement, ranking: list[RankedEffect], loads: FloatArray) -> str:
     """The answer in a sentence: which cause is present, with its numbers, and how far the gap falls once that is corrected.
 
     ``loads`` (k,): friction loads (N) of the points, refitted.
@@ -80,19 +76,19 @@ def sentence_of(system: System, judged: Judgement, ranking: list[RankedEffect], 
     verdict, known = judged.verdict, {entry.effect: entry for entry in ranking}
     refitted = {gap.channel: gap.refitted for gap in judged.gaps} if judged.effects else {}
     nearer = _nearer(judged.effects, judged.reductions, judged.touch, refitted)
-    causes = {id: _cause(system, known[id]) for id in judged.effects}
+    causes = {id: _cause(likelihood, known[id]) for id in judged.effects}
     if verdict == "none":
-        if not system.has_wrench:
+        if likelihood.wrench is None:
             carried = any(entry.channel in ("stability", "pose") for entry in judged.reductions)
             seen = "No cause stands out from the scatter of the poses" if carried else "Nothing stands out"
             return f"{seen}; without forces little more is identifiable."
-        if system.rig.noise is None:
+        if likelihood.experiment.rig.noise is None:
             return (
                 "The nominal simulation fits as well as one with a refitted pressure, and no cause stands out from the scatter."
             )
         return "The nominal simulation fits within the noise."
     if verdict == "absorbed":
-        return f"{_friction(system, loads, judged.reductions)}, and no other cause stands out{nearer}."
+        return f"{_friction(likelihood, loads, judged.reductions)}, and no other cause stands out{nearer}."
     certain = "; ".join(words for id, words in causes.items() if id not in judged.apart)
     if verdict == "named":
         return f"{certain}{nearer}."
@@ -105,14 +101,16 @@ def sentence_of(system: System, judged: Judgement, ranking: list[RankedEffect], 
     raise AssertionError(verdict)
 
 
-def _friction(system: System, loads: FloatArray, reductions: Sequence[GapReduction]) -> str:
+def _friction(likelihood: Likelihood, loads: FloatArray, reductions: Sequence[GapReduction]) -> str:
     """How the friction of a refitted surface differs from the nominal one."""
-    if not system.has_wrench:
+    if likelihood.wrench is None:
         return "The friction under the object differs from the nominal one"
-    total, nominal = float(system.of_last(loads).sum()), float(system.of_last(system.nominal).sum())
-    size = f"{total:.3g} N in all" + (f", a coefficient of {total / system.weight:.3g}" if system.weight else "")
+    total, nominal = float(likelihood.prior.of_last(loads).sum()), float(likelihood.prior.of_last(likelihood.prior.nominal).sum())
+    size = f"{total:.3g} N in all" + (
+        f", a coefficient of {total / likelihood.experiment.weight:.3g}" if likelihood.experiment.weight else ""
+    )
     change = 100 * (total / nominal - 1)
-    if not system.known_scale:
+    if not likelihood.experiment.known_scale:
         return f"The friction under the object differs from the nominal one ({size})"
     more = f"{abs(change):.2g} % {'more' if change > 0 else 'less'} than believed"
     told = "which is as believed" if abs(change) < _ALIKE else more
@@ -171,54 +169,41 @@ def _nearer(effects: Sequence[str], reductions: Sequence[GapReduction], touch: f
 def _acts_on(effects: Sequence[str]) -> str:
     """The channel that effects of the catalogue act on, if it is the same for all; else blank."""
     # what the fingers do decides where the object goes
-    of_poses = {id for id in CATALOGUE if id in _OF_POSES or CATALOGUE[id].acts == "contact"}
-    channels = {"pose" if id in of_poses else "wrench" if id in CATALOGUE else "" for id in effects}
+    channels = {CATALOGUE[id].shows_in if id in CATALOGUE else "" for id in effects}
     return channels.pop() if len(channels) == 1 else ""
 
 
-def _cause(system: System, entry: RankedEffect) -> str:
+def _cause(likelihood: Likelihood, entry: RankedEffect) -> str:
     """What acts, with the numbers of its parameters."""
     id = entry.effect
-    if id in system.own:
+    experiment, kind = likelihood.experiment, likelihood.experiment.effects[id]
+    if kind.of_lab:
         numbers = "; ".join(f"{name} {value}" for name, value in entry.parameters.items())
-        return f"{id} ({system.own[id].what}{f': {numbers}' if numbers else ''})"
-    kind, axes = CATALOGUE[id], uneven_axes(entry)
+        return f"{id} ({kind.what}{f': {numbers}' if numbers else ''})"
+    axes = uneven_axes(entry)
     if axes is not None:
         return f"{id}: the force sensor {axes}"
-    if entry.form is not None and id in ("tilt", "spatial-variation"):
-        # the values of its parameters are those at the origin of W, which may be far away
-        return f"{id}: {_over_pushes(entry, system.observations.pose[:, :2])}"
+    if entry.form is not None:
+        # the values of its parameters may be those at the origin of W, which may be far away
+        places = experiment.observations.pose[:, :2]
+        there = kind.where_pushed(entry.estimates, entry.form["coefficients"], places)
+        if there:
+            return f"{id}: {there}"
     if not entry.parameters or entry.by_terms:
         # the terms of its family say what its own form does not
         form = ", in a form that the catalogue does not have" if entry.form is not None else ""
         return f"{id}: {kind.what}{form}"
     words = kind.says.format(**{p.name: estimate_in_words(p, entry.parameters[p.name]) for p in kind.parameters})
-    believed = {"contact-friction": system.rig.contact_friction, "contact-geometry": system.rig.finger_radius}.get(id)
+    rig = experiment.rig
+    believed = rig.contact_friction if kind.by_slip else rig.finger_radius if kind.acts == "contact" else None
     if believed is not None:
         factor, unit = _SHOWN[kind.parameters[0].unit.partition(" ")[0]]
         words += f", where {factor * believed:.3g}{unit} was assumed"
-    if id in OF_PRESSURE and system.rig.model is None and system.rig.slider.support is None:
+    if kind.reshapes == "pressure" and rig.model is None and rig.slider.support is None:
         words += ", where an even pressure under the outline was assumed"
-    if id == "contact-friction" and entry.form is not None:
+    if kind.by_slip and entry.form is not None:
         words += f"; it changes by {entry.form['coefficients'][0]:+.2g} over the log"
     return f"{id}: {words[0].lower()}{words[1:]}"
-
-
-def _over_pushes(entry: RankedEffect, places: FloatArray) -> str:
-    """What a slope of the table or friction that depends on the place is where the pushes (n, 2) in m are."""
-    assert entry.form is not None
-    terms, middle = entry.form["coefficients"], places.mean(axis=0)
-    at = f"in the middle of the pushes (x {middle[0]:.2f} m, y {middle[1]:.2f} m)"
-    if entry.effect == "tilt":
-        slopes = np.degrees(slope_over_place(entry.estimates["slope"], terms, np.vstack((middle, places))))
-        (x, y), (lx, ly), (hx, hy) = slopes[0] + 0.0, slopes.min(axis=0), slopes.max(axis=0)
-        return (
-            f"the table falls by ({x:.2f}, {y:.2f}) deg along x and y {at}; over the pushes this ranges from {lx:.2f} to "
-            f"{hx:.2f} deg along x and from {ly:.2f} to {hy:.2f} deg along y"
-        )
-    shares = friction_over_place(entry.estimates["gradient"], terms, np.vstack((middle, places)))
-    low, high = (f"{share:.2f}" for share in (shares.min() / shares[0], shares.max() / shares[0]))
-    return f"over the pushes support friction is {low} to {high} times its value {at}"
 
 
 def estimate_in_words(parameter: Parameter, found: ParameterEstimate) -> str:
@@ -278,7 +263,8 @@ def unexplained(
             "the nominal simulation has them"
         )
     # that a refit fits better is told elsewhere, and is no cause
-    causes = [e for e in ranking if e.identifiable and e.probability >= _LIKELY and e.effect != "model-capacity"]
+    fitted = [e for e in ranking if e.effect not in CATALOGUE or CATALOGUE[e.effect].size]
+    causes = [e for e in fitted if e.identifiable and e.probability >= _LIKELY]
     likely = [f"{e.effect} ({e.probability:.2f})" for e in causes[:_LISTED]]
     if likely:
         words.append(f"most likely {', '.join(likely)}")
@@ -294,21 +280,20 @@ def unexplained(
     return "; ".join(words) + (". The pushes of the next experiment would tell." if tells else ".")
 
 
-def notes_on(
-    log: PushLog, system: System, found: Attribution, effects: list[str], share: float, p_share: float, left_out: int
-) -> list[str]:
+def notes_on(log: PushLog, found: Attribution, effects: list[str], share: float, p_share: float, left_out: int) -> list[str]:
+    likelihood, experiment = found.likelihood, found.likelihood.experiment
     notes = []
     rig = log.rig
     if (rig.extra or {}).get("effects"):
         notes.append("rig.json has effects: they are not part of the nominal simulation")
     if rig.noise is None:
         notes.append("rig.json has no noise: it was estimated from the residuals of a fit with a free pressure")
-    if not system.has_wrench:
+    if likelihood.wrench is None:
         notes.append("no forces: only what shows in the poses is identifiable")
-    if not any(len(rows) for _, rows in system.clearance_rows):
+    if not likelihood.clearance.is_seen:
         notes.append("no finger poses to compare with the outline: no clearances to show latency and contact geometry")
     elif rig.finger_radius is None:
-        radius = system.observations.finger_radius or 0.0
+        radius = likelihood.experiment.observations.finger_radius or 0.0
         notes.append(
             f"rig.json has no finger radius: {1000 * radius:.2g} mm was used, the median distance of the fingers from the outline"
         )
@@ -317,9 +302,9 @@ def notes_on(
             f"the final pose{'s' if left_out > 1 else ''} of {left_out} push{'es were' if left_out > 1 else ' was'} not used: "
             "it cannot be simulated, or noise of the start dominates it"
         )
-    far = _outliers(system, found)
+    far = _outliers(found)
     if far.any():
-        pushes = [system.observations.names[k] for k in np.unique(system.observations.trial[far])]
+        pushes = [likelihood.experiment.observations.names[k] for k in np.unique(likelihood.experiment.observations.trial[far])]
         many = len(pushes) > _FEW_PUSHES * len(log)
         cause = (
             "they may be outliers of the sensor, or something acts there that no effect of the catalogue describes"
@@ -331,41 +316,41 @@ def notes_on(
             "miss the fit by more than "
             f"{_OUTLIER:g} times the usual residual: {cause}"
         )
-    if not any(system.observations.group):
+    if not any(likelihood.experiment.observations.group):
         notes.append("no repeated pushes: the repeatability is unknown")
-    if system.has_wrench and not system.known_scale:
+    if likelihood.wrench is not None and not likelihood.experiment.known_scale:
         notes.append("support friction or mass unknown: the nominal friction load was scaled to fit the log")
     if share > 0.05:
         notes.append(
             f"a Gaussian process of place, heading, order and speed could explain up to {100 * share:.0f} % of the residuals "
             f"(p {p_share:.2f})"
         )
-    own = [id for id in found.named if id in system.own]
+    own = [id for id in found.named if experiment.effects[id].of_lab]
     if own:
         notes.append(f"{', '.join(own)} is the lab's own: it is in no corrected rig or scene")
-    formed = [id for id in found.named if id in system.opened]
+    formed = [id for id in found.named if id in found.model.families]
     if formed:
         notes.append(
             f"extra terms fitted for {', '.join(formed)} are in the ranking, but in no corrected rig or scene, because they are "
             "not simulated"
         )
-    off = system.observations.off
-    if "contact-geometry" in effects and not all(off):
+    off = likelihood.experiment.observations.off
+    if not all(off) and any(experiment.effects[id].acts == "contact" and experiment.effects[id].in_clearances for id in effects):
         side = ("left", "right")[off.index(1.0)]
         notes.append(
             f"the radius is that of the {side} finger alone, seen along the push: the other is as in rig.json; "
             "the corrected rig, which has one radius for both, does not include it"
         )
     for id in found.single:
-        if system.logs > 1:
+        if likelihood.experiment.logs > 1:
             notes.append(f"{id} does not act in all logs that would show it, so it is not named")
         else:
             notes.append(
                 f"{id} acts in only one half of the pushes, so it is not named; diagnose a second log together with this one"
             )
-    if found.confounded and system.logs == 1:
+    if found.confounded and likelihood.experiment.logs == 1:
         causes = [found.confounded_with, *found.confounded]
-        alone = [id for id in causes if id in _EACH_LOG]
+        alone = [id for id in causes if experiment.effects[id].varies]
         if alone and len(alone) < len(causes):
             others = ", ".join(id for id in causes if id not in alone)
             notes.append(
@@ -377,13 +362,14 @@ def notes_on(
     return notes
 
 
-def _outliers(system: System, found: Attribution) -> np.ndarray:
+def _outliers(found: Attribution) -> np.ndarray:
     """Which rows (n,) have forces far off from those of their push, where these are few."""
-    if not system.has_wrench:
+    likelihood, o = found.likelihood, found.likelihood.experiment.observations
+    if likelihood.wrench is None:
         return np.zeros(0, dtype=bool)
-    rows = found.final.residual[: 3 * len(system.observations.time)].reshape(-1, 3).copy()
-    for k in np.unique(system.observations.trial):
-        mine = np.flatnonzero(system.observations.trial == k)
+    rows = likelihood.rows_of(likelihood.wrench, found.final.residual).reshape(-1, 3).copy()
+    for k in np.unique(o.trial):
+        mine = np.flatnonzero(o.trial == k)
         if len(mine) >= _OF_PUSH:
             rows[mine] -= np.median(rows[mine], axis=0)
     unit = max(1.0, float(np.sqrt(robust_variance(rows**2))))
