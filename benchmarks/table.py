@@ -276,10 +276,10 @@ def pushes() -> Iterator[Row]:
 
 
 def diagnoses() -> Iterator[Row]:
-    from stablepush.diagnosis.likelihood.equations import SIZES
-    from stablepush.diagnosis.likelihood.forward import PARAMETERS
-    from stablepush.diagnosis.likelihood.system import system_of
+    from stablepush.diagnosis.likelihood.building import log_model
+    from stablepush.diagnosis.likelihood.likelihood import Likelihood
     from stablepush.diagnosis.rows.observations import observe
+    from stablepush.effects import CATALOGUE
 
     slider = sp.Slider([(-0.05, -0.05), (0.10, -0.05), (-0.05, 0.10)], 1.2)
     support = sp.SupportDistribution.from_polygon(0.9 * slider.vertices, 0.03)
@@ -289,18 +289,21 @@ def diagnoses() -> Iterator[Row]:
     real = sp.VirtualRig(slider, sp.IdealLimitSurface(support, 3.5), 0.5, pusher, [effect], sp.Noise(0.03, 1e-4, 2e-3))
     for count in (20, 60, 180):
         log = real.execute(sp.random_pushes(slider, pusher, count, seed=1), seed=1).log
-        system = system_of(observe(log), log.rig)
+        likelihood = log_model(observe(log), log.rig, []).likelihood
 
-        def one_by_one(system: object = system) -> None:
+        def one_by_one(likelihood: Likelihood = likelihood) -> None:
             """Every effect fitted with the loads of the points by scipy, by differences: no folds, no p-values, no pairs."""
-            n = len(system.nominal)  # type: ignore[attr-defined]
-            for id in PARAMETERS:
+            nominal = likelihood.prior.nominal
+            n = len(nominal)
+            for id, kind in CATALOGUE.items():
+                if kind.in_loads:
 
-                def left(x: np.ndarray, id: str = id) -> np.ndarray:
-                    return system.residual(x[:n], {id: x[n:]})  # type: ignore[attr-defined]
+                    def left(x: np.ndarray, id: str = id) -> np.ndarray:
+                        return likelihood.residual(x[:n], {id: x[n:]})
 
-                start = np.concatenate((system.nominal, np.zeros(SIZES[id])))  # type: ignore[attr-defined]
-                least_squares(left, start, x_scale=np.concatenate((np.full(n, 0.1), np.full(SIZES[id], 0.01))), max_nfev=20)
+                    start = np.concatenate((nominal, np.zeros(kind.size)))
+                    scale = np.concatenate((np.full(n, 0.1), np.full(kind.size, 0.01)))
+                    least_squares(left, start, x_scale=scale, max_nfev=20)
 
         yield beside(
             "diagnosis, all of it", f"{count} pushes", count, lambda log=log: sp.diagnose(log),

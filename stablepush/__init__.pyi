@@ -120,7 +120,6 @@ from .rig import (
     export_mjcf as export_mjcf,
     export_sdf as export_sdf,
     plan_commands as plan_commands,
-    poke as poke,
     random_pushes as random_pushes,
     read_commands as read_commands,
     read_pushes as read_pushes,

@@ -29,11 +29,13 @@ from stablepush.blind.seal import Ledger, open_label
 from stablepush.core.parallel import run_parallel
 from stablepush.diagnosis import gap_report
 from stablepush.diagnosis.judge import gap_reduction
-from stablepush.diagnosis.likelihood.equations import Demands, Equations, ScoreTest
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood import building
+from stablepush.diagnosis.likelihood.experiment import Experiment
+from stablepush.diagnosis.likelihood.likelihood import Demands, Likelihood
+from stablepush.diagnosis.likelihood.prior import PointLoads
+from stablepush.diagnosis.likelihood.score_test import ScoreTest
 from stablepush.diagnosis.rows.observations import Observations, observe
-from stablepush.diagnosis.search import attribution
-from stablepush.effects import FAMILIES
+from stablepush.diagnosis.search import alternatives, attribution, steps
 
 FORCES = ("fx", "fy", "tau")
 Part = Any
@@ -85,27 +87,32 @@ def _rows_as_trials(log: sp.PushLog) -> Observations:
 def _one_by_one(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[str, float]:
     """An effect's own p-value, made such that 5 % of it meet the demand."""
     sizes = {id: len(test.estimate) for id, test in tests.items()}
-    return {id: float(chi2.sf(test.statistic, sizes[id])) * System.demands.family_wise_p / 0.05 for id, test in tests.items()}
+    return {id: float(chi2.sf(test.statistic, sizes[id])) * _DEMANDS.family_wise_p / 0.05 for id, test in tests.items()}
 
 
-def _whole(self: System, *arguments: Any, whole: bool = False) -> dict[str, ScoreTest]:
+def _whole(self: Likelihood, *arguments: Any, whole: bool = False) -> dict[str, ScoreTest]:
     return _TESTS(self, *arguments, whole=True)
 
 
-_TESTS, _BASE = Equations.tests, System.base
-_LAX = Demands(3.84, 0.0, 0.0, System.demands.family_wise_p, np.inf)
+def _size(self: Experiment, id: str, family: bool = False) -> int:
+    return _SIZE(self, id, True)
+
+
+_DEMANDS, _TESTS, _SIZE, _DIRECTIONS = building._DEMANDS, Likelihood.tests, Experiment.size, PointLoads.directions
+_LAX = Demands(3.84, 0.0, 0.0, _DEMANDS.family_wise_p, np.inf)
 _OWN_FORMS = [
-    patch.object(attribution, "_in_other_forms", lambda *_: ([], {})),
-    patch.object(attribution, "_with_forms", lambda system, chosen, current: current),
+    patch.object(steps, "_in_other_forms", lambda *_: ([], {})),
+    patch.object(steps, "_with_families", lambda at: at),
 ]
+_ANY_SHARE = patch.object(steps.Search, "least_gain", 0.0)
+_REFITTED = patch.object(PointLoads, "directions", lambda self, free: _DIRECTIONS(self, False))
 #: What is switched off.
 PARTS: Mapping[str, list[Part]] = {
     "families off": _OWN_FORMS,
     "heredity off: families as a whole": [
-        *_OWN_FORMS, patch.object(Equations, "tests", _whole), patch.object(Equations, "opened", frozenset(FAMILIES)),
-        patch.object(attribution, "_further", lambda *_: 0.0),
+        *_OWN_FORMS, patch.object(Likelihood, "tests", _whole), patch.object(Experiment, "size", _size), _ANY_SHARE,
     ],
-    "further causes at any share": [patch.object(attribution, "_further", lambda *_: 0.0)],
+    "further causes at any share": [_ANY_SHARE],
     "channel final poses off": [patch.object(gap_report, "replays", lambda *_: [])],
     "channel clearances off": [_observed(clearance=lambda o: np.full_like(o.clearance, np.nan))],
     "channel rest off": [_observed(rest=lambda o: (o.rest[0][:0], o.rest[1][:0]))],
@@ -114,18 +121,21 @@ PARTS: Mapping[str, list[Part]] = {
         patch.object(gap_report, "friction_from_poses", lambda *_: None),
     ],
     "plausibility off": [
-        patch.object(attribution, "possible", lambda *_: True), patch.object(attribution, "identifiable", lambda *_: True),
-        patch.object(System, "clipped", lambda self, id, value: value), patch.object(System, "at_bound", lambda *_: False),
+        *(patch.object(module, "possible", lambda *_: True) for module in (attribution, alternatives, steps)),
+        *(patch.object(module, "identifiable", lambda *_: True) for module in (alternatives, steps)),
+        patch.object(Experiment, "clipped", lambda self, id, value: value),
+        patch.object(Likelihood, "at_bound", lambda *_: False),
     ],
-    "replication off": [patch.object(attribution, "_replicates", lambda *_: True)],
-    "surface not refitted": [patch.object(System, "base", lambda self, values, free: _BASE(self, values, False))],
+    "replication off": [patch.object(module, "replicates", lambda *_: True) for module in (attribution, alternatives)],
+    "surface not refitted": [_REFITTED],
     "rows, not trials": [
         patch.object(gap_report, "observe", _rows_as_trials),
         # rows that are called trials have neither final poses nor labels
         patch.object(gap_report, "replays", lambda *_: []), patch.object(gap_reduction, "_labels", lambda *_: {}),
     ],
     "each effect at 5 %": [
-        patch.object(attribution, "family_wise_p_values", _one_by_one), patch.object(System, "demands", _LAX)
+        *(patch.object(module, "family_wise_p_values", _one_by_one) for module in (alternatives, steps)),
+        patch.object(building, "_DEMANDS", _LAX),
     ],
 }  # fmt: skip
 VARIANTS = ("as it is", *LOGS, *PARTS)

@@ -10,23 +10,29 @@ the draws stays below should be the same.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass, field, fields
 
 import campaign
 import numpy as np
 
-from stablepush.diagnosis.likelihood.equations import Fitted, Values
-from stablepush.diagnosis.likelihood.system import system_of
+from stablepush.diagnosis.likelihood.building import log_model
+from stablepush.diagnosis.likelihood.channel import Values
+from stablepush.diagnosis.likelihood.likelihood import Likelihood
+from stablepush.diagnosis.likelihood.model import Model
 from stablepush.diagnosis.rows.observations import observe
-from stablepush.diagnosis.search.attribution import BEYOND_PRESSURE
+from stablepush.diagnosis.search.screening import beyond_pressure
 
-Residual = Callable[[np.ndarray, Values], np.ndarray]
 LEVELS = (0.05, 0.1, 0.5)
 
 
-def _moved(measured: Residual, moved: np.ndarray, loads: np.ndarray, values: Values) -> np.ndarray:
-    return measured(loads, values) + moved
+@dataclass(frozen=True, eq=False)
+class Moved(Likelihood):
+    """The likelihood of rows that would have been measured, had the errors been others by ``moved`` (rows,)."""
+
+    moved: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def residual(self, loads: np.ndarray, values: Values) -> np.ndarray:
+        return super().residual(loads, values) + self.moved
 
 
 def main() -> None:
@@ -40,22 +46,19 @@ def main() -> None:
     for k in range(options.logs):
         rig, commands, draw = campaign.world("none", 7000 + k, options.pushes)
         log = rig.execute(commands, seed=draw).log
-        system = system_of(observe(log), log.rig)
-        fitted = system.fit([], True)
-        tests = system.tests(fitted, True, BEYOND_PRESSURE)
+        likelihood, _ = log_model(observe(log), log.rig, [])
+        asked, parts = beyond_pressure(likelihood), {f.name: getattr(likelihood, f.name) for f in fields(likelihood)}
+        fitted = likelihood.fit(Model())
+        tests = likelihood.tests(fitted, True, asked)
         signs = np.random.default_rng(k).choice((-1.0, 1.0), (options.draws, len(fitted.density)))
         linear = np.zeros(options.draws)
         for test in tests.values():
             linear = np.minimum(linear, test.log_p(test.under_none(signs)))
-        full, measured = np.zeros(options.draws), system.residual
+        full = np.zeros(options.draws)
         for i, sign in enumerate(signs):
-            moved = (sign[system.trial] - 1) * fitted.residual
-            # the rows that would have been measured, had the errors had these signs
-            system.residual = partial(_moved, measured, moved)  # type: ignore[method-assign]
-            again: Fitted = system.fit([], True, start=fitted)
-            found = system.tests(again, True, BEYOND_PRESSURE)
+            moved = Moved(**{**parts, "_fits": {}, "moved": (sign[likelihood.trial] - 1) * fitted.residual})
+            found = moved.tests(moved.fit(Model(), start=fitted), True, asked)
             full[i] = min(test.log_p(test.statistic) for test in found.values())
-        system.residual = measured  # type: ignore[method-assign]
         both.append((linear, full))
         cells = [f"{np.exp(np.quantile(values, level)):16.2e}" for level in LEVELS for values in (linear, full)]
         print(f"{k:>4d}" + "".join(cells), flush=True)

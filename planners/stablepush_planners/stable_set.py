@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import BoolArray, Deadline, FloatArray, InputError, OutOfTimeError
+from stablepush.core import BoolArray, Deadline, FloatArray, OutOfTimeError
 from stablepush.planning import PlanningProblem, PlanOptions, Push, PushLoads, loads_of, promised_region
 from stablepush.stability import StabilityOracle, StableRegion
 
@@ -15,15 +15,12 @@ _INSIDE = 1e-7
 _ALL_ROUND = (0.0, 2 * np.pi)
 #: Twists asked at a time, between looks at the clock.
 _BLOCK = 4096
-#: Slack of a share of surfaces: k of n must pass for p = k/n.
-_SLACK = 1e-9
 
 
 class StableSet:
     """Body twists that may be used at a contact of a problem, and what they cost.
 
-    Raises :class:`OutOfTimeError` once ``deadline`` has passed, and :class:`InputError` if a probability is asked of a surface
-    without an ensemble.
+    Raises :class:`OutOfTimeError` once ``deadline`` has passed.
     """
 
     def __init__(
@@ -40,13 +37,6 @@ class StableSet:
         promised = promised_region(problem, contact, asked.region)
         if promised is not None:
             self._within.append(promised)
-        self._members: list[StabilityOracle] = []
-        self._votes = asked.probability
-        if asked.probability > 0:
-            members = problem.surface.members()
-            if not members:
-                raise InputError("probability", "expected a limit surface with an ensemble, as a fit leaves it")
-            self._members = [StabilityOracle(member, problem.contacts[contact]) for member in members]
         self._weight, self._best = asked.margin_weight, 1.0
         if self._weight > 0:
             angles = float(problem.contacts[contact].frame[2]) + np.linspace(-np.pi / 2, np.pi / 2, 361)
@@ -71,13 +61,6 @@ class StableSet:
             assert isinstance(region, StableRegion), "regions of a level table are those of its scenarios"
             if good.any():
                 good[good] = region.contains_twists(twists[good])
-        if self._members and good.any():
-            votes = np.zeros(good.sum())
-            for member in self._members:
-                if self._deadline.left() < 0:
-                    raise OutOfTimeError("primitives: the deadline has passed")
-                votes += member.is_stable(twists[good])
-            good[good] = votes >= (self._votes - _SLACK) * len(self._members)
         return np.asarray(good)
 
     def _along(self, twists: FloatArray, headings: FloatArray, loads: PushLoads) -> BoolArray:

@@ -63,7 +63,6 @@ _OPTIONS = options_of(
     "success",
     "require_success",
     "region",
-    "probability",
     "margin_weight",
     "max_twist_rate",
     "refinement_budget",
@@ -99,9 +98,6 @@ def plan(
             "under the slider; conservative: the part of that which STABLE finds (Lynch and Mason)."
         ),
     ] = "model",
-    probability: Annotated[
-        float, typer.Option(parser=number, metavar="P", help="Deprecated. Least probability of each push, by the ensemble.")
-    ] = 0.0,
     margin_weight: Annotated[
         float,
         typer.Option(
@@ -114,11 +110,9 @@ def plan(
         float,
         typer.Option(
             "--max-twist-rate",
-            "--cor-rate",
             parser=number,
             metavar="RAD/S",
-            help="Largest rate at which the unit twist (vx, vy, rho omega) may turn from push to push; inf: no blending. "
-            "--cor-rate is its former name.",
+            help="Largest rate at which the unit twist (vx, vy, rho omega) may turn from push to push; inf: no blending.",
         ),
     ] = math.inf,
     refinement_budget: RefinementBudget = 20_000,
@@ -164,7 +158,6 @@ def plan(
             success=success,
             require_success=require_success,
             region=region,
-            probability=probability,
             margin_weight=margin_weight,
             max_twist_rate=max_twist_rate,
             clearance=clearance,

@@ -81,7 +81,6 @@ from .plausibility import (
     note_tool as note_tool,
 )
 from .plugins import load_plugin as load_plugin, plugin_names as plugin_names, what_failed as what_failed
-from .renamed import renamed as renamed, renamed_fields as renamed_fields
 from .rich import shown_as as shown_as
 from .scratch import (
     ASIDE as ASIDE,

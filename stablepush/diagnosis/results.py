@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
@@ -25,31 +24,12 @@ class Verdict(Word):
     UNKNOWN = "unknown", "no effect of the catalogue is shown to explain the gap"
 
 
-class Record(Mapping[str, Any]):
-    """A result whose fields were keys of a dictionary: ``record["name"]`` works for one more version."""
-
-    __slots__ = ()
-    __eq__, __hash__ = object.__eq__, object.__hash__
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in tuple(self):
-            raise KeyError(name)
-        warnings.warn(f'use .{name} instead of ["{name}"]', DeprecationWarning, stacklevel=2)
-        return getattr(self, name)
-
-    def __iter__(self) -> Iterator[str]:
-        return (f.name for f in fields(self))  # type: ignore[arg-type]
-
-    def __len__(self) -> int:
-        return len(fields(self))  # type: ignore[arg-type]
-
-
 #: A channel whose errors, before and after, are no more than this times its floor has no gap to explain.
 _WITHIN = 1.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ParameterEstimate(Record):
+class ParameterEstimate:
     """A parameter of an effect: its value, or two, each with its 95 % interval, and the unit."""
 
     estimate: float | list[float]
@@ -64,7 +44,7 @@ class ParameterEstimate(Record):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RankedEffect(Record):
+class RankedEffect:
     """An effect of the catalogue with the probability that it acts; ``reason``: why it is not identifiable, if so."""
 
     effect: str
@@ -90,7 +70,7 @@ class RankedEffect(Record):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ChannelGap(Record):
+class ChannelGap:
     """The gap in a channel as root mean squares in ``unit``: of the nominal and of the refitted simulation, and of the noise.
 
     ``noise_floor`` holds what rigid bodies leave by themselves, too: 1 % of a load, and of the slider's radius in a final pose.
@@ -106,7 +86,7 @@ class ChannelGap(Record):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GapReduction(Record):
+class GapReduction:
     """The gap in a channel on held-out trials, root mean squares in ``unit`` before and after the correction.
 
     ``closed = (before² - after²)/(before² - floor²)`` with its 95 % interval. ``floor`` is what the noise explains, and no more
@@ -169,7 +149,7 @@ class GapReduction(Record):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NextExperiment(Record):
+class NextExperiment:
     """Pushes that separate two effects, and why these; without pushes ``why`` says what to do instead."""
 
     separates: Sequence[str]

@@ -196,8 +196,10 @@ class EffectKind:
         Whether other pushes may be stable with it; whether planners take it into account.
     instead : str
         Which part of a scene holds it, where that is none of ``effects``.
-    engines, simulator_models : tuple of str
-        Engines that can have it on a rig, and in models that are written for them.
+    needs_weight : bool
+        Whether it acts on the slider's weight or mass.
+    engines, not_in_models : tuple of str
+        Engines that can have it on a rig, and those for which no model is written that has it.
     """
 
     number: int = 1000
@@ -235,7 +237,7 @@ class EffectKind:
     planned: bool = False
     instead: str = ""
     engines: tuple[str, ...] = ()
-    simulator_models: tuple[str, ...] = ()
+    not_in_models: tuple[str, ...] = ()
     needs_weight: bool = False
 
     @property

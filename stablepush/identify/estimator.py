@@ -212,7 +212,7 @@ class NormLoss:
         self.candidates: Sequence[NormWeights] = [NormWeights(a, b) for a, b in product(W_FORCE, W_REG)]
         self.with_prior = 0
         self.default = self.candidates.index(NormWeights(1.0, 2.0))
-        self._degree, self._convex, self._force_scale = degree, convex, force_scale
+        self._degree, self.convex, self._force_scale = degree, convex, force_scale
 
     def of_folds(self) -> NormLoss:
         """Return itself: nothing is drawn."""
@@ -229,10 +229,10 @@ class NormLoss:
         # H of loads in N has coefficients a / scale^d, and gradients smaller by the scale
         scale = self._force_scale
         w_reg = weights.w_reg / scale**self._degree
-        if self._convex and self._degree > 2:
+        if self.convex and self._degree > 2:
             return norm_program(self._degree).solve(part.pairs, w_reg, weights.w_force, 1 / scale, floor)
         assert part.rows is not None, "prepare() keeps the pairs"
-        program = sum_of_norms_program(self._degree, self._convex, len(part.rows))
+        program = sum_of_norms_program(self._degree, self.convex, len(part.rows))
         return program.solve(part.rows.loads, part.rows.directions, w_reg, weights.w_force, 1 / scale, floor)
 
 

@@ -6,8 +6,8 @@ import itertools
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import asdict, dataclass, field
+from typing import Any, NamedTuple
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -24,8 +24,6 @@ from stablepush.core import (
     first_least,
     in_threads,
     read_only,
-    renamed,
-    renamed_fields,
     shown_as,
 )
 from stablepush.geometry import angle_between, normalize_twist
@@ -65,7 +63,6 @@ _WRONG_FRAMES = np.radians(25.0)
 OUTLIER_WEIGHT = 0.2
 
 
-@renamed_fields(remarks="warnings")
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
     """An identified surface with what is needed to trust it.
@@ -125,7 +122,6 @@ class Fit:
         return self.weights.get("prior", 0.0)
 
 
-@renamed(hold_out="validation_indices")
 def fit_limit_surface(
     wrenches: ArrayLike | SlipPairs,
     twists: ArrayLike | None = None,
@@ -198,15 +194,57 @@ def fit_limit_surface(
     box = _com_box(com_tolerance)
     pairs = Pairs.from_data(wrenches, twists, slider, characteristic_length)
     train, tests = _split(len(pairs), validation_indices, seed, pairs.usable)
-    warnings: list[str] = []
-    if len(pairs.usable) < len(pairs):
-        left_out = np.setdiff1d(np.arange(len(pairs)), pairs.usable)
-        warnings.append(
-            f"{len(left_out)} of {len(pairs)} pairs are left out, the first of them number {left_out[0]}, counted from 0: "
-            f"their loads are more than {LARGEST_RATIO:g} times larger or smaller than the median"
-        )
     takes_prior = loss == "squared" and model in WITH_PRIOR
-    if box.any() and (slider is None or not takes_prior):
+    warnings = _warnings_about_request(pairs, slider, bool(box.any()), takes_prior)
+    if model == "gp":
+        return _fit_gp(pairs, train, started, warnings)
+    degree, convex = POLYNOMIALS[model]
+    sampler = None
+    if slider is not None and takes_prior:
+        sampler, doubts = _sampler(slider, box, seed, com_tolerance)
+        warnings += doubts
+    warnings += pairs.take(train).warnings(1 if sampler is not None else _needed(degree), slider)
+    estimator: Estimator
+    if loss == "norm":
+        estimator = NormLoss(degree, convex, pairs.force_scale)
+    else:
+        published = loss == "published"
+        estimator = SquaredLoss(degree, convex, sampler, robust and not published, "zero" if published else "ellipsoid")
+    solves = _Solves(estimator, len(estimator.candidates) * len(tests) + 1, progress)
+    solved = _solved(solves, pairs, train, tests, validation_indices is None, degree)
+    warnings += _warnings_about_solution(solved, solves, sampler, pairs, train, degree)
+    level = _level(solved.best.coefficients, pairs.take(train), solved.whole.pair_weights, degree) if loss == "squared" else 1.0
+    of_members = (degree, convex, seed, level)
+    surface, certificate, ensemble_warnings = _surface(solved, estimator, pairs, of_members, (model, len(train), loss))
+    gradient = gradient_rows(pairs.loads, degree) @ (level * solved.best.coefficients)
+    angle_errors = angle_between(gradient, pairs.directions)
+    warnings += [*_warnings_about_frames(angle_errors[pairs.usable]), *ensemble_warnings]
+    pair_weights = np.zeros(len(pairs))
+    pair_weights[train] = solved.whole.pair_weights
+    pressures = solved.whole.pressures
+    f = np.asarray(wrenches, dtype=np.float64)
+    return Fit(
+        surface=surface,
+        model=model,
+        status=solved.best.status,
+        solve_time=solved.best.solve_time,
+        total_time=time.perf_counter() - started,
+        weights=asdict(solved.weights),
+        validation_error=solved.error,
+        angle_errors=read_only(angle_errors),
+        level_errors=read_only(surface.value(f if surface.force_unit == "N" else f / pairs.force_scale) - 1),
+        pair_weights=read_only(pair_weights),
+        certificate=certificate,
+        pressures=None if pressures is None or not solved.weights.prior else pressures.scaled(pairs.force_scale),
+        warnings=tuple(warnings),
+        wrenches=read_only(f),
+        twists=read_only(np.asarray(twists, dtype=np.float64)),
+    )
+
+
+def _warnings_about_request(pairs: Pairs, slider: Slider | None, boxed: bool, takes_prior: bool) -> list[str]:
+    """Refuse what a fit cannot take, and tell what it leaves out."""
+    if boxed and (slider is None or not takes_prior):
         raise InputError(
             "com_tolerance",
             f"expected a slider and a model that takes it as prior knowledge ({' or '.join(WITH_PRIOR)} with the squared loss)",
@@ -215,119 +253,130 @@ def fit_limit_surface(
         raise InputError(
             "wrenches, twists", f"expected at least one pair; without any, only {' and '.join(WITH_PRIOR)} have a prior"
         )
+    warnings: list[str] = []
+    if len(pairs.usable) < len(pairs):
+        left_out = np.setdiff1d(np.arange(len(pairs)), pairs.usable)
+        warnings.append(
+            f"{len(left_out)} of {len(pairs)} pairs are left out, the first of them number {left_out[0]}, counted from 0: "
+            f"their loads are more than {LARGEST_RATIO:g} times larger or smaller than the median"
+        )
     if slider is not None and not takes_prior:
         warnings.append("this fit has no prior: of the slider it uses only the characteristic length")
-    if model == "gp":
-        return _fit_gp(pairs, train, started, warnings)
-    degree, convex = POLYNOMIALS[model]
+    return warnings
 
-    sampler = None
-    if slider is not None and takes_prior:
-        try:
-            sampler = PressureSampler(slider.vertices, box, seed)
-            sampler.prior()
-        except InputError as reason:
-            if box.any() and _has_prior(slider, seed):
-                raise InputError("com_tolerance", "expected a box inside the slider's outline", com_tolerance) from None
-            sampler = None
-            warnings.append(f"the slider is not used as a prior: {reason}")
-    warnings += pairs.take(train).warnings(1 if sampler is not None else _needed(degree), slider)
-    estimator: Estimator
-    if loss == "norm":
-        estimator = NormLoss(degree, convex, pairs.force_scale)
-    else:
-        published = loss == "published"
-        estimator = SquaredLoss(degree, convex, sampler, robust and not published, "zero" if published else "ellipsoid")
 
-    planned = len(estimator.candidates) * len(tests) + 1
-    done = taken_over = 0
-    counting = threading.Lock()
-    stopped: list[bool] = []
+def _sampler(slider: Slider, box: FloatArray, seed: int, com_tolerance: ArrayLike) -> tuple[PressureSampler | None, list[str]]:
+    """The likely pressures under a slider; None, and why, if there are none."""
+    try:
+        sampler = PressureSampler(slider.vertices, box, seed)
+        sampler.prior()
+    except InputError as reason:
+        if box.any() and _has_prior(slider, seed):
+            raise InputError("com_tolerance", "expected a box inside the slider's outline", com_tolerance) from None
+        return None, [f"the slider is not used as a prior: {reason}"]
+    return sampler, []
 
-    def solve(part: Part, weights: Any) -> Estimate:
-        nonlocal done, taken_over
-        solution = estimator.solve(part, weights)
-        with counting:
-            done += 1
-            taken_over += solution.taken_over
-            if progress is not None and not stopped:
+
+class _Solves:
+    """Solves of an estimator, from several threads, that tell their progress one at a time."""
+
+    def __init__(self, estimator: Estimator, planned: int, progress: Callable[[int, int], None] | None) -> None:
+        self.estimator, self._planned, self._progress = estimator, planned, progress
+        self.done = self.taken_over = 0
+        self._counting, self._stopped = threading.Lock(), False
+
+    def __call__(self, part: Part, weights: Any) -> Estimate:
+        solution = self.estimator.solve(part, weights)
+        with self._counting:
+            self.done += 1
+            self.taken_over += solution.taken_over
+            if self._progress is not None and not self._stopped:
                 try:
-                    progress(done, planned)
+                    self._progress(self.done, self._planned)
                 except BaseException:
                     # what else is under way must not call again
-                    stopped.append(True)
+                    self._stopped = True
                     raise
         return solution
 
+
+class _Solved(NamedTuple):
+    """The best estimate from all training pairs, ``whole``, with the weights that folds chose, and the error on others."""
+
+    best: Estimate
+    whole: Part
+    weights: Any
+    error: float | None
+
+
+def _solved(
+    solves: _Solves, pairs: Pairs, train: np.ndarray, tests: Sequence[np.ndarray], in_folds: bool, degree: int
+) -> _Solved:
+    estimator = solves.estimator
     # what takes longest, drawing pressures, side by side
     of_folds = estimator.of_folds()
-    folds = [(of_folds, np.setdiff1d(train, rows)) for rows in tests] if validation_indices is None else []
+    folds = [(of_folds, np.setdiff1d(train, rows)) for rows in tests] if in_folds else []
     whole, *parts = in_threads(lambda job: job[0].prepare(pairs.take(job[1])), [(estimator, train), *folds])
     # rows that validate are no part of those to fit
     parts = parts or [whole] * len(tests)
     chosen, error = estimator.default, None
     if tests:
-        errors = _held_out_errors(estimator, pairs, parts, tests, degree, solve)
+        errors = _held_out_errors(estimator, pairs, parts, tests, degree, solves)
         chosen = _choose(errors, estimator.with_prior)
         error = float(errors[chosen].mean())
     weights = estimator.candidates[chosen]
-    best = solve(whole, weights)
-    if convex and isinstance(estimator, NormLoss) and isinstance(weights, NormWeights):
+    best = solves(whole, weights)
+    if isinstance(estimator, NormLoss) and isinstance(weights, NormWeights) and estimator.convex:
         best = estimator.solve(whole, weights, PROVABLE * float(np.abs(best.coefficients).max()))
+    return _Solved(best, whole, weights, error)
+
+
+def _surface(
+    solved: _Solved, estimator: Estimator, pairs: Pairs, of_members: tuple[int, bool, int, float], named: tuple[str, int, str]
+) -> tuple[PolynomialLimitSurface, Certificate | None, list[str]]:
+    """The surface of an estimate, with its certificate and ensemble, and what is to be said of it.
+
+    ``of_members``: degree, whether it is convex, seed of the ensemble, and factor on the coefficients; ``named``: model, number
+    of pairs and loss.
+    """
+    (degree, convex, seed, level), (model, count, loss) = of_members, named
+    best, weights = solved.best, solved.weights
     ensemble: list[FloatArray] = []
     if convex and isinstance(estimator, SquaredLoss) and isinstance(weights, SquaredWeights):
-        ensemble = draw_coefficients(estimator, whole, weights, best.coefficients, pairs.rho, seed)
-    if loss == "squared":
-        factor = _level(best.coefficients, pairs.take(train), whole.pair_weights, degree)
-        ensemble = [factor * a for a in ensemble]
-        best = replace(best, coefficients=factor * best.coefficients, gram=None if best.gram is None else factor * best.gram)
-    warnings += _warnings_about_prior(sampler, weights, whole)
-    if taken_over:
-        warnings.append(f"the first solver failed in {taken_over} of {done} solves; the second one solved them")
-    if loss == "norm" and np.median(monomials(pairs.loads, degree) @ best.coefficients) < COLLAPSED:
-        warnings.append(
-            "the penalty outweighs the pairs: the surface has a shape, but its size has no meaning (are the loads in N?)"
-        )
-    pair_weights = np.zeros(len(pairs))
-    pair_weights[train] = whole.pair_weights
-    outliers = int((whole.pair_weights < OUTLIER_WEIGHT).sum())
-    if outliers and not weights.prior:
-        warnings.append(f"{outliers} of {len(train)} pairs are outliers and have little weight")
-
-    gradient = gradient_rows(pairs.loads, degree) @ best.coefficients
-    angle_errors = angle_between(gradient, pairs.directions)
-    warnings += _warnings_about_frames(angle_errors[pairs.usable])
-    certificate = None if best.gram is None else certify(best.coefficients, best.gram, degree)
+        ensemble = draw_coefficients(estimator, solved.whole, weights, best.coefficients, pairs.rho, seed)
+    gram = None if best.gram is None else level * best.gram
+    certificate = None if gram is None else certify(level * best.coefficients, gram, degree)
     with catch_warnings(record=True) as heard:
         simplefilter("always")
         surface = surface_from_scaled(
-            best.coefficients,
+            level * best.coefficients,
             degree,
             pairs.rho,
             pairs.force_scale if len(pairs) else None,
             certificate=certificate,
-            ensemble=ensemble,
-            provenance={"model": model, "pairs": len(train), "loss": loss, "prior": bool(weights.prior)},
+            ensemble=[level * a for a in ensemble],
+            provenance={"model": model, "pairs": count, "loss": loss, "prior": bool(weights.prior)},
         )
-    warnings += [str(warning.message) for warning in heard]
-    f = np.asarray(wrenches, dtype=np.float64)
-    return Fit(
-        surface=surface,
-        model=model,
-        status=best.status,
-        solve_time=best.solve_time,
-        total_time=time.perf_counter() - started,
-        weights=asdict(weights),
-        validation_error=error,
-        angle_errors=read_only(angle_errors),
-        level_errors=read_only(surface.value(f if surface.force_unit == "N" else f / pairs.force_scale) - 1),
-        pair_weights=read_only(pair_weights),
-        certificate=certificate,
-        pressures=None if whole.pressures is None or not weights.prior else whole.pressures.scaled(pairs.force_scale),
-        warnings=tuple(warnings),
-        wrenches=read_only(f),
-        twists=read_only(np.asarray(twists, dtype=np.float64)),
-    )
+    return surface, certificate, [str(warning.message) for warning in heard]
+
+
+def _warnings_about_solution(
+    solved: _Solved, solves: _Solves, sampler: PressureSampler | None, pairs: Pairs, train: np.ndarray, degree: int
+) -> list[str]:
+    """What is to be said of an estimate."""
+    best, whole, weights, _ = solved
+    warnings = _warnings_about_prior(sampler, weights, whole)
+    if solves.taken_over:
+        warnings.append(f"the first solver failed in {solves.taken_over} of {solves.done} solves; the second one solved them")
+    of_norms = isinstance(solves.estimator, NormLoss)
+    if of_norms and np.median(monomials(pairs.loads, degree) @ best.coefficients) < COLLAPSED:
+        warnings.append(
+            "the penalty outweighs the pairs: the surface has a shape, but its size has no meaning (are the loads in N?)"
+        )
+    outliers = int((whole.pair_weights < OUTLIER_WEIGHT).sum())
+    if outliers and not weights.prior:
+        warnings.append(f"{outliers} of {len(train)} pairs are outliers and have little weight")
+    return warnings
 
 
 def _has_prior(slider: Slider, seed: int) -> bool:

@@ -15,8 +15,6 @@ from stablepush.core import (
     check_choice,
     check_number,
     check_vectors,
-    renamed,
-    renamed_fields,
 )
 from stablepush.geometry import angle_between, normalize_twist, normalize_wrench, unit
 from stablepush.identify.certificate import Certificate, certify
@@ -34,7 +32,6 @@ FIRST_POKES = 5
 LARGEST_SIZE = 1.5
 
 
-@renamed_fields(surprise="innovation", memory="effective_sample_size")
 @dataclass(frozen=True, slots=True, eq=False)
 class OnlineEstimate:
     """The surface after a poke, with its proof of convexity.
@@ -75,7 +72,6 @@ class OnlineIdentifier:
         Of the projected gradient, as a share of the one that would minimise the newest poke's loss along its steepest axis.
     """
 
-    @renamed(forgetting="forgetting_factor")
     def __init__(
         self,
         characteristic_length: float,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -152,27 +152,89 @@ def log_from_arrays(
         raise InputError("rig", "expected a Rig", type(rig).__name__)
     if not isinstance(zero_forces, bool | np.bool_):
         raise InputError("zero_forces", "expected True or False", repr(zero_forces))
-    t = _clock(times)
-    n = len(t)
-    tracked = _with_gaps(poses, "poses", n, (3,))
-    rows, names = ([np.arange(n)], [""]) if trials is None else named_rows(t, trials)
+    check_choice(forces_on, "forces_on", FORCES_ON)
+    recording = _Recording.of(rig, times, (poses, body_pose, pose_delay), (forces, force_angle), tip_positions, moments, trials)
+    _require_fingers(recording, window, finger_distance)
+    recording = recording if trials is not None else recording.with_pushes(window)
+    if not recording.names:
+        raise InputError("poses" if trials is None else "trials", "expected at least one push, found none")
+    motion = _motion_of(recording, window, finger_distance or 0.0)
+    loads = None if recording.forces is None else _loads_of(recording, motion, zero_forces)
+    made = _log_of(recording, motion, loads, forces_on, finger_distance)
+    _tell_doubts(recording, made, loads, zero_forces, alone=trials is None)
+    return made
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Recording:
+    """What was recorded, checked and without glitches: clock (n,), poses as tracked and of B (n, 3), forces (n, 2) in W, moments
+    (n,), tips (n, 2) or (n, 3), None where there are none; and the ``rows`` of each push by name."""
+
+    rig: Rig
+    t: FloatArray
+    tracked: FloatArray
+    body: FloatArray
+    forces: FloatArray | None
+    moments: FloatArray | None
+    tips: FloatArray | None
+    names: Sequence[str]
+    rows: Sequence[np.ndarray]
+
+    @classmethod
+    def of(
+        cls,
+        rig: Rig,
+        times: ArrayLike,
+        tracker: tuple[ArrayLike, ArrayLike, float],
+        sensor: tuple[ArrayLike | None, float],
+        tip_positions: ArrayLike | None,
+        moments: ArrayLike | None,
+        trials: Sequence[str] | None,
+    ) -> _Recording:
+        """Check what was recorded. ``tracker``: poses, pose of B in their frame, delay; ``sensor``: forces, and their angle."""
+        (poses, body_pose, pose_delay), (forces, force_angle) = tracker, sensor
+        t = _clock(times)
+        n = len(t)
+        tracked = _with_gaps(poses, "poses", n, (3,))
+        rows, names = ([np.arange(n)], [""]) if trials is None else named_rows(t, trials)
+        _require_growing(t, rows, names)
+        tracked = without_glitches(t, tracked, rows, names, rig.slider.characteristic_length)
+        if check_number(pose_delay, "pose_delay") != 0:
+            tracked = _recorded_later(t, tracked, pose_delay, rows)
+        body = compose(tracked, check_array(body_pose, "body_pose", (3,)))
+        tips = None if tip_positions is None else _with_gaps(tip_positions, "tip_positions", n, (2, 3))
+        world = None if forces is None else without_spikes(t, _with_gaps(forces, "forces", n, (2,)), rows, names)
+        _tell([] if world is None else dead_or_cut_off(world))
+        note_mounting(check_number(force_angle, "force_angle"), "force_angle")
+        if force_angle != 0 and world is not None:
+            world = rotate_vectors(-force_angle, world)
+        turning = None if moments is None else _with_gaps(_column(moments), "moments", n, (1,))[:, 0]
+        if world is not None and tips is None:
+            raise InputError("tip_positions", "expected the places of the tip with forces, for their moments", "none")
+        if turning is not None and world is None:
+            raise InputError("moments", "expected forces with them", "none")
+        if world is not None and turning is None and rig.contact_kind == "two-point":
+            _tell(["two fingers without moments: nobody knows where between them the force acts, so tau is blank"])
+            turning = np.full(n, np.nan)
+        return cls(rig, t, tracked, body, world, turning, tips, names, rows)
+
+    def with_pushes(self, window: float | None) -> _Recording:
+        """Return the recording with a push wherever the slider moves."""
+        rows, names = pushes_in(self.rig.slider, self.t, self.body, window)
+        return replace(self, rows=rows, names=names)
+
+
+def _require_growing(t: FloatArray, rows: Sequence[np.ndarray], names: Sequence[str]) -> None:
+    """Refuse times that do not grow within a trial."""
     for name, mine in zip(names, rows, strict=True):
         if (np.diff(t[mine]) <= 0).any():
             late = mine[int(np.argmax(np.diff(t[mine]) <= 0)) + 1]
             raise InputError(f"times[{late}]", f"expected times that grow{f' within trial {name}' if name else ', or trials'}")
-    tracked = without_glitches(t, tracked, rows, names, rig.slider.characteristic_length)
-    if check_number(pose_delay, "pose_delay") != 0:
-        tracked = _recorded_later(t, tracked, pose_delay, rows)
-    body = compose(tracked, check_array(body_pose, "body_pose", (3,)))
-    tips = None if tip_positions is None else _with_gaps(tip_positions, "tip_positions", n, (2, 3))
-    world = None if forces is None else without_spikes(t, _with_gaps(forces, "forces", n, (2,)), rows, names)
-    for words in [] if world is None else dead_or_cut_off(world):
-        warnings.warn(StablepushWarning(words), stacklevel=2)
-    note_mounting(check_number(force_angle, "force_angle"), "force_angle")
-    if force_angle != 0 and world is not None:
-        world = rotate_vectors(-force_angle, world)
-    turning = None if moments is None else _with_gaps(_column(moments), "moments", n, (1,))[:, 0]
-    check_choice(forces_on, "forces_on", FORCES_ON)
+
+
+def _require_fingers(recording: _Recording, window: float | None, finger_distance: float | None) -> None:
+    """Refuse fingers that no rig has, and tell what their readings lack."""
+    rig, tips = recording.rig, recording.tips
     if window is not None:
         check_number(window, "window", positive=True)
     if finger_distance is not None:
@@ -181,92 +243,128 @@ def log_from_arrays(
             raise InputError("finger_distance", "expected a rig of kind two-point with a finger_radius, and tip_positions")
         if finger_distance > _most_apart(rig):
             raise InputError("finger_distance", _TOO_FAR_APART.format(_most_apart(rig)), f"{finger_distance:g} m")
-    if world is not None and tips is None:
-        raise InputError("tip_positions", "expected the places of the tip with forces, for their moments", "none")
-    if turning is not None and world is None:
-        raise InputError("moments", "expected forces with them", "none")
-    if world is not None and turning is None and rig.contact_kind == "two-point":
-        words = "two fingers without moments: nobody knows where between them the force acts, so tau is blank"
-        warnings.warn(StablepushWarning(words), stacklevel=2)
-        turning = np.full(n, np.nan)
     if rig.contact_kind == "two-point" and tips is not None and tips.shape[1] == 2:
-        words = "two fingers without the heading of the tool (tip_theta): where the object slips nobody knows where they touch"
-        warnings.warn(StablepushWarning(words), stacklevel=2)
-    if trials is None:
-        rows, names = pushes_in(rig.slider, t, body, window)
-    if not names:
-        raise InputError("poses" if trials is None else "trials", "expected at least one push, found none")
-    columns: dict[str, list[Any]] = {"trial": [], "t": [], "phase": []}
-    parts: dict[str, list[FloatArray]] = {"pose": [], "twist": [], "load": [], "place": [], "pusher": []}
-    begins, recorded = [], []
+        _tell(["two fingers without the heading of the tool (tip_theta): where the object slips nobody knows where they touch"])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Motion:
+    """How the slider moves in each push: the window (s) of its twists, these, and the phase of each row; ``away`` (n,) in m: how
+    far the fingers of all rows are from the outline."""
+
+    window: float
+    twists: Sequence[FloatArray]
+    phases: Sequence[np.ndarray]
+    away: FloatArray
+
+
+def _motion_of(recording: _Recording, window: float | None, finger_distance: float) -> _Motion:
+    rig, t, body, tips, rows = recording.rig, recording.t, recording.body, recording.tips, recording.rows
     if window is None:
         window = window_for(rig.slider, t, body, rows, NOISY_TWISTS)
         if window > WINDOWS[0]:
-            words = f"the tracker is noisy: twists are slopes over {window:g} s (window) instead of {WINDOWS[0]:g} s"
-            warnings.warn(StablepushWarning(words), stacklevel=2)
+            _tell([f"the tracker is noisy: twists are slopes over {window:g} s (window) instead of {WINDOWS[0]:g} s"])
     twists = [twists_of(t[mine], body[mine], window) for mine in rows]
     # what moves while the tracker sees nothing is pushed, too
     speeds = [speeds_of(rig.slider, twists_of(t[mine], bridged(t[mine], body[mine]), window)) for mine in rows]
-    away, noise = np.full(n, np.nan), noise_of_rows(rig.slider, t, body)
+    away, noise = np.full(len(t), np.nan), noise_of_rows(rig.slider, t, body)
     if tips is not None:
         # an object is lost later than in the beginning
         first = int(np.argmin([mine[0] for mine in rows]))
         steady = rows[first][speeds[first] >= SLIPS * np.percentile(speeds[first], 95)][:_FACING]
-        away = _outside(rig.slider, body, tips, finger_distance or 0.0, steady) - (rig.finger_radius or 0.0)
-    for name, mine, twist, speed in zip(names, rows, twists, speeds, strict=True):
-        clock, here = t[mine], body[mine]
-        read, tip = (None if values is None else values[mine] for values in (world, tips))
-        phases = phases_of(rig.slider, here, speed, read, away[mine], tip, noise)
-        columns["trial"] += [name] * len(mine)
-        columns["t"] += (clock - clock[0]).tolist()
-        begins.append(float(clock[0]))
-        parts["pose"].append(here)
-        parts["twist"].append(twist)
-        recorded.append(phases)
-        if tips is not None:
-            parts["pusher"].append(_pushers(rig.slider, here, tips[mine], phases))
+        away = _outside(rig.slider, body, tips, finger_distance, steady) - (rig.finger_radius or 0.0)
+    phases = []
+    for mine, speed in zip(rows, speeds, strict=True):
+        read, tip = (None if values is None else values[mine] for values in (recording.forces, tips))
+        phases.append(phases_of(rig.slider, body[mine], speed, read, away[mine], tip, noise))
+    return _Motion(window, twists, phases, away)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Loads:
+    """Readings (n, 3) in W, less the offset of the sensor; the loads and places of contact in B of the rows of pushes; and the
+    rows that are rests."""
+
+    readings: FloatArray
+    load: FloatArray
+    place: FloatArray
+    rests: list[int]
+
+
+def _loads_of(recording: _Recording, motion: _Motion, zero_forces: bool) -> _Loads:
+    tips, body, rows, moments = recording.tips, recording.body, recording.rows, recording.moments
+    assert recording.forces is not None
+    assert tips is not None
+    readings = np.column_stack((recording.forces, np.zeros(len(body)) if moments is None else moments))
     rests: list[int] = []
-    if world is not None and tips is not None:
-        readings = np.column_stack((world, np.zeros(n) if turning is None else turning))
-        if zero_forces:
-            readings, rests = zeroed(readings, away, tips[:, 2] if tips.shape[1] == 3 else None, rows, recorded)
-        for mine, phases in zip(rows, recorded, strict=True):
-            local, read = _into(body[mine], tips[mine, :2]), readings[mine]
-            place = nearest_on_outline(rig.slider.vertices, local)[0]
-            parts["place"].append(np.where(_touching(local, place, phases)[:, None], place, np.nan))
-            arms, force = place if turning is None else local, rotate_vectors(-body[mine, 2], read[:, :2])
-            parts["load"].append(np.column_stack((force, read[:, 2] + arms[:, 0] * force[:, 1] - arms[:, 1] * force[:, 0])))
-    columns["phase"] = np.concatenate(recorded).tolist()
-    found = {name: np.concatenate(several) for name, several in parts.items() if several}
-    if "load" in found:
-        load = found["load"]
-        power = np.nansum((load * found["twist"])[np.array(columns["phase"]) == "push"])
+    if zero_forces:
+        headings = tips[:, 2] if tips.shape[1] == 3 else None
+        readings, rests = zeroed(readings, motion.away, headings, rows, motion.phases)
+    loads, places = [], []
+    for mine, phases in zip(rows, motion.phases, strict=True):
+        local, read = _into(body[mine], tips[mine, :2]), readings[mine]
+        place = nearest_on_outline(recording.rig.slider.vertices, local)[0]
+        places.append(np.where(_touching(local, place, phases)[:, None], place, np.nan))
+        arms, force = place if moments is None else local, rotate_vectors(-body[mine, 2], read[:, :2])
+        loads.append(np.column_stack((force, read[:, 2] + arms[:, 0] * force[:, 1] - arms[:, 1] * force[:, 0])))
+    return _Loads(readings, np.concatenate(loads), np.concatenate(places), rests)
+
+
+def _log_of(
+    recording: _Recording, motion: _Motion, loads: _Loads | None, forces_on: str, finger_distance: float | None
+) -> PushLog:
+    """The log of a recording, column by column."""
+    rig, rows, names, clock = recording.rig, recording.rows, recording.names, recording.t
+    phases, twist = np.concatenate(motion.phases), np.concatenate(motion.twists)
+    pose = np.concatenate([recording.body[mine] for mine in rows])
+    trial = [name for name, mine in zip(names, rows, strict=True) for _ in mine]
+    columns: dict[str, Any] = {
+        "trial": trial,
+        "t": np.concatenate([clock[mine] - clock[mine][0] for mine in rows]).tolist(),
+        "phase": phases.tolist(),
+    }
+    if loads is not None:
+        load, power = loads.load, np.nansum((loads.load * twist)[phases == "push"])
         if forces_on == "finger" or (forces_on == "power" and power < 0):
             load = -load
         columns |= dict(zip(("fx", "fy", "tau"), load.T, strict=True))
-        columns |= dict(zip(("c1x", "c1y"), found["place"].T, strict=True)) if rig.contact_kind == "point" else {}
-    columns |= dict(zip(("x", "y", "theta"), found["pose"].T, strict=True))
-    columns |= dict(zip(("vx", "vy", "omega"), found["twist"].T, strict=True))
-    if "pusher" in found:
-        columns |= dict(zip(("px", "py", "ptheta"), found["pusher"].T, strict=True))
-    if finger_distance is not None:
-        pushed = np.array(columns["phase"]) == "push"
-        points = _touched(rig, found["pose"], found["pusher"], finger_distance, np.array(columns["trial"]), pushed)
-        for k in (0, 1):
-            columns |= {f"c{k + 1}x": points[:, k, 0].tolist(), f"c{k + 1}y": points[:, k, 1].tolist()}
+        columns |= dict(zip(("c1x", "c1y"), loads.place.T, strict=True)) if rig.contact_kind == "point" else {}
+    columns |= dict(zip(("x", "y", "theta"), pose.T, strict=True))
+    columns |= dict(zip(("vx", "vy", "omega"), twist.T, strict=True))
+    if recording.tips is not None:
+        of_pushes = zip(rows, motion.phases, strict=True)
+        pushers = [_pushers(rig.slider, recording.body[mine], recording.tips[mine], part) for mine, part in of_pushes]
+        pusher = np.concatenate(pushers)
+        columns |= dict(zip(("px", "py", "ptheta"), pusher.T, strict=True))
+        if finger_distance is not None:
+            points = _touched(rig, pose, pusher, finger_distance, np.array(trial), phases == "push")
+            for k in (0, 1):
+                columns |= {f"c{k + 1}x": points[:, k, 0].tolist(), f"c{k + 1}y": points[:, k, 1].tolist()}
+    begins = [float(clock[mine][0]) for mine in rows]
     origin = min(begins)
     log = {"trial": names, "start_time": [begin - origin for begin in begins], "group": [""] * len(names)}
-    made = PushLog(replace(rig, twist_window=window), log, columns)
-    channels = {"poses": tracked, "tip positions": tips, "forces": world}
+    return PushLog(replace(rig, twist_window=motion.window), log, columns)
+
+
+def _tell_doubts(recording: _Recording, made: PushLog, loads: _Loads | None, zero_forces: bool, alone: bool) -> None:
+    """Warn of what looks wrong; ``alone``: the recording said not which rows are pushes."""
+    t, tips, rows = recording.t, recording.tips, recording.rows
+    channels = {"poses": recording.tracked, "tip positions": tips, "forces": recording.forces}
     lacking = [words for name, values in channels.items() if values is not None for words in covers(name, t, values)]
-    if trials is None and tips is not None and world is not None:
-        beside = np.setdiff1d(np.arange(n), np.concatenate(rows))
+    if alone and tips is not None and loads is not None:
+        beside = np.setdiff1d(np.arange(len(t)), np.concatenate(rows))
         sizes = np.linalg.norm(made.columns("fx", "fy")[made.samples["phase"] == "push"], axis=1)
         usual = float(np.nanmedian(sizes)) if np.isfinite(sizes).any() else math.inf
-        lacking += pushes_unseen(t[beside], tips[beside], readings[beside, :2], usual)
-    for words in (*lacking, *doubts(made, bool(zero_forces), t[rests] - origin)):
-        warnings.warn(StablepushWarning(words), stacklevel=2)
-    return made
+        lacking += pushes_unseen(t[beside], tips[beside], loads.readings[beside, :2], usual)
+    origin = min(float(t[mine][0]) for mine in rows)
+    rests = [] if loads is None else loads.rests
+    _tell([*lacking, *doubts(made, bool(zero_forces), t[rests] - origin)])
+
+
+def _tell(words: Sequence[str]) -> None:
+    for line in words:
+        # where the caller of log_from_arrays is
+        warnings.warn(StablepushWarning(line), stacklevel=4)
 
 
 def pokes_from_world(

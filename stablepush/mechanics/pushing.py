@@ -34,7 +34,6 @@ from stablepush.core import (
     check_number,
     in_threads,
     read_only,
-    renamed_fields,
 )
 from stablepush.geometry import compose, inverse, point_velocity, transform_points
 from stablepush.objects import PushContact, Slider
@@ -162,7 +161,6 @@ class PushTrace:
         return brief(self)
 
 
-@renamed_fields(answers="solutions")
 @dataclass(frozen=True, slots=True, eq=False)
 class PushAnswer:
     """The motion of an instant.
@@ -178,7 +176,6 @@ class PushAnswer:
     solutions: int
 
 
-@renamed_fields(of_slider="body_anisotropy", of_table="world_anisotropy", pull="external_force", changed="perturbed")
 @dataclass(frozen=True, slots=True, eq=False)
 class TableFriction:
     """Friction between a slider and a table, ready for simulation.

@@ -27,6 +27,7 @@ from .result import (
     PlanResult as PlanResult,
     PlanStatus as PlanStatus,
     Push as Push,
+    Success as Success,
     Transfer as Transfer,
     load_plan as load_plan,
     save_plan as save_plan,
@@ -37,7 +38,7 @@ from .scenarios import (
     alignment_push as alignment_push,
     draw_scenarios as draw_scenarios,
 )
-from .success import Success as Success, estimate_success as estimate_success
+from .success import estimate_success as estimate_success
 from .trajectory import (
     PASSES as PASSES,
     PHASES as PHASES,

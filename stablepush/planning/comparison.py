@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stablepush.core import InputError, UnsupportedContactError, renamed
+from stablepush.core import InputError, UnsupportedContactError
 from stablepush.planning.options import REGIONS
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.registry import plan
@@ -28,7 +28,6 @@ class RegionPlan:
     certified: float
 
 
-@renamed(improve="refinement_budget")
 def compare_regions(
     problem: PlanningProblem,
     planner: str = "cor-lattice",

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stablepush.core import BoolArray, EffectError, FloatArray, InputError, check_vectors
-from stablepush.effects import CREEP, KnownEffect, resting_share, table_friction
+from stablepush.effects import CATALOGUE, CREEP, KnownEffect, resting_share, table_friction
 from stablepush.geometry import compose, exp, normalize_wrench
 from stablepush.mechanics import TableFriction
 from stablepush.mechanics.kernels import arcs_are_stable
@@ -278,7 +278,7 @@ def likely_loads(
 
 def _newtons(problem: PlanningProblem, surface: LimitSurface, effects: Collection[str]) -> float:
     """Newtons in the unit of a surface's forces; 1 where neither they nor a weight count."""
-    weighs = [id for id in ("tilt", "inertia") if id in effects]
+    weighs = [id for id in effects if CATALOGUE[id].needs_weight]
     if weighs and not problem.slider.mass:
         raise InputError("slider.mass", f"expected a mass in kg, since the effect {weighs[0]} acts")
     if surface.force_unit == "N":

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from stablepush.core import BoolArray, FloatArray, InputError, check_number, did_you_mean, renamed_fields
+from stablepush.core import BoolArray, FloatArray, InputError, check_number, did_you_mean
 from stablepush.planning.problem import PlanningProblem
 from stablepush.stability import StableRegion, all_pressure_region, lynch_mason_region
 
@@ -34,7 +34,6 @@ def promised_region(problem: PlanningProblem, number: int, region: str) -> Stabl
     return _PROMISED[region](problem.slider, problem.uncertainty.worst_contact(problem.contacts[number]))
 
 
-@renamed_fields(cor_rate="max_twist_rate", improve="refinement_budget")
 @dataclass(frozen=True, slots=True)
 class PlanOptions:
     """How certain and how good a plan is to be.
@@ -46,8 +45,6 @@ class PlanOptions:
         that are stable for every pressure distribution. ``"conservative"``: of these, the ones that Lynch and Mason's STABLE
         finds. The last two hold for every contact friction and finger position that the problem's ``uncertainty`` allows and
         take the centre of mass as exact (:func:`promised_region`).
-    probability : float
-        Least share of the surface's ensemble that must call each push stable (a chance constraint for each arc); 0 asks nothing.
     margin_weight : float
         A push costs its duration times ``1 + margin_weight (1 - margin/m)``, with ``m`` the largest margin of a straight push:
         with 1, one on the boundary of the stable set costs twice as much as the safest. 0 minimises the duration.
@@ -68,7 +65,6 @@ class PlanOptions:
     """
 
     region: str = "model"
-    probability: float = 0.0
     margin_weight: float = 0.0
     max_twist_rate: float = math.inf
     refinement_budget: float = 20_000
@@ -78,8 +74,6 @@ class PlanOptions:
     def __post_init__(self) -> None:
         if self.region not in REGIONS:
             raise InputError("region", f"expected {' or '.join(REGIONS)}", f"{self.region!r}{did_you_mean(self.region, REGIONS)}")
-        if not 0 <= check_number(self.probability, "probability") <= 1:
-            raise InputError("probability", "expected a number from 0 to 1", f"{self.probability:g}")
         check_number(self.margin_weight, "margin_weight", at_least=0.0)
         if self.max_twist_rate != math.inf:
             check_number(self.max_twist_rate, "max_twist_rate", positive=True)

@@ -30,7 +30,7 @@ from stablepush.core import (
     note_tolerance,
     read_only,
 )
-from stablepush.effects import Effect, KnownEffect, effects_from_node
+from stablepush.effects import CATALOGUE, Effect, KnownEffect, effects_from_node
 from stablepush.geometry import contacts_on_outline, inverse, transform_points, unit
 from stablepush.io import (
     contact_or_path,
@@ -274,7 +274,7 @@ class PlanningProblem:
         """Refuse what neither planners nor the check take into account."""
         for id in self.acting_effects:
             if id not in PLANNED:
-                raise InputError("effects", f"expected effects that plans know: {_INSTEAD[id]}", id)
+                raise InputError("effects", f"expected effects that plans know: {CATALOGUE[id].instead}", id)
         if self.acting_effects and any(self.uncertainty.start):
             words = "expected 0, 0, or no effect of the table: an uncertain start is not planned for beside such an effect"
             raise InputError("uncertainty.start", words, ", ".join(self.acting_effects))
@@ -340,16 +340,7 @@ def disc_outlines(contact: PushContact, radius: float) -> list[FloatArray]:
 
 
 #: Effects that change which pushes are stable, and that plans take into account.
-PLANNED = (
-    *("anisotropy-world", "anisotropy-object", "speed-dependence", "spatial-variation"),
-    *("pressure-shift", "pressure-spread", "tilt", "inertia"),
-)
-#: Where a scene has what others would change.
-_INSTEAD = {
-    "contact-friction": "friction of the fingers is mu of the contacts",
-    "contact-geometry": "the fingers are finger_radius and the points of the contacts",
-    "model-capacity": "another surface is the scene's model",
-}
+PLANNED = tuple(id for id, kind in CATALOGUE.items() if kind.planned)
 
 #: Keys that a scene must have, and those that it may have.
 _REQUIRED = (

@@ -22,7 +22,6 @@ from stablepush.core import (
     did_you_mean,
     load_plugin,
     plugin_names,
-    renamed,
     within,
 )
 from stablepush.geometry import normalize_twist, unit, wrap_angle
@@ -56,7 +55,6 @@ def planner_names() -> list[str]:
     return plugin_names(_GROUP)
 
 
-@renamed(cor_rate="max_twist_rate", improve="refinement_budget")
 def plan(
     problem: PlanningProblem,
     planner: str = "cor-lattice",
@@ -66,7 +64,6 @@ def plan(
     success: float = DEFAULT_SUCCESS,
     require_success: float = 0.0,
     region: str = "model",
-    probability: float = 0.0,
     margin_weight: float = 0.0,
     max_twist_rate: float = math.inf,
     refinement_budget: float = 20_000,
@@ -93,9 +90,8 @@ def plan(
         no such probability: its plan is the quickest.
     require_success : float
         Plans that are less likely to succeed are rejected: the status is ``"no-path"``.
-    region, margin_weight, probability
-        What each push must be besides, or cost: see :class:`PlanOptions`. ``probability`` is deprecated: it knows the surface
-        only, and each push by itself.
+    region, margin_weight
+        What each push must be besides, or cost: see :class:`PlanOptions`.
     max_twist_rate, refinement_budget
         How gradual and how good the plan is to be: see :class:`PlanOptions`.
     clearance : float, optional
@@ -123,12 +119,10 @@ def plan(
     if least > 0 and not problem.surface.is_dual:
         kind = type(problem.surface).__name__
         raise InputError("require_success", f"expected 0: plans of a {kind} have no probability of success", f"{least:g}")
-    options = PlanOptions(region, probability, margin_weight, max_twist_rate, refinement_budget)
-    if probability:
-        warnings.warn("plan(probability=) is deprecated: success= counts all that is uncertain", DeprecationWarning, stacklevel=3)
+    options = PlanOptions(region, margin_weight, max_twist_rate, refinement_budget)
     run = _planner(planner)
     problem = problem.with_clearance(clearance or 0.0)
-    _require_known(problem, region, probability)
+    _require_known(problem, region)
     number = 0 if seed is None else check_seed(seed)
     search = Search(planner, run, options, level, clearance or 0.0, number, progress)
     with within(limit - min(_JUDGING, limit / 4), stop) as deadline:
@@ -147,7 +141,7 @@ def plan(
         assumed = _assumptions(problem) if region != "model" else ""
         doubts = [*doubtful, *doubts, *_unaligned(problem, result), *_near_ends(problem, result)]
         if doubts:
-            warnings.warn(PlanWarning("; ".join(doubts)), stacklevel=3)
+            warnings.warn(PlanWarning("; ".join(doubts)), stacklevel=2)
         result = replace(result, message="; ".join(filter(None, (result.message, remark, assumed, *doubts))))
     return replace(result, planning_time=time.perf_counter() - started)
 
@@ -165,14 +159,13 @@ def _planner(name: str) -> Planner:
     return run
 
 
-def _require_known(problem: PlanningProblem, region: str, probability: float) -> None:
+def _require_known(problem: PlanningProblem, region: str) -> None:
     """Refuse what no plan can take into account, and guarantees that are not known for what acts."""
     problem.require_plannable()
     require_loads(problem)
-    for name, value, plain in (("region", region, "model"), ("probability", probability, 0.0)):
-        if problem.acting_effects and value != plain:
-            acting = ", ".join(problem.acting_effects)
-            raise InputError(name, f"expected {plain}: no guarantee is known under the effect {acting}", repr(value))
+    if problem.acting_effects and region != "model":
+        acting = ", ".join(problem.acting_effects)
+        raise InputError("region", f"expected model: no guarantee is known under the effect {acting}", repr(region))
     if problem.alternatives and region != "model":
         raise InputError("region", "expected model: a guarantee knows no alternatives of the rig", repr(region))
 

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stablepush.core import LARGEST_MAGNITUDE, FloatArray, InputError, Node, Word, check_share, read_only, shown_as
+from stablepush.core import (
+    LARGEST_MAGNITUDE,
+    FloatArray,
+    InputError,
+    Node,
+    Word,
+    binomial_interval,
+    check_share,
+    read_only,
+    shown_as,
+)
 from stablepush.geometry import compose, exp, inverse, wrap_angle
 from stablepush.io import read_json, write_json
-
-if TYPE_CHECKING:
-    from stablepush.planning.success import Success
 
 
 class PlanStatus(Word):
@@ -65,6 +73,51 @@ class Transfer:
     target: int
     pusher_path: FloatArray
     duration: float
+
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Success:
+    """Probabilities of a plan, estimated on scenarios.
+
+    Attributes
+    ----------
+    probability, interval
+        That the slider sticks to the pusher throughout, with its 95 % interval (Clopper and Pearson).
+    arrival, arrival_interval
+        That its final pose is within the tolerance of the goal: a slider that slips may arrive, one that sticks may have started
+        aside.
+    failures : sequence of (push, share, cause)
+        Where it is lost first: number of the push from 0, share of all scenarios, and of what; the most frequent first.
+    ends : array, shape (m, 3)
+        Final poses in W of the scenarios that lose the slider and were simulated.
+    counts : tuple of int
+        Scenarios, those that stick, those that stick and arrive, and those that slip, were simulated and arrive.
+    """
+
+    probability: float
+    interval: Interval
+    arrival: float
+    arrival_interval: Interval
+    failures: tuple[tuple[int, float, str], ...]
+    ends: FloatArray
+    counts: tuple[int, int, int, int]
+
+    def intervals(self, level: float) -> tuple[Interval, Interval]:
+        """Return the intervals of both probabilities at a level.
+
+        Not all slips are simulated: what that leaves open of the arrival adds in quadrature.
+        """
+        total, stuck, _, rescued = self.counts
+        lost, simulated = total - stuck, len(self.ends)
+        low, high = binomial_interval(round(self.arrival * total), total, level)
+        if lost > simulated:
+            share, (least, most) = rescued / simulated, binomial_interval(rescued, simulated, level)
+            low = self.arrival - math.hypot(self.arrival - low, lost / total * (share - least))
+            high = self.arrival + math.hypot(high - self.arrival, lost / total * (most - share))
+        return binomial_interval(stuck, total, level), (max(low, 0.0), min(high, 1.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

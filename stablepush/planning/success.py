@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 
 import numpy as np
 
-from stablepush.core import BoolArray, FloatArray, binomial_interval
+from stablepush.core import BoolArray, FloatArray
 from stablepush.geometry import compose, exp, inverse, transform_points, transport_twist, wrap_angle
 from stablepush.mechanics import Pusher, TableFriction, final_poses
 from stablepush.planning.loads import steps_along
 from stablepush.planning.problem import PlanningProblem
-from stablepush.planning.result import PlanResult, Push
+from stablepush.planning.result import PlanResult, Push, Success
 from stablepush.planning.scenarios import Scenarios, across_of, draw_scenarios
 from stablepush.stability import BOUNDARY_SLACK
 from stablepush.surfaces import LimitSurface
@@ -29,50 +28,6 @@ _STEP = 1 / 12
 
 #: So many scenarios that lose the slider say why; and a limit that so many of all scenarios are beyond does not.
 _TELLING, _MOST_BEYOND = 20, 0.25
-
-Interval = tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Success:
-    """Probabilities of a plan, estimated on scenarios.
-
-    Attributes
-    ----------
-    probability, interval
-        That the slider sticks to the pusher throughout, with its 95 % interval (Clopper and Pearson).
-    arrival, arrival_interval
-        That its final pose is within the tolerance of the goal: a slider that slips may arrive, one that sticks may have started
-        aside.
-    failures : sequence of (push, share, cause)
-        Where it is lost first: number of the push from 0, share of all scenarios, and of what; the most frequent first.
-    ends : array, shape (m, 3)
-        Final poses in W of the scenarios that lose the slider and were simulated.
-    counts : tuple of int
-        Scenarios, those that stick, those that stick and arrive, and those that slip, were simulated and arrive.
-    """
-
-    probability: float
-    interval: Interval
-    arrival: float
-    arrival_interval: Interval
-    failures: tuple[tuple[int, float, str], ...]
-    ends: FloatArray
-    counts: tuple[int, int, int, int]
-
-    def intervals(self, level: float) -> tuple[Interval, Interval]:
-        """Return the intervals of both probabilities at a level.
-
-        Not all slips are simulated: what that leaves open of the arrival adds in quadrature.
-        """
-        total, stuck, _, rescued = self.counts
-        lost, simulated = total - stuck, len(self.ends)
-        low, high = binomial_interval(round(self.arrival * total), total, level)
-        if lost > simulated:
-            share, (least, most) = rescued / simulated, binomial_interval(rescued, simulated, level)
-            low = self.arrival - math.hypot(self.arrival - low, lost / total * (share - least))
-            high = self.arrival + math.hypot(high - self.arrival, lost / total * (most - share))
-        return binomial_interval(stuck, total, level), (max(low, 0.0), min(high, 1.0))
 
 
 def estimate_success(problem: PlanningProblem, result: PlanResult, count: int = SCENARIOS, seed: int = 0) -> Success:

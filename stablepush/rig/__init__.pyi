@@ -2,7 +2,6 @@ from .commands import (
     Command as Command,
     contact_push as contact_push,
     edge_command as edge_command,
-    poke as poke,
     random_pushes as random_pushes,
 )
 from .execution import (

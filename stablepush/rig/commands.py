@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,8 +17,6 @@ from stablepush.core import (
     check_number,
     check_seed,
     check_share,
-    renamed,
-    renamed_fields,
 )
 from stablepush.geometry import compose, inverse, transform_points, transport_twist, twist_from_cor
 from stablepush.mechanics import Pusher
@@ -34,7 +30,6 @@ AWAY = 2e-3
 _END = 1e-9
 
 
-@renamed_fields(place="pusher_pose")
 @dataclass(frozen=True, slots=True, eq=False)
 class Command:
     """A command of a pusher.
@@ -99,29 +94,6 @@ def edge_command(push: EdgePush, pusher: Pusher, pose: FloatArray) -> Command:
     return Command(first, pieces, push.start, push.group, push.speed, push.cor, push.sense, angle, pusher)
 
 
-def poke(
-    slider: Slider,
-    pusher: Pusher,
-    edge: int,
-    along: float,
-    *,
-    start: ArrayLike,
-    cor: ArrayLike | None = None,
-    way: float = 0.03,
-    **options: Any,
-) -> Command:
-    """Deprecated: ``EdgePush.on_edge(slider, edge, along, distance=way, …)``, which a rig executes with its own pusher.
-
-    ``cor`` (m) is in the pusher's frame.
-    """
-    warnings.warn("poke: use EdgePush.on_edge(slider, edge, arc_length, ...)", DeprecationWarning, stacklevel=2)
-    push = EdgePush.on_edge(slider, edge, along, distance=way, width=pusher.width, start=start, **options)
-    if cor is not None:
-        push = replace(push, cor=_moved(_docked(push, pusher), check_array(cor, "cor", (2,))))
-    return edge_command(push, pusher, check_array(start, "start", (3,)))
-
-
-@renamed(put="reset")
 def contact_push(
     contact: PushContact,
     twist: ArrayLike,
@@ -167,7 +139,6 @@ def contact_push(
     )
 
 
-@renamed(ways="distances")
 def random_pushes(
     slider: Slider,
     pusher: Pusher,

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from stablepush.core import EffectError, FloatArray, InputError, UnavailableError, did_you_mean
-from stablepush.effects import Effect
+from stablepush.effects import CATALOGUE, Effect
 from stablepush.engines import GRAVITY, Fingers, SliderOnFeet, executor
 from stablepush.geometry import (
     compose,
@@ -27,11 +27,6 @@ from stablepush.surfaces import IdealLimitSurface
 
 #: Engines, the module and the extra of each.
 ENGINES = {"mujoco": ("mujoco", "sim"), "drake": ("pydrake", "drake")}
-#: Effects that an engine can have: of the pressure, of a table that slopes or is grained, of fingers, sensors and time.
-HONOURED = (
-    *("pressure-shift", "pressure-spread", "tilt", "anisotropy-world", "drift", "contact-friction", "contact-geometry"),
-    *("force-bias", "force-rotation", "frame-offset", "latency"),
-)
 #: A finger touches where it is nearer (m) to the outline than this: contacts of engines give.
 _TOUCH = 5e-4
 #: Poses a second of a commanded motion, and its acceleration (m/s²), that of :func:`stablepush.sample_plan`.
@@ -73,7 +68,7 @@ def require_possible(engine: str, slider: Slider, pusher: Pusher, effects: Seque
         raise InputError("slider.mass", "expected a mass in kg for an engine", "none")
     if pusher.flat or not pusher.radius > 0:
         raise InputError("finger_radius", "expected round fingers of a radius > 0 m in an engine", f"{pusher.radius:g} m")
-    possible = [id for id in HONOURED if engine != "drake" or id != "anisotropy-world"]
+    possible = [id for id, kind in CATALOGUE.items() if engine in kind.engines]
     for id in effects:
         if id not in possible:
             raise EffectError(f"effect {id}", f"expected effects that {engine} can have: {', '.join(possible)}")

@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 
 from stablepush.core import InputError
+from stablepush.effects import CATALOGUE
 from stablepush.engines import Fingers, Motion, SliderOnFeet, mjcf, sdf
 from stablepush.geometry import compose
 from stablepush.mechanics import Pusher
@@ -37,7 +38,7 @@ def export_mjcf(problem: PlanningProblem, result: PlanResult | None = None) -> s
     InputError
         If the slider has no mass, fingers no radius, contacts fingers of different spacings, or an effect cannot be in the model.
     """
-    body, fingers, trajectory = _parts(problem, result, "mujoco", ("anisotropy-world", "drift"))
+    body, fingers, trajectory = _parts(problem, result, "mujoco")
     motion = Motion(trajectory.t, trajectory.slider, trajectory.pusher, trajectory.velocity)
     return mjcf(body, fingers, _walls(problem), motion)
 
@@ -49,13 +50,11 @@ def export_sdf(problem: PlanningProblem, result: PlanResult | None = None) -> st
     ``pusher`` and ``obstacles``; the joints are zero at the start. The motion of the plan is no part of the format: it is the
     trajectory of :func:`sample_plan`, for the servos of ``pusher_x``, ``pusher_y`` and ``pusher_theta``.
     """
-    body, fingers, trajectory = _parts(problem, result, "drake", ("tilt", "drift"))
+    body, fingers, trajectory = _parts(problem, result, "drake")
     return sdf(body, fingers, _walls(problem), trajectory.slider[0], trajectory.pusher[0])
 
 
-def _parts(
-    problem: PlanningProblem, result: PlanResult | None, engine: str, refused: tuple[str, ...]
-) -> tuple[SliderOnFeet, Fingers, Trajectory]:
+def _parts(problem: PlanningProblem, result: PlanResult | None, engine: str) -> tuple[SliderOnFeet, Fingers, Trajectory]:
     require_contacts(problem)
     # refuses a plan of another problem
     trajectory = _at_start(problem) if result is None else sample_plan(problem, result, _RATE)
@@ -72,7 +71,7 @@ def _parts(
             )
     effects = [entry.effect for entry in problem.effects]
     for effect in effects:
-        if effect.id in refused:
+        if engine in CATALOGUE[effect.id].not_in_models:
             raise InputError(f"effects: {effect.id}", "expected none of it in a model of this kind")
     require_possible(engine, problem.slider, pusher, [effect.id for effect in effects])
     rig = VirtualRig(problem.slider, problem.surface, mu, pusher, effects, support_friction=problem.support_friction)

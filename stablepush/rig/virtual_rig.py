@@ -18,7 +18,6 @@ from stablepush.core import (
     check_number,
     check_seed,
     check_share,
-    renamed_fields,
     run_parallel,
 )
 from stablepush.effects import Effect, resting_share, table_friction
@@ -44,7 +43,6 @@ _STEPS = 400
 _LEAST_FRICTION = 0.02
 
 
-@renamed_fields(ended="stop_reason")
 @dataclass(frozen=True, slots=True, eq=False)
 class Execution:
     """A log, and what really happened in each of its trials, with the pusher as it really was.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count, groupby
 from types import MappingProxyType
@@ -22,7 +22,7 @@ from stablepush.diagnosis import (
     readable,
     size_in_words,
 )
-from stablepush.effects import CATALOGUE
+from stablepush.effects import CATALOGUE, FINGER_FRICTION
 from stablepush.geometry import rotate_vectors, wrap_angle
 from stablepush.objects import EdgePush, Slider
 from stablepush.views.pages import Section, render, script
@@ -52,52 +52,108 @@ _MOST_PAIRS = 12
 _PLACE = (("x", "m"), ("y", "m"), ("heading", "deg"))
 
 
+_SIZE = (
+    "Root mean squares over all trials. Floor: what the noise, and the compliance of fingers and table, leave. "
+    "p: how likely noise alone is to leave as much as the nominal simulation does. It counts pushes: a single push that is "
+    "far off hardly lowers it."
+)
+_SIGNATURES = (
+    "Each dot is a push. Horizontal axis: what the effect adds to the measurement, as fitted. Vertical axis: the "
+    "measurement less everything else that was fitted. If the effect acts as fitted, the dots lie on the slanted line; "
+    "if it did not act, they would lie on the level one."
+)
+_EFFECTS = (
+    "For each effect: its probability, its estimate with 95 % intervals, and what speaks for and against it; or why this log "
+    "cannot show it. The named ones are taken as given for the others. The gain says how much better the fit "
+    "becomes: the fall of its sum of squares, in units of the scatter that is left. Below 18, or 25 for an executed plan, it "
+    "may be chance."
+)
+_HOW = (
+    "Loads of support points under the outline and the parameters of effects are fitted jointly to the measured "
+    "wrenches and to the clearances between fingers and outline, each row weighted by the noise of forces and motion and by "
+    "how far off it is. Without forces the final poses are fitted instead of wrenches: each push is simulated again. "
+    "An effect is named if its family-wise p-value is below 1 %, or 0.2 % with forces on a rig that states a limit surface "
+    "(a bootstrap over the signs of the trials' scores; without forces a larger gain may take its place), and the log "
+    "density rises by more than its scatter between pushes explains; the others are judged given it. A wrong pressure is "
+    "named if it predicts held-out trials as well as any pressure does. "
+    "A wrong friction of the fingers is named if the forces of slipping and sticking fingers, or the final poses, show it "
+    "significantly. All trials decide which effects act. Reductions of the gap are those of trials left out of the fit, in "
+    "five folds that keep repeats together."
+)
+
+
 def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     """Return a diagnosis as one HTML page that needs no network: verdict, evidence to look at row by row, pictures, all effects,
     what to try next."""
-    size = (
-        "Root mean squares over all trials. Floor: what the noise, and the compliance of fingers and table, leave. "
-        "p: how likely noise alone is to leave as much as the nominal simulation does. It counts pushes: a single push that is "
-        "far off hardly lowers it."
+    channels = _channels(report)
+    # what convinces comes before what can be looked at row by row
+    convincing = [_verdict(report), *_signatures(report), *_forms(report)]
+    pictures = _pictures(report)
+    sections = [*convincing, *_sizes(report, channels)]
+    for channel in sorted(pictures, key=channels.index):
+        sections += pictures[channel]
+    sections += [*_dependence(report), _why(report), _next_pushes(report), *_how(report)]
+    lead = ", ".join(filter(None, (report.log, counted(report.trials, "push"))))
+    values = {"title": title, "lead": lead, "sections": sections, "first": len(convincing)}
+    looks = {"wrench": _rows_of_loads, "pose": _rows_of_final_poses}
+    seen = looks[next((name for name in channels if name in pictures), "pose")](report)
+    if not seen.rows:
+        return render("report.html", **values)
+    return render(
+        "diagnosis.html",
+        **values,
+        other=simulations(report).get("after", ""),
+        about=seen.about,
+        label="the slider on the table with what the simulations leave, as arrows",
+        data=seen.data(report.rig.slider),
     )
+
+
+def _verdict(report: GapReport) -> Section:
     steps = "\n".join(report.steps)
-    told = [("verdict", str(report.verdict)), ("effects", ", ".join(report.named) or "none"), ("what to do", steps)]
+    rows = [("verdict", str(report.verdict)), ("effects", ", ".join(report.named) or "none"), ("what to do", steps)]
     if report.support_friction is not None:
         friction = f"{report.support_friction:.3g} as refitted, where {report.rig.support_friction:.3g} was assumed"
-        told.append(("support friction", friction))
-    sections = [Section("Verdict", report.sentence, told)]
-    if report.signatures:
-        words = (
-            "Each dot is a push. Horizontal axis: what the effect adds to the measurement, as fitted. Vertical axis: the "
-            "measurement less everything else that was fitted. If the effect acts as fitted, the dots lie on the slanted line; "
-            "if it did not act, they would lie on the level one."
+        rows.append(("support friction", friction))
+    return Section("Verdict", report.sentence, rows)
+
+
+def _signatures(report: GapReport) -> list[Section]:
+    if not report.signatures:
+        return []
+    rows = [(entry.effect, _numbers(entry)) for entry in report.ranking if entry.effect in report.named]
+    return [Section.with_picture("The evidence in one picture", figure_png(plot_signatures(report)), _SIGNATURES, rows)]
+
+
+def _forms(report: GapReport) -> list[Section]:
+    if not drawn_forms(report):
+        return []
+    kinds = [entry.effect == FINGER_FRICTION for entry in drawn_forms(report)]
+    of_table = (
+        "Friction of the table, over the nominal one, which is the level grey line. Blue: as found; grey beside it: without "
+        "the further terms that this log needs."
+    )
+    if any(marks_pushes(report, entry) for entry in drawn_forms(report)):
+        of_table += " Orange: pushes, each as far off the curve as its measured load is off the corrected simulation."
+    of_fingers = (
+        "Friction of the fingers: the tangential over the normal force of each push, less what named effects of sensors do."
+    )
+    pressed = 0 if report.fingers is None else len(report.fingers.trial)
+    if pressed < report.trials:
+        of_fingers += (
+            f" {pressed} of {counted(report.trials, 'push')}: in the others no finger is seen on a face, or none presses "
+            "with more than three times the noise."
         )
-        shown = [(entry.effect, _numbers(entry)) for entry in report.ranking if entry.effect in report.named]
-        sections.append(Section.with_picture("The evidence in one picture", figure_png(plot_signatures(report)), words, shown))
-    if drawn_forms(report):
-        kinds = [entry.effect == "contact-friction" for entry in drawn_forms(report)]
-        of_table = (
-            "Friction of the table, over the nominal one, which is the level grey line. Blue: as found; grey beside it: without "
-            "the further terms that this log needs."
-        )
-        if any(marks_pushes(report, entry) for entry in drawn_forms(report)):
-            of_table += " Orange: pushes, each as far off the curve as its measured load is off the corrected simulation."
-        of_fingers = (
-            "Friction of the fingers: the tangential over the normal force of each push, less what named effects of sensors do."
-        )
-        pressed = 0 if report.fingers is None else len(report.fingers.trial)
-        if pressed < report.trials:
-            of_fingers += (
-                f" {pressed} of {counted(report.trials, 'push')}: in the others no finger is seen on a face, or none presses "
-                "with more than three times the noise."
-            )
-        words = " ".join([of_table] * (not all(kinds)) + [of_fingers] * any(kinds))
-        found = [] if report.signatures else [(entry.effect, _numbers(entry)) for entry in drawn_forms(report)]
-        sections.append(Section.with_picture("What was found", figure_png(plot_forms(report)), words, found))
-    first, channels = len(sections), _channels(report)
+    words = " ".join([of_table] * (not all(kinds)) + [of_fingers] * any(kinds))
+    found = [] if report.signatures else [(entry.effect, _numbers(entry)) for entry in drawn_forms(report)]
+    return [Section.with_picture("What was found", figure_png(plot_forms(report)), words, found)]
+
+
+def _sizes(report: GapReport, channels: Sequence[str]) -> list[Section]:
+    sections = []
     if report.gap:
         gaps = sorted(report.gap, key=lambda entry: channels.index(entry.channel))
-        sections.append(Section("How large the gap is", size, [(entry.channel, _gap(entry)) for entry in gaps]))
+        sections.append(Section("How large the gap is", _SIZE, [(entry.channel, _gap(entry)) for entry in gaps]))
     left_out = "Root mean squares on held-out trials. Floor: what the noise, and the compliance of fingers and table, leave."
     if report.verdict == "absorbed":
         left_out += " No effect is named: what reduces the gap is a refitted surface."
@@ -107,7 +163,11 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
         (e.channel, f"{e.sizes}; {e.explained}, {counted(e.held_out_trials, 'held-out trial')}")
         for e in sorted(report.reductions, key=lambda e: channels.index(e.channel))
     ]
-    sections.append(Section("Gap reduction", left_out, reductions))
+    return [*sections, Section("Gap reduction", left_out, reductions)]
+
+
+def _pictures(report: GapReport) -> dict[str, list[Section]]:
+    """Pictures of where the gap lies, by channel."""
     pictures: dict[str, list[Section]] = {}
     if report.residuals:
         text = " and ".join(f"of the {word} simulation" for word in simulations(report).values())
@@ -118,27 +178,26 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
     if report.ends and len(report.places):
         words = "Each push is simulated again from the logged start pose, along the logged path of the pusher."
         pictures["pose"] = [Section.with_picture("Where: final poses", figure_png(plot_final_poses(report)), words)]
-    for channel in sorted(pictures, key=channels.index):
-        sections += pictures[channel]
-    if report.where:
-        found = [
-            (
-                f"{f.channel}, {f.component}",
-                f"follows the {f.covariate}: {100 * f.share:.0f} % of its variance, p {f.p_value:.4f}",
-            )
-            for f in report.where[:12]
-        ]
-        sections.append(
-            Section("Where: what the errors follow", "Errors of the nominal simulation, on pushes left out of the fit.", found)
-        )
+    return pictures
+
+
+def _dependence(report: GapReport) -> list[Section]:
+    if not report.where:
+        return []
+    rows = [
+        (f"{f.channel}, {f.component}", f"follows the {f.covariate}: {100 * f.share:.0f} % of its variance, p {f.p_value:.4f}")
+        for f in report.where[:12]
+    ]
+    words = "Errors of the nominal simulation, on pushes left out of the fit."
+    return [Section("Where: what the errors follow", words, rows)]
+
+
+def _why(report: GapReport) -> Section:
     rows = [(entry.effect, _effect(entry, report.evidence[entry.effect])) for entry in report.ranking]
-    text = (
-        "For each effect: its probability, its estimate with 95 % intervals, and what speaks for and against it; or why this log "
-        "cannot show it. The named ones are taken as given for the others. The gain says how much better the fit "
-        "becomes: the fall of its sum of squares, in units of the scatter that is left. Below 18, or 25 for an executed plan, it "
-        "may be chance."
-    )
-    sections.append(Section.with_picture("Why", figure_png(plot_effects(report)), text, rows))
+    return Section.with_picture("Why", figure_png(plot_effects(report)), _EFFECTS, rows)
+
+
+def _next_pushes(report: GapReport) -> Section:
     after = report.next_experiment
     numbers = count(1)
     pushes = [(f"push {' and '.join(str(next(numbers)) for _ in same)}", _push(push)) for push, same in groupby(after.pushes)]
@@ -155,40 +214,15 @@ def gap_html(report: GapReport, title: str = "Diagnosis of a push log") -> str:
             " Edges are counted from 0, places along them from their first corner; directions turn counter-clockwise "
             "from the inward normal."
         )
-    sections.append(Section("What to try next", words, pushes))
-    how = (
-        "Loads of support points under the outline and the parameters of effects are fitted jointly to the measured "
-        "wrenches and to the clearances between fingers and outline, each row weighted by the noise of forces and motion and by "
-        "how far off it is. Without forces the final poses are fitted instead of wrenches: each push is simulated again. "
-        "An effect is named if its family-wise p-value is below 1 %, or 0.2 % with forces on a rig that states a limit surface "
-        "(a bootstrap over the signs of the trials' scores; without forces a larger gain may take its place), and the log "
-        "density rises by more than its scatter between pushes explains; the others are judged given it. A wrong pressure is "
-        "named if it predicts held-out trials as well as any pressure does. "
-        "A wrong friction of the fingers is named if the forces of slipping and sticking fingers, or the final poses, show it "
-        "significantly. All trials decide which effects act. Reductions of the gap are those of trials left out of the fit, in "
-        "five folds that keep repeats together."
-    )
-    sections.append(Section("Data quality", "", [("note", note) for note in report.notes] or [("note", "none")]))
+    return Section("What to try next", words, pushes)
+
+
+def _how(report: GapReport) -> list[Section]:
+    sections = [Section("Data quality", "", [("note", note) for note in report.notes] or [("note", "none")])]
     if report.estimates is not None:
         words = "Correlation of the errors of parameters that were fitted together: near 1 or -1, the log hardly separates them."
         sections.append(Section("Estimated parameters", words, _correlations(report.estimates), folded=True))
-    sections.append(Section("How it was computed", how, folded=True))
-    lead = ", ".join(filter(None, (report.log, counted(report.trials, "push"))))
-    # what convinces comes before what can be looked at row by row
-    values = {"title": title, "lead": lead, "sections": sections, "first": first}
-    looks = {"wrench": _rows_of_loads, "pose": _rows_of_final_poses}
-    seen = looks[next((name for name in channels if name in pictures), "pose")](report)
-    if not seen.rows:
-        return render("report.html", **values)
-    about, label = seen.about, "the slider on the table with what the simulations leave, as arrows"
-    return render(
-        "diagnosis.html",
-        **values,
-        other=simulations(report).get("after", ""),
-        about=about,
-        label=label,
-        data=seen.data(report.rig.slider),
-    )
+    return [*sections, Section("How it was computed", _HOW, folded=True)]
 
 
 def _channels(report: GapReport) -> list[str]:

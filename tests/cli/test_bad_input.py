@@ -242,7 +242,7 @@ def test_faults_in_cors_are_named(rig, tmp_path, capsys, text, words):
         ),
         (["map", "{model}", "--contact", "{contact}", "-o", "{out}", "--extent", "1e-99"], ("error: --extent",)),
         (["trajectory", "{scene}", "{plan}", "-o", "{out}", "--rate", "1e-99"], ("error: --rate",)),
-        (["plan", "{scene}", "-o", "{out}", "--cor-rate", "1e-99"], ("error: --max-twist-rate",)),
+        (["plan", "{scene}", "-o", "{out}", "--max-twist-rate", "1e-99"], ("error: --max-twist-rate",)),
         (
             ["contacts", "{model}", "--slider", "{slider}", "--contact-mu", "1", "--width", "1e-99", "-o", "{out}"],
             ("error: --width",),

@@ -1,6 +1,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,13 +14,14 @@ from stablepush.cli import main
 from stablepush.diagnosis.judge.gap_reduction import HeldOut
 from stablepush.diagnosis.judge.verdicts import explains_most
 from stablepush.diagnosis.judge.where import repeats_share
-from stablepush.diagnosis.likelihood.equations import SIZES, ScoreTest, statistics
+from stablepush.diagnosis.likelihood.building import log_model
 from stablepush.diagnosis.likelihood.forward import ForwardModel
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.model import Model
+from stablepush.diagnosis.likelihood.score_test import ScoreTest, statistics
 from stablepush.diagnosis.rows.observations import _rates, beyond_noise, observe, pushes_of
-from stablepush.diagnosis.search.attribution import family_wise_p_values
+from stablepush.diagnosis.search.family_wise import family_wise_p_values
 from stablepush.diagnosis.search.reshaping import _as_good_as_free
-from stablepush.effects import CATALOGUE
+from stablepush.effects import CATALOGUE, FITTED
 from stablepush.geometry.planar import point_velocity, twist_from_cor
 from stablepush.views.gap_page import gap_html
 from stablepush.views.plot.gaps import plot_effects
@@ -118,7 +120,7 @@ def test_friction_that_jumps_with_speed_is_no_inertia(seed):
 
 def test_an_effect_in_the_body_frame_need_not_do_quite_as_well_as_the_free_surface():
     class Judge:
-        rig = SimpleNamespace(model=None)
+        experiment = SimpleNamespace(rig=SimpleNamespace(model=None))
 
         @staticmethod
         def significantly_better(ahead, behind):
@@ -132,7 +134,7 @@ def test_an_effect_in_the_body_frame_need_not_do_quite_as_well_as_the_free_surfa
     other = {"pressure-shift": np.full(40, 8.0), "anisotropy-object": np.full(40, 1.0)}
     assert _as_good_as_free(Judge, scores, other) == ["pressure-shift"]
     assert _as_good_as_free(Judge, scores, dict(zip(other, reversed(other.values()), strict=True))) == []
-    Judge.rig.model = "quartic"
+    Judge.experiment.rig.model = "quartic"
     assert _as_good_as_free(Judge, scores, other) == []
 
 
@@ -283,18 +285,18 @@ def test_answers_stay_out_of_the_log(tmp_path, capsys):
 
 
 def test_sizes_cover_the_catalogue():
-    assert set(SIZES) | {"contact-friction", "model-capacity"} == set(CATALOGUE)
+    assert {*FITTED, "model-capacity"} == set(CATALOGUE)
 
 
 def test_loads_come_back():
     """Refitted loads of a log without effects give the surface that made it."""
     log = make_log(noise=sp.Noise(0.005, 1e-5, 1e-4))
-    system = System(observe(log), log.rig)
-    fitted = system.fit([], True)
+    likelihood, _ = log_model(observe(log), log.rig, [])
+    fitted = likelihood.fit(Model())
     true = sp.IdealLimitSurface(pressure(), LOAD)
     twists = np.random.default_rng(0).normal(size=(50, 3)) * (1, 1, 15)
 
-    a, b = system.surface(fitted.loads).wrench(twists), true.wrench(twists)
+    a, b = likelihood.prior.surface(fitted.loads).wrench(twists), true.wrench(twists)
     assert np.median(np.linalg.norm((a - b) / (1, 1, 0.05), axis=1)) < 0.06
 
 
@@ -361,13 +363,13 @@ def test_chance_is_even_where_there_is_no_effect():
     for k in range(200):
         tests = {}
         for id in ("drift", "tilt", "force-bias"):
-            shares = np.einsum("ti,tj->tij", *(2 * [rng.normal(size=(40, SIZES[id]))]))
-            scores = rng.standard_t(4, size=(40, SIZES[id])) * rng.uniform(0.5, 2, (40, 1))
+            shares = np.einsum("ti,tj->tij", *(2 * [rng.normal(size=(40, CATALOGUE[id].size))]))
+            scores = rng.standard_t(4, size=(40, CATALOGUE[id].size)) * rng.uniform(0.5, 2, (40, 1))
             pull, total = scores.sum(axis=0), shares.sum(axis=0)
             left = scores - shares @ np.linalg.solve(total, pull)
-            spread = left.T @ left * 40 / (40 - SIZES[id])
+            spread = left.T @ left * 40 / (40 - CATALOGUE[id].size)
             statistic = float(pull @ np.linalg.solve(spread, pull))
-            tests[id] = ScoreTest(statistic, 0.0, np.zeros(SIZES[id]), total, left, shares)
+            tests[id] = ScoreTest(statistic, 0.0, np.zeros(CATALOGUE[id].size), total, left, shares)
         found.append(min(family_wise_p_values(tests, seed=k).values()))
     for level in (0.05, 0.2, 0.5):
         share = float(np.mean(np.array(found) <= level))
@@ -426,30 +428,33 @@ def test_the_chance_of_a_statistic_is_hotelling_s():
 
 def test_what_repeats_share_is_told_from_scatter():
     log = make_log(count=60)
-    system = System(observe(log), log.rig)
-    o = system.observations
+    experiment = log_model(observe(log), log.rig, []).likelihood.experiment
+    o = experiment.observations
     assert len(set(o.group) - {""}) >= 3
     rng = np.random.default_rng(0)
     own = 4 * rng.normal(size=(len(o.names), 3))
     of_group = {name: 4 * rng.normal(size=3) for name in set(o.group)}
     shared = np.array([of_group[g] if g else own[k] for k, g in enumerate(o.group)])
     noise = rng.normal(size=(len(o.time), 3))
-    size, p = repeats_share(system, noise + shared[o.trial])
+    size, p = repeats_share(experiment, noise + shared[o.trial])
     assert size > 8 and p < 1e-4
-    size, p = repeats_share(system, noise + own[o.trial])
+    size, p = repeats_share(experiment, noise + own[o.trial])
     assert size > 8 and p > 1e-3
-    assert repeats_share(system, noise)[0] < 3
+    assert repeats_share(experiment, noise)[0] < 3
 
 
 def test_repeats_of_a_push_count_as_one():
     """Four trials that gain, against one that loses a little: evidence if they are four pushes, none if they are one."""
     log = make_log(count=16)
-    system = System(observe(log), log.rig)
+    likelihood, _ = log_model(observe(log), log.rig, [])
     behind, ahead = np.zeros(8), np.array((4.0, 4.0, 4.0, 4.0, 0.0, 0.0, 0.0, -0.5))
-    system.push = np.arange(8)
-    assert system.significantly_better(ahead, behind)
-    system.push = np.array((0, 0, 0, 0, 1, 2, 3, 4))
-    assert not system.significantly_better(ahead, behind)
+
+    def better(pushes):
+        experiment = SimpleNamespace(push=np.array(pushes))
+        return replace(likelihood, experiment=experiment).significantly_better(ahead, behind)
+
+    assert better(range(8))
+    assert not better((0, 0, 0, 0, 1, 2, 3, 4))
 
 
 def test_groups_are_told_from_trials_without_one():

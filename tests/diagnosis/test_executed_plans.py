@@ -11,12 +11,12 @@ from conftest import LOAD, MASS, make_log, pairs, small_scene, three_feet, trian
 
 import stablepush as sp
 from stablepush.cli.program import main
-from stablepush.diagnosis.likelihood.equations import ScoreTest
+from stablepush.diagnosis.likelihood.building import log_model
 from stablepush.diagnosis.likelihood.nominal import nominal_of
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.score_test import ScoreTest
 from stablepush.diagnosis.remedy.corrected_surface import _least, _Prior, _Shown
 from stablepush.diagnosis.rows.observations import observe
-from stablepush.diagnosis.search.attribution import family_wise_p_values
+from stablepush.diagnosis.search.family_wise import family_wise_p_values
 from stablepush.diagnosis.search.plausibility import possible
 from stablepush.effects import parse_effect
 from stablepush.views import gap_html
@@ -107,14 +107,15 @@ def test_the_nominal_prediction_is_that_of_the_model(executed):
     problem, result = executed
     pusher = sp.Pusher.of_contact(problem.contacts[0], FINGER)
     log = sp.execute_plan(sp.VirtualRig(problem.slider, problem.surface, 0.9, pusher), problem, result).log
-    system = System(observe(log), log.rig)
-    left = system.observations.wrench - system.model.predict(system.nominal, {})
+    likelihood, _ = log_model(observe(log), log.rig, [])
+    o, rho = likelihood.experiment.observations, likelihood.experiment.rho
+    left = o.wrench - likelihood.wrench.predict(likelihood.prior.nominal, {})
     # rows at the start of a push are means over its approach, too
-    size = np.linalg.norm(left / (1, 1, system.rho), axis=1)
+    size = np.linalg.norm(left / (1, 1, rho), axis=1)
     assert np.median(size) < 1e-3 * LOAD
     # points alone are farther away
     believed = nominal_of(log.rig)
-    assert np.median(np.linalg.norm(believed.beyond_points(system.observations.twist) / (1, 1, system.rho), axis=1)) > 3e-3 * LOAD
+    assert np.median(np.linalg.norm(believed.beyond_points(o.twist) / (1, 1, rho), axis=1)) > 3e-3 * LOAD
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -285,7 +286,7 @@ def test_fingers_are_uncertain_where_nothing_named_explains_the_gap(executed):
 def test_no_grain_is_stronger_than_friction_allows(executed, ratio, makes_sense):
     log = log_of(executed)
     size = (ratio**2 - 1) / (ratio**2 + 1)
-    assert possible(System(observe(log), log.rig), "anisotropy-object", np.array((size, 0.0))) == makes_sense
+    assert possible(log_model(observe(log), log.rig, []).likelihood, "anisotropy-object", np.array((size, 0.0))) == makes_sense
 
 
 def test_corrected_loads_are_those_of_a_quadratic_program():
@@ -324,9 +325,10 @@ def test_corrected_surfaces_without_forces_without_noise_and_of_several_logs(exe
 def test_what_no_pressure_can_do_is_said_to_be_uncertain(executed):
     """The ensemble of the fit bounds what a refit may do without being one."""
     log = log_of(executed)
-    system = System(observe(log), log.rig)
-    directions, _, precision = system.base({}, False)
-    assert directions.shape[1] == 1 + system.open_modes.shape[1] and 2 <= system.open_modes.shape[1] <= 10
+    likelihood, _ = log_model(observe(log), log.rig, [])
+    directions, precision = likelihood.prior.directions(False)
+    modes = likelihood.experiment.open_modes.shape[1]
+    assert directions.shape[1] == 1 + modes and 2 <= modes <= 10
     np.testing.assert_allclose(np.diag(precision)[1:], 1.0)
     without = replace(log.rig, model=None)
-    assert System(observe(log), without).open_modes.shape[1] == 0
+    assert log_model(observe(log), without, []).likelihood.experiment.open_modes.shape[1] == 0

@@ -8,10 +8,11 @@ import pytest
 
 import stablepush as sp
 from stablepush.diagnosis.judge.force_axes import uneven_axes
-from stablepush.diagnosis.likelihood.forward import PARAMETERS, ForwardModel
-from stablepush.diagnosis.likelihood.system import System
+from stablepush.diagnosis.likelihood.building import log_model
+from stablepush.diagnosis.likelihood.forward import ForwardModel
 from stablepush.diagnosis.rows.observations import observe
 from stablepush.effects import (
+    CATALOGUE,
     FAMILIES,
     REFERENCE_SPEED,
     friction_over_direction,
@@ -45,11 +46,11 @@ def straight(log):
 def test_fits_use_the_curves_that_are_drawn(straight, id):
     o, model = straight
     rng = np.random.default_rng(4)
-    value = np.concatenate((0.1 * rng.normal(size=PARAMETERS[id]), 0.02 * rng.normal(size=len(FAMILIES[id].terms))))
+    value = np.concatenate((0.1 * rng.normal(size=CATALOGUE[id].size), 0.02 * rng.normal(size=len(FAMILIES[id].terms))))
     load = model.predict(np.ones(1), {id: value})
     along = o.twist[:, :2] / np.linalg.norm(o.twist[:, :2], axis=1, keepdims=True)
     friction = (load[:, :2] * along).sum(axis=1)
-    own, terms = value[: PARAMETERS[id]], value[PARAMETERS[id] :]
+    own, terms = value[: CATALOGUE[id].size], value[CATALOGUE[id].size :]
     if id.startswith("anisotropy"):
         size = np.hypot(*own)
         angles = np.arctan2(along[:, 1], along[:, 0]) + (o.pose[:, 2] if id.endswith("world") else 0.0)
@@ -78,17 +79,16 @@ def test_waves_take_the_force_of_a_convex_set(straight):
 @pytest.mark.parametrize("id", [*FAMILIES])
 def test_columns_are_the_derivatives_of_what_is_fitted(log, id):
     """Rows of loads, clearances and readings at rest, by every term of a family."""
-    system = System(observe(log), log.rig)
-    if id in system.nuisance:
+    likelihood, _ = log_model(observe(log), log.rig, [])
+    if id in likelihood.nuisance:
         pytest.skip("always fitted")
-    system.opened = frozenset({id})
-    size = system.size(id)
+    size, nominal = likelihood.experiment.size(id, family=True), likelihood.prior.nominal
     value = np.zeros(size)
-    columns = system.columns(id, system.nominal, {id: value}, size)
+    columns = likelihood.columns(id, nominal, {id: value}, size)
     for k in range(size):
         step = np.zeros(size)
         step[k] = 1e-5
-        ahead, behind = (system.residual(system.nominal, {id: s * step}) for s in (1, -1))
+        ahead, behind = (likelihood.residual(nominal, {id: s * step}) for s in (1, -1))
         off = np.abs(columns[:, k] + (ahead - behind) / 2e-5) > 2e-3 * max(1.0, np.abs(columns[:, k]).max())
         # turns about a support point are no place for differences
         assert off.mean() < 0.01 and columns[:, k].any()

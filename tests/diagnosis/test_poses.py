@@ -8,10 +8,11 @@ from conftest import FORCES, LOAD, MASS, check_schema, edited, make_log, make_ri
 
 import stablepush as sp
 from stablepush.diagnosis.gap_report import gap_reductions_with
-from stablepush.diagnosis.likelihood.motions import motions_of
+from stablepush.diagnosis.likelihood.building import log_model
+from stablepush.diagnosis.likelihood.model import Model
 from stablepush.diagnosis.likelihood.nominal import Nominal
+from stablepush.diagnosis.likelihood.prior import MovedPressure
 from stablepush.diagnosis.likelihood.replay import _knots, friction_of, pose_errors, replays
-from stablepush.diagnosis.likelihood.system import System
 from stablepush.diagnosis.rows.observations import observe
 from stablepush.effects import parse_effect
 from stablepush.geometry.planar import twist_from_cor
@@ -105,9 +106,9 @@ def test_latency_shows_in_gaps_of_fingers_of_unknown_radius():
 def test_a_chance_push_is_left_out_of_the_poses():
     """Of two pushes, one passes a corner by a hair: its end is no measurement."""
     log = make_log(count=40)
-    system = System(observe(log), log.rig)
     found = replays(log, observe(log))
-    kept, noise = system.predictable(found)
+    poses = log_model(observe(log), log.rig, found).poses
+    kept, noise = poses.pushes, poses.noise
     assert 20 < len(kept) <= len(found) == 40
     assert len(noise) == len(kept) and (noise > 0).all()
 
@@ -133,7 +134,7 @@ def test_pushes_that_separate_causes_are_proposed_without_forces():
 
 def motions(log):
     observations = observe(log)
-    return motions_of(observations, log.rig, replays(log, observations))
+    return log_model(observations, log.rig, replays(log, observations)).likelihood
 
 
 @pytest.mark.parametrize("mu", [0.5, None])
@@ -141,15 +142,15 @@ def motions(log):
 def test_more_effects_never_fit_worse_wherever_fits_begin(mu, effect):
     """Fits to ends have many minima: with an effect they are to be no worse than without, wherever they begin."""
     log = edited(make_log(*([effect] if effect else []), count=24, seed=2), FORCES, contact_friction=mu)
-    system = motions(log)
-    alone = system.fit([], True)
-    scores = {id: system.fit([id], True).score for id in ("tilt", "anisotropy-world", "speed-dependence")}
+    likelihood = motions(log)
+    alone = likelihood.fit(Model())
+    scores = {id: likelihood.fit(Model((id,))).score for id in ("tilt", "anisotropy-world", "speed-dependence")}
     assert min(scores.values()) > alone.score - 2
     # it moves no end: all that it gains is another start
     assert scores["speed-dependence"] < alone.score + 2
-    system.settle(system.fit(["anisotropy-world"], True))
-    assert system.fit([], True).score > alone.score - 1
-    assert system.fit(["tilt"], True).score > scores["tilt"] - 1
+    later = likelihood.beginning_at(likelihood.fit(Model(("anisotropy-world",))))
+    assert later.fit(Model()).score > alone.score - 1
+    assert later.fit(Model(("tilt",))).score > scores["tilt"] - 1
 
 
 @pytest.mark.parametrize("seed", [1, 5])
@@ -171,23 +172,19 @@ def test_a_known_cause_closes_the_gap_without_forces():
 def test_a_log_whose_last_push_shows_nothing_is_fitted_without_it():
     log = edited(make_log("tilt:slope=0.02/-0.01", count=16), FORCES)
     x = np.where(log.samples["trial"] == log.trials["trial"][-1], np.nan, log.samples["x"])
-    system = motions(sp.PushLog(log.rig, log.trials, {**log.samples, "x": x}))
+    likelihood = motions(sp.PushLog(log.rig, log.trials, {**log.samples, "x": x}))
     chosen = np.arange(16) % 3 > 0
-    assert np.isfinite(system.fit(["tilt"], True, chosen).score)
+    assert np.isfinite(likelihood.fit(Model(("tilt",)), chosen).score)
 
 
 def test_the_center_of_a_pressure_that_motions_moved_is_where_its_surface_has_it():
     """Without forces the loads of a fit are a shift over rho and stretches, not loads of points."""
-    from types import SimpleNamespace
-
-    from stablepush.diagnosis.likelihood.motions import Motions
-
-    ideal = sp.IdealLimitSurface(sp.SupportDistribution([(-0.03, -0.03), (0.07, -0.03), (-0.03, 0.07)], [1, 2, 1]), 3.0)
-    fake = SimpleNamespace(_surface=ideal, rho=0.04)
+    ideal = sp.IdealLimitSurface(sp.SupportDistribution([(-0.03, -0.03), (0.07, -0.03), (-0.03, 0.07)], [1, 2, 1]), 3.0, 0.04)
+    prior = MovedPressure.of(ideal)
     loads = np.array((0.1, -0.05, 0.2, 0.0, 0.1))
     changes = np.diag((0.01, 0.02, 0.1, 0.1, 0.1))
-    off, deviation = Motions.moved_center(fake, loads, changes)
-    np.testing.assert_allclose(Motions.surface(fake, loads).support.center, ideal.support.center + off, atol=1e-12)
+    off, deviation = prior.moved_center(loads, changes)
+    np.testing.assert_allclose(prior.surface(loads).support.center, ideal.support.center + off, atol=1e-12)
     np.testing.assert_allclose(deviation, (0.0004, 0.0008))
 
 
@@ -212,7 +209,7 @@ def test_a_pressure_that_is_not_stated_is_even(outline):
     rig = sp.VirtualRig(slider, surface, 0.45, sp.Pusher.finger(0.005), [], noise)
     log = rig.execute(sp.random_pushes(slider, rig.pusher, 20, seed=8, groups=0), seed=8).log
     log = edited(log, FORCES, slider=sp.Slider(outline.vertices, 0.9), model=None)
-    believed = motions(log).surface(np.zeros(5)).support
+    believed = motions(log).prior.surface(np.zeros(5)).support
     np.testing.assert_allclose(believed.center, surface.support.center, atol=1e-6)
     assert believed.characteristic_length == pytest.approx(surface.characteristic_length, rel=0.03)
     assert sp.diagnose(log).verdict == "none"

@@ -26,12 +26,6 @@ def test_json_has_the_fields_as_keys():
     ]
 
 
-def test_keys_of_before_work_for_one_more_version():
-    gap = sp.ChannelGap("wrench", "N", 1.0, 0.5, 0.1, 0.01)
-    with pytest.warns(DeprecationWarning, match="use .nominal instead"):
-        assert gap["nominal"] == 1.0
-
-
 @pytest.mark.parametrize("word", (*sp.Verdict, *sp.PlanStatus))
 def test_words_equal_their_text_and_say_what_to_do(word):
     assert word == str(word) == json.loads(json.dumps(word))

@@ -8,8 +8,8 @@ from conftest import LOAD, MASS, QUIET, check_schema, edited, make_log, one_line
 
 import stablepush as sp
 from stablepush.cli.program import main
-from stablepush.diagnosis.likelihood.system import System
-from stablepush.diagnosis.likelihood.together import join
+from stablepush.diagnosis.likelihood.building import log_model
+from stablepush.diagnosis.rows.joined_logs import join
 from stablepush.diagnosis.rows.observations import observe
 from stablepush.diagnosis.search.folds import halves_of
 from stablepush.effects import parse_effect
@@ -82,7 +82,7 @@ def test_a_cause_of_one_log_is_none_of_the_rig():
 
 def test_a_cause_of_one_half_of_the_pushes_is_not_named():
     with_it, without = make_log("force-bias:force=0.15/0.1", seed=3), make_log(seed=3)
-    half = halves_of(System(observe(without), without.rig)) == 1
+    half = halves_of(log_model(observe(without), without.rig, []).likelihood.experiment) == 1
     chosen = dict(zip(map(str, without.trials["trial"]), half, strict=True))
     # the whole of the log reads the bias but in one half of its pushes the other way
     opposite = make_log("force-bias:force=-0.05/-0.04", seed=3)

@@ -7,7 +7,7 @@ from conftest import edited, make_log, triangle
 
 import stablepush as sp
 from stablepush.diagnosis.judge.verdicts import Judgement
-from stablepush.diagnosis.likelihood.system import system_of
+from stablepush.diagnosis.likelihood.building import log_model
 from stablepush.diagnosis.results import ChannelGap, GapReduction, ParameterEstimate, Verdict
 from stablepush.diagnosis.rows.observations import observe
 from stablepush.diagnosis.telling.wording import estimate_in_words, sentence_of
@@ -60,18 +60,18 @@ def test_the_sentence_tells_the_error_that_the_cause_acts_on(effect):
 
 def test_certain_causes_come_before_those_that_a_log_cannot_tell_apart():
     log = make_log("latency:delay=0.08")
-    report, system = sp.diagnose(log), system_of(observe(log), log.rig)
+    report, likelihood = sp.diagnose(log), log_model(observe(log), log.rig, []).likelihood
     assert report.named == ["latency"] and not report.apart
     judged = Judgement(
         Verdict.AMBIGUOUS, ["latency", "tilt", "inertia"], ["tilt", "inertia"], [], [], [], 0.0, {}, [], 0.0, 1.0, ""
     )
-    sentence = sentence_of(system, judged, report.ranking, system.nominal)
+    sentence = sentence_of(likelihood, judged, report.ranking, likelihood.prior.nominal)
     assert re.match(
         r"latency: the slider's poses lag .* \(95 %\)\. Besides, this log cannot tell tilt from inertia; one alone would explain "
         r"what is left: \(1\) tilt: .*; \(2\) inertia: .*\.$",
         sentence,
     )
-    alone = sentence_of(system, replace(judged, effects=["tilt", "inertia"]), report.ranking, system.nominal)
+    alone = sentence_of(likelihood, replace(judged, effects=["tilt", "inertia"]), report.ranking, likelihood.prior.nominal)
     assert alone.startswith("This log cannot tell tilt from inertia; one alone would explain it: (1) tilt")
     unsure = replace(report, verdict=Verdict.AMBIGUOUS, named=judged.effects, apart=judged.apart)
     assert unsure.steps[0].startswith("latency: ") and unsure.steps[1:] == [Verdict.AMBIGUOUS.advice]
@@ -79,17 +79,17 @@ def test_certain_causes_come_before_those_that_a_log_cannot_tell_apart():
 
 def test_a_sentence_tells_what_a_refitted_surface_explains_by_itself():
     log = make_log("latency:delay=0.08")
-    report, system = sp.diagnose(log), system_of(observe(log), log.rig)
+    report, likelihood = sp.diagnose(log), log_model(observe(log), log.rig, []).likelihood
     gap = ChannelGap("wrench", "N", 1.0, 0.5, 0.1, 0.0)
     reduced = GapReduction("wrench", "N", 40, 1.0, 0.4, 0.1, (1 - 0.16) / (1 - 0.01), [0.8, 0.9], 0.1)
     judged = Judgement(Verdict.NAMED, ["tilt"], [], [gap], [gap], [reduced], 0.0, {}, [], 0.0, 1.0, "")
-    told = sentence_of(system, judged, report.ranking, system.nominal)
+    told = sentence_of(likelihood, judged, report.ranking, likelihood.prior.nominal)
     assert (
         "falls from 1 to 0.4 N rms (floor 0.1 N): 85 % of the mean square gap is explained, 76 % by refitting the surface" in told
     )
     # where the refit does little, nothing is said of it
     judged = replace(judged, gaps=[replace(gap, refitted=0.95)])
-    assert "refitting" not in sentence_of(system, judged, report.ranking, system.nominal)
+    assert "refitting" not in sentence_of(likelihood, judged, report.ranking, likelihood.prior.nominal)
 
 
 def test_a_surface_beside_a_fault_of_a_sensor_asks_for_a_new_plan():

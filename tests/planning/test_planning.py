@@ -434,17 +434,6 @@ def test_plans_of_an_identified_surface_are_likely_to_hold_by_default():
     assert quickest.duration < default.duration < 1.2 * quickest.duration
 
 
-def test_the_probability_of_each_push_is_deprecated():
-    """It still holds besides."""
-    problem = small_scene(surface=identified(), min_margin=0.0)
-    with pytest.warns(DeprecationWarning, match="success="):
-        result = sp.plan(problem, time_limit=60, refinement_budget=0, success=0, probability=0.9)
-    oracle = sp.StabilityOracle(problem.surface, problem.contacts[0])
-    assert (oracle.probability(np.array([p.twist for p in result.pushes])) >= 0.9 - 1e-9).all()
-    with pytest.warns(DeprecationWarning), pytest.raises(sp.InputError, match="ensemble"):
-        sp.plan(small_scene(), probability=0.5)
-
-
 def test_without_a_likely_plan_the_surest_comes_with_a_warning():
     surface = identified()
     # half of the surfaces are of a body whose feet are far to one side: what holds it does not hold the other

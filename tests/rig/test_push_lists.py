@@ -120,17 +120,3 @@ def test_lists_that_cannot_be_made(text, words, tmp_path):
         sp.read_pushes(tmp_path / "pushes.csv", triangle())
     assert words in str(told.value)
     assert str(told.value).startswith(str(tmp_path / "pushes.csv"))
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda: sp.Poke,
-        lambda: sp.poke(triangle(), sp.Pusher.finger(0.005), 0, 0.05, start=(0, 0, 0), way=0.02),
-        lambda: sp.random_pushes(triangle(), sp.Pusher.finger(0.005), 3, groups=0, ways=(0.01, 0.02)),
-        lambda: sp.poke(triangle(), sp.Pusher.finger(0.005), 0, 0.05, start=(0, 0, 0)).place,
-    ],
-)
-def test_old_names_work_with_a_warning(call):
-    with pytest.warns(DeprecationWarning):
-        assert call() is not None

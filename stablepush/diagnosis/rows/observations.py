@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -134,88 +134,25 @@ class Observations:
 
 def observe(log: PushLog) -> Observations:
     """Return the push rows of a log that have a pose and move."""
-    s = log.samples
-    poses = log.columns("x", "y", "theta")
-    twists = log.twists()
-    usable = np.isfinite(poses).all(axis=1) & np.isfinite(twists).all(axis=1)
-    if "phase" in s:
-        usable &= np.array([phase == "push" for phase in s["phase"]])
-    rho = log.rig.slider.characteristic_length
-    size = np.linalg.norm(twists * (1, 1, rho), axis=1)
-    if usable.any():
-        usable &= size > max(_REST * float(np.median(size[usable])), LEAST_POSITIVE)
-    names = [str(name) for name in log.trials["trial"]]
-    rows_of_trial = {name: np.flatnonzero((s["trial"] == name) & usable) for name in names}
-    seconds = np.asarray(s["t"], dtype=np.float64)
-    still: list[str] = []
-    for name in names:
-        everywhere = np.flatnonzero((s["trial"] == name) & np.isfinite(poses).all(axis=1))
-        everywhere = everywhere[np.argsort(seconds[everywhere], kind="stable")]
-        if _stands(poses[everywhere], log.rig.noise):
-            # what noise makes of standing is no motion
-            still.append(name)
-            rows_of_trial[name] = np.zeros(0, dtype=int)
-            poses[everywhere] = np.nan
-    # blocks of rows whose means are the rows of the diagnosis, by trial
-    blocks: list[tuple[int, np.ndarray]] = []
-    ends: dict[int, tuple[FloatArray, FloatArray]] = {}
-    whole: dict[int, float] = {}
-    for k, rows in enumerate(rows_of_trial.values()):
-        ordered = rows[np.argsort(seconds[rows], kind="stable")]
-        if len(ordered):
-            ordered = ordered[: end_of_motion(poses[ordered], rho)]
-            ordered = ordered[len(ordered) - end_of_motion(poses[ordered][::-1], rho) :]
-            # where the log has one motion for all of a push, it is one row
-            alike = len(ordered) > 2 and bool(np.ptp(twists[ordered], axis=0).max() <= _ALIKE * size[ordered].max())
-            parts = np.array_split(ordered, 1 if alike else min(len(ordered), _MOST_ROWS))
-            if alike:
-                whole[len(blocks)] = float(np.ptp(seconds[ordered]))
-            blocks += [(k, part) for part in parts]
-            continue
-        # a log that only has the slider before and after the push: one row for all of it
-        mine = np.flatnonzero((s["trial"] == names[k]) & np.isfinite(poses).all(axis=1) & np.isfinite(seconds))
-        if len(mine) >= 2:
-            mine = mine[np.argsort(seconds[mine], kind="stable")]
-            first, last = mine[0], mine[-1]
-            offset = compose(inverse(poses[first]), poses[last])
-            offset[2] = wrap_angle(offset[2])
-            spent = float(seconds[last] - seconds[first])
-            if distinct(seconds[[first, last]]).all() and np.abs(offset).max() > LEAST_POSITIVE:
-                whole[len(blocks)] = spent
-                ends[len(blocks)] = compose(poses[first], exp(log_of(offset) / 2)), log_of(offset) / spent
-                blocks.append((k, np.flatnonzero(s["trial"] == names[k])))
-    trial = np.array([k for k, _ in blocks], dtype=int)
-
-    def means(values: FloatArray) -> FloatArray:
-        result = np.full((len(blocks), values.shape[1]), np.nan)
-        for i, (_, part) in enumerate(blocks):
-            known = np.isfinite(values[part]).all(axis=1)
-            if known.any():
-                result[i] = values[part][known].mean(axis=0)
-        return result
-
-    time, pose, twist = means(log.columns("t"))[:, 0], means(poses), means(twists)
-    for i, (middle, motion) in ends.items():
+    s, names = log.samples, [str(name) for name in log.trials["trial"]]
+    pushed = _pushed(log)
+    blocks = _blocks_of(log, pushed)
+    trial, time = blocks.trial, blocks.means(log.columns("t"))[:, 0]
+    pose, twist = blocks.means(pushed.poses), blocks.means(pushed.twists)
+    for i, (middle, motion) in blocks.ends.items():
         pose[i], twist[i] = middle, motion
-    pusher, wrench = means(log.columns("px", "py", "ptheta")), means(log.columns("fx", "fy", "tau"))
+    pusher, wrench = blocks.means(log.columns("px", "py", "ptheta")), blocks.means(log.columns("fx", "fy", "tau"))
     # nor does the mean of a whole push show where the pusher was
-    pusher[list(ends)] = np.nan
+    pusher[list(blocks.ends)] = np.nan
     # a sensor that reads nothing at all carries no information on the load
     wrench[~np.abs(wrench).any(axis=1)] = np.nan
     # each contact point for itself: a finger may touch alone
-    points = np.stack((means(log.columns("c1x", "c1y")), means(log.columns("c2x", "c2y"))), axis=1)
+    points = np.stack((blocks.means(log.columns("c1x", "c1y")), blocks.means(log.columns("c2x", "c2y"))), axis=1)
     radius, normal, place, clearance, slip = fingers_of(log, trial, time, pose, twist, pusher, points)
     begun = np.asarray(log.trials["start_time"], dtype=np.float64)
     rank = np.argsort(np.argsort(begun, kind="stable"), kind="stable") / max(1, len(names) - 1)
     group = [str(g) for g in log.trials["group"]] if "group" in log.trials else [""] * len(names)
-    span = _spans(trial, time, whole)
-    one_sided = _one_sided(log)
-    # a mean of m differences over two rows each telescopes: four poses of a weight of 1/2m, more at the ends of a push
-    at_end = [i not in whole and one_sided[part].any() for i, (_, part) in enumerate(blocks)]
-    gain = [_AT_END[min(len(part), 3) - 1] if end else 1.0 for end, (_, part) in zip(at_end, blocks, strict=True)]
-    noise_gain = np.array(gain) / span
-    if log.rig.twist_window is not None and "vx" in s:
-        _of_slopes(log, [None if i in ends else block for i, block in enumerate(blocks)], log.rig.twist_window, noise_gain)
+    span = _spans(trial, time, blocks.whole)
     rested = {str(name) for name in s["trial"][s["phase"] == "rest"]} if "phase" in s else set()
     from_rest = np.array([name in rested for name in names], dtype=bool)
     acceleration, unsteady = _rates(trial, time, twist, span, from_rest)
@@ -226,11 +163,115 @@ def observe(log: PushLog) -> Observations:
     idle |= _being_lost(trial, touches, pusher, np.linalg.norm(wrench[:, :2], axis=1))
     seen = Observations(
         names, trial, rank[trial], time, pose, twist, acceleration, unsteady, wrench, pusher,
-        normal, place, clearance, slip, span, noise_gain, group, _at_rest(log, names, rows_of_trial, poses), radius,
+        normal, place, clearance, slip, span, _noise_gain(log, blocks, span), group,
+        _at_rest(log, names, pushed.rows, pushed.poses), radius,
         fingers_off(log, trial, clearance), {name: _column(values) for name, values in log.trials.items()},
-        still, _moments_are_computed(log, np.asarray(usable)),
+        pushed.still, _moments_are_computed(log, np.asarray(pushed.usable)),
     )  # fmt: skip
     return rows_of(seen, np.flatnonzero(~idle))
+
+
+class _Pushed(NamedTuple):
+    """Rows of pushes by trial, poses and twists (n, 3) of all rows (NaN where the slider stands), which rows are usable (n,), and
+    trials in which it stands."""
+
+    rows: dict[str, np.ndarray]
+    poses: FloatArray
+    twists: FloatArray
+    usable: BoolArray
+    still: list[str]
+
+
+def _pushed(log: PushLog) -> _Pushed:
+    """Rows of pushes that have a pose and move."""
+    s, poses, twists = log.samples, log.columns("x", "y", "theta"), log.twists()
+    usable = np.isfinite(poses).all(axis=1) & np.isfinite(twists).all(axis=1)
+    if "phase" in s:
+        usable &= np.array([phase == "push" for phase in s["phase"]])
+    size = np.linalg.norm(twists * (1, 1, log.rig.slider.characteristic_length), axis=1)
+    if usable.any():
+        usable &= size > max(_REST * float(np.median(size[usable])), LEAST_POSITIVE)
+    seconds = np.asarray(s["t"], dtype=np.float64)
+    rows, still = {}, []
+    for name in map(str, log.trials["trial"]):
+        rows[name] = np.flatnonzero((s["trial"] == name) & usable)
+        everywhere = np.flatnonzero((s["trial"] == name) & np.isfinite(poses).all(axis=1))
+        everywhere = everywhere[np.argsort(seconds[everywhere], kind="stable")]
+        if _stands(poses[everywhere], log.rig.noise):
+            # what noise makes of standing is no motion
+            still.append(name)
+            rows[name] = np.zeros(0, dtype=int)
+            poses[everywhere] = np.nan
+    return _Pushed(rows, poses, twists, np.asarray(usable), still)
+
+
+class _Blocks(NamedTuple):
+    """Blocks of rows whose means are the rows of the diagnosis, each with the number of its trial. ``ends``: middle and motion of
+    those that are a push of which only the ends are known; ``whole``: times (s) of those that are a push as a whole."""
+
+    parts: list[tuple[int, np.ndarray]]
+    ends: dict[int, tuple[FloatArray, FloatArray]]
+    whole: dict[int, float]
+
+    @property
+    def trial(self) -> np.ndarray:
+        return np.array([k for k, _ in self.parts], dtype=int)
+
+    def means(self, values: FloatArray) -> FloatArray:
+        """Means (blocks, d) of the known rows of values (n, d)."""
+        result = np.full((len(self.parts), values.shape[1]), np.nan)
+        for i, (_, part) in enumerate(self.parts):
+            known = np.isfinite(values[part]).all(axis=1)
+            if known.any():
+                result[i] = values[part][known].mean(axis=0)
+        return result
+
+
+def _blocks_of(log: PushLog, pushed: _Pushed) -> _Blocks:
+    blocks, rho = _Blocks([], {}, {}), log.rig.slider.characteristic_length
+    poses, twists, seconds = pushed.poses, pushed.twists, np.asarray(log.samples["t"], dtype=np.float64)
+    size = np.linalg.norm(twists * (1, 1, rho), axis=1)
+    for k, (name, rows) in enumerate(pushed.rows.items()):
+        ordered = rows[np.argsort(seconds[rows], kind="stable")]
+        number = len(blocks.parts)
+        if len(ordered):
+            ordered = ordered[: end_of_motion(poses[ordered], rho)]
+            ordered = ordered[len(ordered) - end_of_motion(poses[ordered][::-1], rho) :]
+            # where the log has one motion for all of a push, it is one row
+            alike = len(ordered) > 2 and bool(np.ptp(twists[ordered], axis=0).max() <= _ALIKE * size[ordered].max())
+            if alike:
+                blocks.whole[number] = float(np.ptp(seconds[ordered]))
+            parts = np.array_split(ordered, 1 if alike else min(len(ordered), _MOST_ROWS))
+            blocks.parts.extend((k, part) for part in parts)
+            continue
+        # a log that only has the slider before and after the push: one row for all of it
+        everywhere = log.samples["trial"] == name
+        mine = np.flatnonzero(everywhere & np.isfinite(poses).all(axis=1) & np.isfinite(seconds))
+        if len(mine) < 2:
+            continue
+        mine = mine[np.argsort(seconds[mine], kind="stable")]
+        first, last = mine[0], mine[-1]
+        offset = compose(inverse(poses[first]), poses[last])
+        offset[2] = wrap_angle(offset[2])
+        spent = float(seconds[last] - seconds[first])
+        if distinct(seconds[[first, last]]).all() and np.abs(offset).max() > LEAST_POSITIVE:
+            blocks.whole[number] = spent
+            blocks.ends[number] = compose(poses[first], exp(log_of(offset) / 2)), log_of(offset) / spent
+            blocks.parts.append((k, np.flatnonzero(everywhere)))
+    return blocks
+
+
+def _noise_gain(log: PushLog, blocks: _Blocks, span: FloatArray) -> FloatArray:
+    """Standard deviations (n,) in 1/s of the blocks' twists, over that of a pose."""
+    one_sided = _one_sided(log)
+    # a mean of m differences over two rows each telescopes: four poses of a weight of 1/2m, more at the ends of a push
+    at_end = [i not in blocks.whole and one_sided[part].any() for i, (_, part) in enumerate(blocks.parts)]
+    gain = [_AT_END[min(len(part), 3) - 1] if end else 1.0 for end, (_, part) in zip(at_end, blocks.parts, strict=True)]
+    noise_gain: FloatArray = np.array(gain) / span
+    if log.rig.twist_window is not None and "vx" in log.samples:
+        seen = [None if i in blocks.ends else part for i, part in enumerate(blocks.parts)]
+        _of_slopes(log, seen, log.rig.twist_window, noise_gain)
+    return noise_gain
 
 
 def _moments_are_computed(log: PushLog, pushed: BoolArray) -> bool:

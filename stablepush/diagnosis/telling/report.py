@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stablepush.core import BoolArray, FloatArray, renamed_fields, shown_as
+from stablepush.core import BoolArray, FloatArray, shown_as
 from stablepush.diagnosis.judge.force_axes import uneven_axes
 from stablepush.diagnosis.judge.where import Finding
 from stablepush.diagnosis.results import ChannelGap, GapReduction, NextExperiment, RankedEffect, Verdict, as_json, size_in_words
@@ -49,7 +49,6 @@ _WORSE, _BEYOND = 1.5, 1.1
 _UNLIKELY = 0.05
 
 
-@renamed_fields(shrink="reductions")
 @dataclass(frozen=True, slots=True, eq=False)
 class GapReport:
     """The answer to a log; :meth:`to_json` gives ``diagnosis/1``.

@@ -22,12 +22,14 @@ from stablepush.diagnosis.results import (
 )
 from stablepush.diagnosis.search.attribution import Attribution
 from stablepush.effects import CATALOGUE, Parameter
-from stablepush.io import PushLog
+from stablepush.io import PushLog, Rig
 
 #: Trials and effects that a sentence lists at most, and the least probability of an effect that one lists.
 _LISTED, _LIKELY = 3, 0.005
 #: A sentence compares a size with the noise if it is so many times as large: means over pushes may be off by less.
 _LARGER = 1.2
+#: A share below this goes without saying.
+_TOLD_SHARE = 0.05
 #: Whitened residuals of a row that is an outlier, and the share of rows that may be outliers.
 _OUTLIER, _FEW = 6.0, 0.1
 #: Share of the pushes that may hold outliers of the sensor.
@@ -281,9 +283,17 @@ def unexplained(
 
 
 def notes_on(log: PushLog, found: Attribution, effects: list[str], share: float, p_share: float, left_out: int) -> list[str]:
-    likelihood, experiment = found.likelihood, found.likelihood.experiment
+    """What is to be known of a log and what was found on it."""
+    return [
+        *_notes_on_rig(log.rig, found.likelihood),
+        *_notes_on_rows(log, found, share, p_share, left_out),
+        *_notes_on_causes(found, effects),
+    ]
+
+
+def _notes_on_rig(rig: Rig, likelihood: Likelihood) -> list[str]:
+    """What the log or its rig does not say."""
     notes = []
-    rig = log.rig
     if (rig.extra or {}).get("effects"):
         notes.append("rig.json has effects: they are not part of the nominal simulation")
     if rig.noise is None:
@@ -293,10 +303,17 @@ def notes_on(log: PushLog, found: Attribution, effects: list[str], share: float,
     if not likelihood.clearance.is_seen:
         notes.append("no finger poses to compare with the outline: no clearances to show latency and contact geometry")
     elif rig.finger_radius is None:
-        radius = likelihood.experiment.observations.finger_radius or 0.0
+        radius = 1000 * (likelihood.experiment.observations.finger_radius or 0.0)
         notes.append(
-            f"rig.json has no finger radius: {1000 * radius:.2g} mm was used, the median distance of the fingers from the outline"
+            f"rig.json has no finger radius: {radius:.2g} mm was used, the median distance of the fingers from the outline"
         )
+    return notes
+
+
+def _notes_on_rows(log: PushLog, found: Attribution, share: float, p_share: float, left_out: int) -> list[str]:
+    """What stands out of the rows."""
+    likelihood, notes = found.likelihood, []
+    o = likelihood.experiment.observations
     if left_out:
         notes.append(
             f"the final pose{'s' if left_out > 1 else ''} of {left_out} push{'es were' if left_out > 1 else ' was'} not used: "
@@ -304,28 +321,33 @@ def notes_on(log: PushLog, found: Attribution, effects: list[str], share: float,
         )
     far = _outliers(found)
     if far.any():
-        pushes = [likelihood.experiment.observations.names[k] for k in np.unique(likelihood.experiment.observations.trial[far])]
-        many = len(pushes) > _FEW_PUSHES * len(log)
+        pushes = [o.names[k] for k in np.unique(o.trial[far])]
         cause = (
             "they may be outliers of the sensor, or something acts there that no effect of the catalogue describes"
-            if many
+            if len(pushes) > _FEW_PUSHES * len(log)
             else "look at them first, they may be outliers of the sensor"
         )
         notes.append(
             f"forces of {np.count_nonzero(far)} of {far.size} rows, in {len(pushes)} of {len(log)} pushes{_few(pushes)}, "
-            "miss the fit by more than "
-            f"{_OUTLIER:g} times the usual residual: {cause}"
+            f"miss the fit by more than {_OUTLIER:g} times the usual residual: {cause}"
         )
-    if not any(likelihood.experiment.observations.group):
+    if not any(o.group):
         notes.append("no repeated pushes: the repeatability is unknown")
     if likelihood.wrench is not None and not likelihood.experiment.known_scale:
         notes.append("support friction or mass unknown: the nominal friction load was scaled to fit the log")
-    if share > 0.05:
+    if share > _TOLD_SHARE:
         notes.append(
             f"a Gaussian process of place, heading, order and speed could explain up to {100 * share:.0f} % of the residuals "
             f"(p {p_share:.2f})"
         )
-    own = [id for id in found.named if experiment.effects[id].of_lab]
+    return notes
+
+
+def _notes_on_causes(found: Attribution, effects: list[str]) -> list[str]:
+    """What is to be known of the causes."""
+    experiment, notes = found.likelihood.experiment, []
+    kinds, off = experiment.effects, experiment.observations.off
+    own = [id for id in found.named if kinds[id].of_lab]
     if own:
         notes.append(f"{', '.join(own)} is the lab's own: it is in no corrected rig or scene")
     formed = [id for id in found.named if id in found.model.families]
@@ -334,28 +356,26 @@ def notes_on(log: PushLog, found: Attribution, effects: list[str], share: float,
             f"extra terms fitted for {', '.join(formed)} are in the ranking, but in no corrected rig or scene, because they are "
             "not simulated"
         )
-    off = likelihood.experiment.observations.off
-    if not all(off) and any(experiment.effects[id].acts == "contact" and experiment.effects[id].in_clearances for id in effects):
+    if not all(off) and any(kinds[id].acts == "contact" and kinds[id].in_clearances for id in effects):
         side = ("left", "right")[off.index(1.0)]
         notes.append(
             f"the radius is that of the {side} finger alone, seen along the push: the other is as in rig.json; "
             "the corrected rig, which has one radius for both, does not include it"
         )
     for id in found.single:
-        if likelihood.experiment.logs > 1:
+        if experiment.logs > 1:
             notes.append(f"{id} does not act in all logs that would show it, so it is not named")
         else:
             notes.append(
                 f"{id} acts in only one half of the pushes, so it is not named; diagnose a second log together with this one"
             )
-    if found.confounded and likelihood.experiment.logs == 1:
-        causes = [found.confounded_with, *found.confounded]
-        alone = [id for id in causes if experiment.effects[id].varies]
-        if alone and len(alone) < len(causes):
-            others = ", ".join(id for id in causes if id not in alone)
-            notes.append(
-                f"a second log would separate {', '.join(alone)} from {others}: the former may vary between logs, the latter not"
-            )
+    causes = [found.confounded_with, *found.confounded] if found.confounded and experiment.logs == 1 else []
+    alone = [id for id in causes if kinds[id].varies]
+    if alone and len(alone) < len(causes):
+        others = ", ".join(id for id in causes if id not in alone)
+        notes.append(
+            f"a second log would separate {', '.join(alone)} from {others}: the former may vary between logs, the latter not"
+        )
     if found.contact is not None:
         contact = found.contact
         notes.append(f"friction of the fingers from {contact.readings} of {contact.trials} pushes: {contact.in_words}")

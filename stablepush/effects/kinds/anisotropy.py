@@ -86,7 +86,7 @@ class AnisotropyWorld(_Anisotropy):
     family = Family("direction φ of motion in W", _WAVES, "share of the friction", 0.1)
     slots, term_slots = (0, 2), (20, 24)
     axes, curve = "world_anisotropy", "direction in W"
-    engines, simulator_models = ("mujoco",), ("mujoco",)
+    engines, not_in_models = ("mujoco",), ("mujoco",)
 
 
 class AnisotropyObject(_Anisotropy):

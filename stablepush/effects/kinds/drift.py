@@ -36,7 +36,7 @@ class Drift(EffectKind):
     slots, term_slots = (7, 8), (37, 40)
     per_log = varies = True
     curve = "log"
-    engines, simulator_models = ("mujoco", "drake"), ("mujoco", "drake")
+    engines, not_in_models = ("mujoco", "drake"), ("mujoco", "drake")
 
     @property
     def changes_plans(self) -> bool:

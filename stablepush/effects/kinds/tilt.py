@@ -35,7 +35,7 @@ class Tilt(EffectKind):
     family = Family("place x, y in W over 0.15 m", ("x along x", "y along x and x along y", "y along y"), "rad", 0.05)
     slots, term_slots = (11, 13), (40, 43)
     planned = needs_weight = True
-    engines, simulator_models = ("mujoco", "drake"), ("drake",)
+    engines, not_in_models = ("mujoco", "drake"), ("drake",)
 
     def table_fields(self, numbers: Mapping[str, Sequence[float]], weight: float, gyration: float) -> dict[str, Any]:
         return {"external_force": weight * np.asarray(numbers["slope"])}

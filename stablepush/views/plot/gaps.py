@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from stablepush.core import FloatArray, InputError
 from stablepush.diagnosis import GapReport, RankedEffect, shown_unit
 from stablepush.effects import (
+    CATALOGUE,
     REFERENCE_SPEED,
     friction_over_direction,
     friction_over_log,
@@ -46,9 +47,15 @@ _SHORT, _LONGEST_TICK = 4, 16
 
 def marks_pushes(report: GapReport, entry: RankedEffect) -> bool:
     """Return whether :func:`plot_forms` marks pushes beside the curve of an effect: where there are forces, and one curve."""
-    if entry.effect in ("anisotropy-world", "anisotropy-object", "speed-dependence"):
-        return "after" in report.residuals
-    return entry.effect == "drift" and "after" in report.residuals and not isinstance(entry.parameters["rate"].estimate, list)
+    curve = _curve_of(entry)
+    of_several = any(isinstance(parameter.estimate, list) for parameter in entry.parameters.values())
+    drawn = curve.startswith("direction") or curve == "speed" or (curve == "log" and not of_several)
+    return drawn and "after" in report.residuals
+
+
+def _curve_of(entry: RankedEffect) -> str:
+    """What friction is a function of with an effect; blank if of nothing."""
+    return CATALOGUE[entry.effect].curve if entry.effect in CATALOGUE else ""
 
 
 def simulations(report: GapReport) -> dict[str, str]:
@@ -69,9 +76,10 @@ def plot_residuals(report: GapReport, ax: Axes | None = None) -> Axes:
     scale = arrow_scale(places, forces)
     title = f"Measured less predicted force, 1 N {1000 * scale:.3g} mm long"
     axes = _draw_over_table(report, places, np.stack([places] * len(forces)), scale * np.stack(forces), title, ax)
-    tilt = next((entry for entry in report.ranking if entry.effect == "tilt" and "tilt" in report.named), None)
-    if tilt is not None and tilt.form is None:
-        _draw_downhill(axes, np.asarray(tilt.estimates["slope"]))
+    for entry in report.ranking:
+        slope = entry.estimates.get("slope")
+        if entry.effect in report.named and isinstance(slope, list) and entry.form is None:
+            _draw_downhill(axes, np.asarray(slope))
     return axes
 
 
@@ -221,8 +229,8 @@ def plot_effects(report: GapReport, ax: Axes | None = None) -> Axes:
 def drawn_forms(report: GapReport) -> list[RankedEffect]:
     """Return the named effects that :func:`plot_forms` draws: those that make friction a function of something, and friction of
     the fingers if forces show it."""
-    drawn = [id for id in _CURVES if id != "contact-friction" or report.fingers is not None]
-    return [entry for entry in report.ranking if entry.effect in report.named and entry.effect in drawn]
+    drawn = [curve for curve in _CURVES if curve != "fingers" or report.fingers is not None]
+    return [entry for entry in report.ranking if entry.effect in report.named and _curve_of(entry) in drawn]
 
 
 def plot_forms(report: GapReport, ax: ArrayLike | None = None) -> np.ndarray:
@@ -242,7 +250,7 @@ def plot_forms(report: GapReport, ax: ArrayLike | None = None) -> np.ndarray:
     rows, columns = (math.ceil(len(entries) / 2), min(2, len(entries))) if ax is None else (1, len(entries))
     shown = panels((columns * 4.2, rows * 3.5), rows, columns, ax).ravel()
     for axes, entry in zip(shown, entries, strict=False):
-        _CURVES[entry.effect](axes, entry, report)
+        _CURVES[_curve_of(entry)](axes, entry, report)
         axes.set_title(plain(entry.effect))
     for axes in shown[len(entries) :]:
         axes.set_axis_off()
@@ -333,9 +341,9 @@ def _over_direction(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
     assert isinstance(ratio, float)
     assert isinstance(direction, float)
     angles = np.linspace(0.0, np.pi, 361)
-    label = f"direction of motion [deg in {'W' if entry.effect.endswith('world') else 'B'}]"
+    label = f"direction of motion [deg in {'W' if _curve_of(entry).endswith('W') else 'B'}]"
     _curve(axes, entry, report, np.degrees(angles), lambda terms: friction_over_direction(ratio, direction, terms, angles), label)
-    turned = report.headings - (0.0 if entry.effect.endswith("world") else report.poses[:, 2])
+    turned = report.headings - (0.0 if _curve_of(entry).endswith("W") else report.poses[:, 2])
     over = partial(friction_over_direction, ratio, direction, _terms(entry))
     if marks_pushes(report, entry):
         _of_pushes(axes, report, np.exp(2j * turned), over, 180 / np.pi)
@@ -423,11 +431,11 @@ def _of_fingers(axes: Axes, entry: RankedEffect, report: GapReport) -> None:
 
 _CURVES: Mapping[str, Callable[[Axes, RankedEffect, GapReport], None]] = MappingProxyType(
     {
-        "anisotropy-world": _over_direction,
-        "anisotropy-object": _over_direction,
-        "speed-dependence": _over_speed,
-        "drift": _over_log,
-        "spatial-variation": _over_place,
-        "contact-friction": _of_fingers,
+        "direction in W": _over_direction,
+        "direction in B": _over_direction,
+        "speed": _over_speed,
+        "log": _over_log,
+        "place": _over_place,
+        "fingers": _of_fingers,
     }
 )
