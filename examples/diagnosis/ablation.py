@@ -27,7 +27,7 @@ import stablepush as sp
 from stablepush.blind.score import Row, outcome, share
 from stablepush.blind.seal import Ledger, open_label
 from stablepush.core.parallel import run_parallel
-from stablepush.diagnosis import gap_report
+from stablepush.diagnosis import pipeline
 from stablepush.diagnosis.judge import gap_reduction
 from stablepush.diagnosis.likelihood import building
 from stablepush.diagnosis.likelihood.experiment import Experiment
@@ -71,7 +71,7 @@ def _observed(**parts: Callable[[Observations], Any]) -> Part:
         o = observe(log)
         return replace(o, **{name: function(o) for name, function in parts.items()})
 
-    return patch.object(gap_report, "observe", changed)
+    return patch.object(pipeline, "observe", changed)
 
 
 def _rows_as_trials(log: sp.PushLog) -> Observations:
@@ -113,12 +113,12 @@ PARTS: Mapping[str, list[Part]] = {
         *_OWN_FORMS, patch.object(Likelihood, "tests", _whole), patch.object(Experiment, "size", _size), _ANY_SHARE,
     ],
     "further causes at any share": [_ANY_SHARE],
-    "channel final poses off": [patch.object(gap_report, "replays", lambda *_: [])],
+    "channel final poses off": [patch.object(pipeline, "replays", lambda *_: [])],
     "channel clearances off": [_observed(clearance=lambda o: np.full_like(o.clearance, np.nan))],
     "channel rest off": [_observed(rest=lambda o: (o.rest[0][:0], o.rest[1][:0]))],
     "channel slip off": [
         patch.object(attribution, "slip_friction", lambda *_: None),
-        patch.object(gap_report, "friction_from_poses", lambda *_: None),
+        patch.object(pipeline, "friction_from_poses", lambda *_: None),
     ],
     "plausibility off": [
         *(patch.object(module, "possible", lambda *_: True) for module in (attribution, alternatives, steps)),
@@ -129,9 +129,9 @@ PARTS: Mapping[str, list[Part]] = {
     "replication off": [patch.object(module, "replicates", lambda *_: True) for module in (attribution, alternatives)],
     "surface not refitted": [_REFITTED],
     "rows, not trials": [
-        patch.object(gap_report, "observe", _rows_as_trials),
+        patch.object(pipeline, "observe", _rows_as_trials),
         # rows that are called trials have neither final poses nor labels
-        patch.object(gap_report, "replays", lambda *_: []), patch.object(gap_reduction, "_labels", lambda *_: {}),
+        patch.object(pipeline, "replays", lambda *_: []), patch.object(gap_reduction, "_labels", lambda *_: {}),
     ],
     "each effect at 5 %": [
         *(patch.object(module, "family_wise_p_values", _one_by_one) for module in (alternatives, steps)),

@@ -173,18 +173,23 @@ def _geometric(
         length.setCostThreshold(base.Cost(0.0))
         clock.last = clock.motions + options.refinement_budget
         setup.solve(base.PlannerTerminationCondition(clock))
-    found: list[TimedTwist] | None = None
-    if setup.haveExactSolutionPath():
-        poses = [pose_of(state) for state in setup.getSolutionPath().getStates()]
-        poses[0], poses[-1] = problem.start, _same(context.goal.ends, poses[-1])
-        found, pose = [], problem.start
-        for end in poses[1:]:
-            part = context.connect(0, pose, end)
-            if part is None:
-                return None, True
-            found += part
-            pose = end_of(pose, part)
-    return found, bool(setup.haveSolutionPath())
+    if not setup.haveExactSolutionPath():
+        return None, bool(setup.haveSolutionPath())
+    return _connected(context, [pose_of(state) for state in setup.getSolutionPath().getStates()]), True
+
+
+def _connected(context: PlanningContext, poses: list[FloatArray]) -> list[TimedTwist] | None:
+    """Pushes from the start through poses to the goal; None if one of them leads nowhere."""
+    ends = [*poses[1:-1], _same(context.goal.ends, poses[-1])]
+    found: list[TimedTwist] = []
+    pose = context.problem.start
+    for end in ends:
+        part = context.connect(0, pose, end)
+        if part is None:
+            return None
+        found += part
+        pose = end_of(pose, part)
+    return found
 
 
 def _control(
@@ -196,26 +201,18 @@ def _control(
     problem, body, world = context.problem, context.bodies[0].body, context.world
     twists = _controls(context)
     parts = stable_parts(context.stable[0], twists)
-    space = base.SE2StateSpace()
-    space.setBounds(_bounds(problem, context))
-    controls = control.RealVectorControlSpace(space, 1)
-    limits = base.RealVectorBounds(1)
-    limits.setLow(0.0)
-    limits.setHigh(float(len(twists)))
-    controls.setBounds(limits)
-    setup = control.SimpleSetup(controls)
+    space, setup = _control_space(context, len(twists))
     information = setup.getSpaceInformation()
     outside = float(context.field.low[0]) - 1e3
 
-    def chosen(u: Any) -> FloatArray:
-        return twists[min(len(twists) - 1, max(0, int(u[0])))]
+    def number_of(u: Any) -> int:
+        return min(len(twists) - 1, max(0, int(u[0])))
 
     def propagate(state: Any, u: Any, duration: float, result: Any) -> None:
         clock.motions += 1
         x, y, theta = state.getX(), state.getY(), state.getYaw()
-        number = min(len(twists) - 1, max(0, int(u[0])))
-        v = twists[number]
-        steady = stable_along(parts[number], theta, v[2] * duration)
+        v = twists[number_of(u)]
+        steady = stable_along(parts[number_of(u)], theta, v[2] * duration)
         if steady and x > outside / 2 and push_is_free(world, body, x, y, math.cos(theta), math.sin(theta), *v, duration):
             x, y, theta = moved(x, y, theta, *v, duration)
             result.setX(x)
@@ -227,25 +224,16 @@ def _control(
             result.setY(y)
             result.setYaw(theta)
 
-    class Joined(base.GoalRegion):  # type: ignore[misc]
-        def distanceGoal(self, state: Any) -> float:
-            dx, dy = state.getX() - problem.goal[0], state.getY() - problem.goal[1]
-            pose = np.array((state.getX(), state.getY(), state.getYaw()))
-            if at_goal(context.goal, *pose) or context.connect_to_goal(0, pose) is not None:
-                return 0.0
-            return 1.0 + math.hypot(dx, dy)
-
     setup.setStateValidityChecker(lambda state: state.getX() > outside / 2)
     setup.setStatePropagator(propagate)
     information.setPropagationStepSize(_STEP * problem.slider.radius / problem.speed)
     information.setMinMaxControlDuration(1, _MOST_STEPS)
     start = space.allocState()
-    for setter, value in zip((start.setX, start.setY, start.setYaw), problem.start, strict=True):
-        setter(float(value))
-    start.setYaw(math.remainder(float(problem.start[2]), 2 * math.pi))
+    x, y, theta = problem.start.tolist()
+    for setter, value in zip((start.setX, start.setY, start.setYaw), (x, y, math.remainder(theta, 2 * math.pi)), strict=True):
+        setter(value)
     setup.setStartState(start)
-    goal = Joined(information)
-    goal.setThreshold(0.5)
+    goal = _joined(context, information)
     setup.setGoal(goal)
     setup.setPlanner(getattr(control, CONTROL[name])(information))
     clock = _Clock(context.deadline, options.search_budget, progress)
@@ -254,12 +242,46 @@ def _control(
     if setup.haveExactSolutionPath():
         path = setup.getSolutionPath()
         found = [
-            (chosen(u).copy(), float(d)) for u, d in zip(path.getControls(), path.getControlDurations(), strict=True) if d > 0
+            (twists[number_of(u)].copy(), float(d))
+            for u, d in zip(path.getControls(), path.getControlDurations(), strict=True)
+            if d > 0
         ]
         end = end_of(problem.start, found)
         if not at_goal(context.goal, *end):
             found += context.connect_to_goal(0, end) or []
     return found, bool(setup.haveSolutionPath())
+
+
+def _joined(context: PlanningContext, information: Any) -> Any:
+    """The poses from which a connection leads to the goal, as OMPL asks for them."""
+    from ompl import base
+
+    class Joined(base.GoalRegion):  # type: ignore[misc]
+        def distanceGoal(self, state: Any) -> float:
+            dx, dy = state.getX() - context.problem.goal[0], state.getY() - context.problem.goal[1]
+            pose = np.array((state.getX(), state.getY(), state.getYaw()))
+            if at_goal(context.goal, *pose) or context.connect_to_goal(0, pose) is not None:
+                return 0.0
+            return 1.0 + math.hypot(dx, dy)
+
+    goal = Joined(information)
+    goal.setThreshold(0.5)
+    return goal
+
+
+def _control_space(context: PlanningContext, count: int) -> tuple[Any, Any]:
+    """Poses, and the set-up of a search in them whose controls are the numbers of ``count`` twists."""
+    from ompl import base, control
+
+    space = base.SE2StateSpace()
+    space.setBounds(_bounds(context.problem, context))
+    controls = control.RealVectorControlSpace(space, 1)
+    limits = base.RealVectorBounds(1)
+    limits.setLow(0.0)
+    limits.setHigh(float(count))
+    controls.setBounds(limits)
+    setup = control.SimpleSetup(controls)
+    return space, setup
 
 
 def _same(ends: FloatArray, pose: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ TimedTwist = tuple[FloatArray, float]
 LEAST_TRAVEL = 1e-10
 
 
-def shorten(
+def shorten(  # noqa: PLR0913
     problem: PlanningProblem,
     connections: Connections,
     world: World,

@@ -36,7 +36,7 @@ class BlindCheck:
     the sets then; ``expect``: hashes of the ledger that were noted.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913
         self,
         folder: Path,
         generator: str | None = None,

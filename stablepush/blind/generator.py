@@ -114,15 +114,7 @@ def size(world: World, a: Applied, truths: list[Truth]) -> float:
         }[a.effect]  # fmt: skip
         return float(clearance / (1.5 * world.position_noise) * np.sqrt(n / 2))
     if a.effect == "contact-friction":
-        # rows in which a finger slips along the face say by how much
-        inward = np.stack((np.cos(pusher[:, 2]), np.sin(pusher[:, 2])), axis=-1)
-        along = np.abs(force[:, 1] * inward[:, 0] - force[:, 0] * inward[:, 1])
-        normal = (force[:, :2] * inward).sum(axis=1)
-        contact_mu = contact_mu_under(world, force[:, :2])
-        slips = along > _AT_LIMIT * contact_mu * np.maximum(normal, 1e-9)
-        return float(
-            np.median(np.abs(contact_mu - world.contact_mu)) * np.median(normal) / world.force_noise * np.sqrt(slips.sum() / 4)
-        )
+        return _size_of_slip(world, pusher, force)
     plain = replace(world, applied=[other for other in world.applied if other is not a])
     truly, units = loads(world, pose, twist, orders)
     without, _ = loads(plain, pose, twist, orders)
@@ -160,6 +152,17 @@ def size(world: World, a: Applied, truths: list[Truth]) -> float:
     left = target - base @ np.linalg.lstsq(base, target, rcond=None)[0]
     at_rest = 2 * len(truths) * np.hypot(*a.numbers["force"]) ** 2 / world.force_noise**2 if a.effect == "force-bias" else 0.0
     return float(np.sqrt(left @ left + at_rest))
+
+
+def _size_of_slip(world: World, pusher: np.ndarray, force: np.ndarray) -> float:
+    """How far another friction of the fingers stands out: rows in which a finger slips along the face say by how much."""
+    inward = np.stack((np.cos(pusher[:, 2]), np.sin(pusher[:, 2])), axis=-1)
+    along = np.abs(force[:, 1] * inward[:, 0] - force[:, 0] * inward[:, 1])
+    normal = (force[:, :2] * inward).sum(axis=1)
+    contact_mu = contact_mu_under(world, force[:, :2])
+    slips = along > _AT_LIMIT * contact_mu * np.maximum(normal, 1e-9)
+    off = np.median(np.abs(contact_mu - world.contact_mu))
+    return float(off * np.median(normal) / world.force_noise * np.sqrt(slips.sum() / 4))
 
 
 def _end_with_parent() -> str:

@@ -93,7 +93,21 @@ def score_of(rows: list[Row], refused: dict[int, str], codes: int, seed: int, he
     """Return the score of opened sets: ``set``, ``label``, ``answer`` (``diagnosis/1``) and ``known`` (explained fractions)."""
     kinds = {kind: [r for r in rows if r["label"]["kind"] == kind] for kind in ("clean", "trap", "effect", "pair", "outside")}
     detectable = [r for r in kinds["effect"] if r["label"]["applied"][0]["detectable"]]
-    lines = [("sets", f"{len(rows)}, seed {seed}{refused_words(refused, codes)}")]
+    lines = [("sets", f"{len(rows)}, seed {seed}{refused_words(refused, codes)}"), *_outcomes(rows, kinds, detectable)]
+    brier, calibration, coverage = _calibration(rows)
+    lines += brier
+    lines += _explained(detectable) + _parameters(kinds["effect"]) + _where(detectable)
+    seconds = [float(r["answer"].get("seconds", np.nan)) for r in rows]
+    if seconds:
+        lines.append(("time of a diagnosis", f"median {np.median(seconds):.1f} s, longest {np.max(seconds):.1f} s"))
+    lines.append(("last entry of the ledger", head))
+    by_effect, by_form = _by_effect(kinds), _by_form(rows, kinds)
+    return Score(lines, by_effect, by_form, [_row(r) for r in rows], calibration, coverage, refused)
+
+
+def _outcomes(rows: list[Row], kinds: dict[str, list[Row]], detectable: list[Row]) -> list[tuple[str, str]]:
+    """How often causes are named, rightly or wrongly, by kind of set."""
+    lines = []
     alarms = sum(outcome(r) != "quiet" for r in kinds["clean"])
     lines.append(("false alarms, clean sets", share(alarms, len(kinds["clean"]))))
     lines.append(("names in trap sets", share(sum(outcome(r) == "wrong name" for r in kinds["trap"]), len(kinds["trap"]))))
@@ -121,6 +135,14 @@ def score_of(rows: list[Row], refused: dict[int, str], codes: int, seed: int, he
         ("out of the catalogue: named as an effect of it", share(taken, len(kinds["outside"]))),
         ("verdicts out of the catalogue", _counts(r["answer"]["verdict"] for r in kinds["outside"])),
     ]
+    return lines
+
+
+def _calibration(
+    rows: list[Row],
+) -> tuple[list[tuple[str, str]], list[tuple[float, float, int]], list[tuple[float, float]]]:
+    """The Brier score in words, what acts of effects that have a probability, by its size, and :func:`_coverage`."""
+    lines: list[tuple[str, str]] = []
     probabilities, acting, tops = [], [], []
     for r in rows:
         # an effect that the rig leaves out silently is no label
@@ -143,17 +165,20 @@ def score_of(rows: list[Row], refused: dict[int, str], codes: int, seed: int, he
             chosen = (reported >= low) & ((reported < high) | (high == 1.0))
             if chosen.any():
                 calibration.append((float(reported[chosen].mean()), float(acts[chosen].mean()), int(chosen.sum())))
-    coverage = _coverage(tops)
-    lines += _explained(detectable) + _parameters(kinds["effect"]) + _where(detectable)
-    seconds = [float(r["answer"].get("seconds", np.nan)) for r in rows]
-    if seconds:
-        lines.append(("time of a diagnosis", f"median {np.median(seconds):.1f} s, longest {np.max(seconds):.1f} s"))
-    lines.append(("last entry of the ledger", head))
-    by_effect, by_form = [], []
+    return lines, calibration, _coverage(tops)
+
+
+def _by_effect(kinds: dict[str, list[Row]]) -> list[tuple[str, str]]:
+    by_effect = []
     for effect in CATALOGUE:
         mine = [r for r in kinds["effect"] if effect in truth_of(r)]
         if mine:
             by_effect.append((effect, _counts(_detected(r) for r in mine)))
+    return by_effect
+
+
+def _by_form(rows: list[Row], kinds: dict[str, list[Row]]) -> list[tuple[str, str]]:
+    by_form = []
     for word, matches in (("the catalogue's form", True), ("another form", False)):
         mine = [r for r in kinds["effect"] if r["label"]["applied"][0]["matches"] is matches]
         by_form.append((word, _counts(_detected(r) for r in mine)))
@@ -164,7 +189,7 @@ def score_of(rows: list[Row], refused: dict[int, str], codes: int, seed: int, he
     for engine in dict.fromkeys(r["label"]["engine"] for r in rows):
         mine = [r for r in rows if r["label"]["engine"] == engine]
         by_form.append((f"engine {engine}", _counts(_detected(r) for r in mine)))
-    return Score(lines, by_effect, by_form, [_row(r) for r in rows], calibration, coverage, refused)
+    return by_form
 
 
 def _both(row: Row) -> bool:

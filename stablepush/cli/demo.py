@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from stablepush.cli.common import told
 from stablepush.demo import SLIPPERY, demo_log, demo_pokes, demo_scene, demo_slider
 from stablepush.diagnosis import diagnose
 from stablepush.geometry import wrap_angle
-from stablepush.identify import fit_limit_surface
+from stablepush.identify import Fit, fit_limit_surface
 from stablepush.io import (
     LOG_FILES,
     load_model,
@@ -24,6 +25,7 @@ from stablepush.io import (
     write_pushlog,
 )
 from stablepush.planning import (
+    CheckReport,
     PlanningProblem,
     PlanResult,
     check_plan,
@@ -36,7 +38,7 @@ from stablepush.planning import (
     save_scene,
 )
 from stablepush.rig import Execution
-from stablepush.stability import all_pressure_region, lynch_mason_region, probability_map, stable_region
+from stablepush.stability import StableRegion, all_pressure_region, lynch_mason_region, probability_map, stable_region
 from stablepush.views import Section, execution_html, gap_html, plan_html, report_html
 from stablepush.views.plot import figure_png, plot_plan, plot_regions
 
@@ -109,55 +111,11 @@ def _run(folder: Path, output: Path, seed: int) -> int:
 
     story, after = _loop(folder, output, scene, result, seed) if result.solved else ("", [])
 
-    certificate = fit.certificate
     sections = [
         *after[:1],
-        Section(
-            "From pokes to a limit surface",
-            "A finger pokes the triangle at random places. Each poke gives a load and a slip twist. A semidefinite program finds "
-            "the convex quartic that fits them and agrees with likely pressures under the outline. Its proof of convexity is "
-            "checked apart from the solver.",
-            [
-                ("pokes", str(len(loads))),
-                ("angle between predicted and measured slip, pokes left out", f"{held_out:.1f}°"),
-                (
-                    "smallest eigenvalue of the certificate (above 0 proves convexity)",
-                    f"{certificate.min_eigenvalue:.3g}" if certificate else "none",
-                ),
-                ("prior", "likely pressures under the outline" if fit.prior_weight else "none: the pokes contradict it"),
-                (
-                    "time",
-                    f"{fit.total_time:.2f} s: likely pressures first, the final solve {1e3 * fit.solve_time:.1f} ms",
-                ),
-            ],
-        ),
-        Section.with_picture(
-            "Which rotation centres are stable",
-            map_png,
-            "Coloured: stable by the identified surface, the darker the likelier. Dotted: stable whatever the pressure under the "
-            "outline is, exactly. Hatched: the part of that which Lynch and Mason's test finds.",
-            [
-                (
-                    f"{r.name}: motions, directions of translation",
-                    f"{r.solid_angle():.3f} of 12.57 sr, {_degrees(r.translation_intervals)}",
-                )
-                for r in regions
-            ],
-        ),
-        Section.with_picture(
-            "The first plan: a path of stable pushes",
-            plan_png,
-            rows=[
-                ("status", result.status),
-                ("pushes", str(len(result.pushes))),
-                ("duration", f"{result.duration:.1f} s; no plan can take less than {result.lower_bound or 0:.1f} s"),
-                ("length", f"{result.length:.2f} m"),
-                ("least angle between the load and the friction cone's facets", f"{np.degrees(result.min_margin):.2f}°"),
-                ("predicted", result.outlook),
-                ("planning time", f"{result.planning_time:.2f} s"),
-                ("independent check", "valid" if report.valid else "; ".join(report.objections)),
-            ],
-        ),
+        _identified(fit),
+        _stable(regions, map_png),
+        _planned(result, report, plan_png),
         Section("The first plan as it should move", link="plan.html", link_text="Animation of the plan"),
         *after[1:],
         Section("What to do next", "The same with files of your own:", [(command, what) for what, command in _NEXT]),
@@ -171,6 +129,62 @@ def _run(folder: Path, output: Path, seed: int) -> int:
     told(output=output, report=output / "report.html")
     print(f"{output / 'report.html'}: open it in a browser ({time.perf_counter() - started:.1f} s in all)")
     return 0 if result.solved and report.valid else 1
+
+
+def _identified(fit: Fit) -> Section:
+    certificate, held_out = fit.certificate, math.degrees(fit.validation_error or 0.0)
+    return Section(
+        "From pokes to a limit surface",
+        "A finger pokes the triangle at random places. Each poke gives a load and a slip twist. A semidefinite program finds "
+        "the convex quartic that fits them and agrees with likely pressures under the outline. Its proof of convexity is "
+        "checked apart from the solver.",
+        [
+            ("pokes", str(len(fit.wrenches))),
+            ("angle between predicted and measured slip, pokes left out", f"{held_out:.1f}°"),
+            (
+                "smallest eigenvalue of the certificate (above 0 proves convexity)",
+                f"{certificate.min_eigenvalue:.3g}" if certificate else "none",
+            ),
+            ("prior", "likely pressures under the outline" if fit.prior_weight else "none: the pokes contradict it"),
+            (
+                "time",
+                f"{fit.total_time:.2f} s: likely pressures first, the final solve {1e3 * fit.solve_time:.1f} ms",
+            ),
+        ],
+    )
+
+
+def _stable(regions: Sequence[StableRegion], map_png: bytes) -> Section:
+    return Section.with_picture(
+        "Which rotation centres are stable",
+        map_png,
+        "Coloured: stable by the identified surface, the darker the likelier. Dotted: stable whatever the pressure under the "
+        "outline is, exactly. Hatched: the part of that which Lynch and Mason's test finds.",
+        [
+            (
+                f"{r.name}: motions, directions of translation",
+                f"{r.solid_angle():.3f} of 12.57 sr, {_degrees(r.translation_intervals)}",
+            )
+            for r in regions
+        ],
+    )
+
+
+def _planned(result: PlanResult, report: CheckReport, plan_png: bytes) -> Section:
+    return Section.with_picture(
+        "The first plan: a path of stable pushes",
+        plan_png,
+        rows=[
+            ("status", result.status),
+            ("pushes", str(len(result.pushes))),
+            ("duration", f"{result.duration:.1f} s; no plan can take less than {result.lower_bound or 0:.1f} s"),
+            ("length", f"{result.length:.2f} m"),
+            ("least angle between the load and the friction cone's facets", f"{np.degrees(result.min_margin):.2f}°"),
+            ("predicted", result.outlook),
+            ("planning time", f"{result.planning_time:.2f} s"),
+            ("independent check", "valid" if report.valid else "; ".join(report.objections)),
+        ],
+    )
 
 
 def _loop(folder: Path, output: Path, scene: PlanningProblem, result: PlanResult, seed: int) -> tuple[str, list[Section]]:

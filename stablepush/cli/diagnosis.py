@@ -78,6 +78,11 @@ def diagnose(
     if mended is not None and not _write_corrected(report, mended):
         mended = None
     also_written(answer, html, pushes, mended)
+    _tell_report(report, answer)
+
+
+def _tell_report(report: GapReport, answer: Path | None) -> None:
+    """Print what a diagnosis says."""
     told(
         log=report.log, verdict=report.verdict, effects=report.named, sentence=report.sentence, estimates=report.effects,
         channels=[

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -22,6 +22,9 @@ from stablepush.cli.common import (
     whole_number,
 )
 from stablepush.core import InputError, counted, real_path, some_of
+
+if TYPE_CHECKING:
+    from stablepush.identify import Fit
 
 #: Angle error (deg) of left-out pokes beyond which the data is doubted: rough wood has 12.
 _LARGE = 18.0
@@ -159,15 +162,8 @@ def fit(
         words = "expected a log of pokes, whose rig.json has the slider, or --slider without a log"
         raise InputError("LOG", words, "neither" if source is None else "both")
     if model == "support" or support_mu is not None:
-        if support_mu is None or log is not None or model not in ("support", None):
-            raise InputError(
-                "--model, --support-mu", "expected --model support, --support-mu and --slider together, without a log"
-            )
         others = {"--loss": loss != "squared", "--com-tolerance": com_tolerance != 0, "--no-slider": no_slider}
-        if any(others.values()):
-            raise InputError(
-                ", ".join(name for name, given in others.items() if given), "expected none with known support points"
-            )
+        _require_support_alone(log, model, support_mu, others)
     require_files(output, view, read=(slider,))
     if support_mu is not None:
         _write_support(source, support_mu, output, view)
@@ -209,6 +205,22 @@ def fit(
         page = surface_html(result.surface, loads, twists, names, title=f"{model} from {len(names)} pokes")
         write_atomically(view, page)
     save_model(result.surface, output)
+    _tell_fit(result, model, names, output, view)
+
+
+def _require_support_alone(log: Path | None, model: str | None, support_mu: float | None, others: dict[str, bool]) -> None:
+    """Refuse options that known support points leave without meaning."""
+    if support_mu is None or log is not None or model not in ("support", None):
+        raise InputError("--model, --support-mu", "expected --model support, --support-mu and --slider together, without a log")
+    if any(others.values()):
+        given = ", ".join(name for name, is_given in others.items() if is_given)
+        raise InputError(given, "expected none with known support points")
+
+
+def _tell_fit(result: Fit, model: str, names: list[str], output: Path, view: Path | None) -> None:
+    """Print what was identified, how well it fits, and what is to be said of it."""
+    import numpy as np
+
     told(
         output=output, model=model, pokes=len(names), status=result.status, total_time=result.total_time,
         validation_error=result.validation_error, angle_error=float(np.mean(result.angle_errors)) if names else None,

@@ -27,7 +27,7 @@ from stablepush.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from stablepush.planning import PlanResult
+    from stablepush.planning import PlanningProblem, PlanResult
 
 PlannerName = Annotated[
     str,
@@ -132,9 +132,6 @@ def plan(
     from stablepush.core import check_number
     from stablepush.io import write_atomically
     from stablepush.planning import (
-        APART,
-        NO_ROOM,
-        clearance_of,
         feasible_relaxations,
         load_scene,
         plan as make_plan,
@@ -184,6 +181,20 @@ def plan(
         from stablepush.views.plot import plot_plan, save_figure
 
         save_figure(plot_plan(problem, result), picture)
+    _tell_plan(problem, result, output, relaxed, (view, picture if result.solved else None))
+    if picture is not None and not result.solved:
+        print(f"{picture}: not written, for there is no plan")
+    if stopped:
+        raise InterruptedError(f"{output} holds the best plan found so far")
+    raise typer.Exit(0 if result.solved else 1)
+
+
+def _tell_plan(
+    problem: PlanningProblem, result: PlanResult, output: Path, relaxed: str, written: tuple[Path | None, ...]
+) -> None:
+    """Print what a plan is, where it ends, and what comes near it."""
+    from stablepush.planning import APART, NO_ROOM, clearance_of
+
     nearest = clearance_of(problem, result) if result.solved else None
     told(
         output=output, status=result.status, message=result.message, pushes=len(result.pushes), duration=result.duration,
@@ -194,9 +205,7 @@ def plan(
         arrival_interval=result.arrival_interval, hint=relaxed or None,
     )  # fmt: skip
     print(f"{output}: {_plan_line(result)}")
-    also_written(view, picture if result.solved else None)
-    if picture is not None and not result.solved:
-        print(f"{picture}: not written, for there is no plan")
+    also_written(*written)
     if relaxed:
         print(f"hint: {relaxed}")
     if result.solved:
@@ -213,9 +222,6 @@ def plan(
                 f"closest to an obstacle: {1000 * nearest.distance:.1f} mm, in {nearest.where}; the probabilities do not count "
                 f"collisions{hint}"
             )
-    if stopped:
-        raise InterruptedError(f"{output} holds the best plan found so far")
-    raise typer.Exit(0 if result.solved else 1)
 
 
 def check(

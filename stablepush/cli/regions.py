@@ -25,6 +25,7 @@ from stablepush.cli.common import (
 from stablepush.core import InputError, UnsupportedContactError
 
 if TYPE_CHECKING:
+    from stablepush.objects import PushContact, Slider
     from stablepush.stability import StableRegion
 
 #: Solid angle (sr) of all unit twists, and one below which two regions are the same.
@@ -134,14 +135,7 @@ def draw_map(
     from stablepush.core import check_number, note_off_outline
     from stablepush.geometry import nearest_on_outline
     from stablepush.io import load_contact, load_model, load_slider, write_atomically, write_json
-    from stablepush.stability import (
-        all_pressure_region,
-        chance_region,
-        lynch_mason_region,
-        probability_map,
-        regions_to_json,
-        stable_region,
-    )
+    from stablepush.stability import chance_region, probability_map, regions_to_json, stable_region
     from stablepush.views.plot import figure_png, plot_margins, plot_regions, plot_twist_sphere
 
     require_png(output)
@@ -171,16 +165,7 @@ def draw_map(
     if body is not None and slider is not None:
         with about(slider, contact, given):
             limits = None if least_mu is None else (least_mu, fingers.mu)
-            if len(body.support_vertices) < 3:
-                print("no all-pressure region: the slider's support points lie on a line")
-            else:
-                regions.append(
-                    all_pressure_region(body, fingers, mu=limits, com_tolerance=com_tolerance, characteristic_length=rho)
-                )
-        try:
-            regions.append(lynch_mason_region(body, fingers, characteristic_length=rho))
-        except UnsupportedContactError as error:
-            print(f"no conservative region: {error}")
+            regions += _of_slider(body, fingers, limits, com_tolerance, rho)
     # all is made before any of it is written
     with about(model):
         pictures: list[tuple[Path, str | bytes]] = [
@@ -199,6 +184,30 @@ def draw_map(
     for path, picture in pictures:
         write_atomically(path, picture)
     written = [str(path) for path, _ in pictures] + ([] if regions_file is None else [str(regions_file)])
+    _tell_regions(regions, output, model)
+    print(f"{', '.join(written)}: written")
+
+
+def _of_slider(
+    body: Slider, fingers: PushContact, limits: tuple[float, float] | None, com_tolerance: float, rho: float
+) -> list[StableRegion]:
+    """The regions that hold whatever the pressure under a slider."""
+    from stablepush.stability import all_pressure_region, lynch_mason_region
+
+    regions = []
+    if len(body.support_vertices) < 3:
+        print("no all-pressure region: the slider's support points lie on a line")
+    else:
+        regions.append(all_pressure_region(body, fingers, mu=limits, com_tolerance=com_tolerance, characteristic_length=rho))
+    try:
+        regions.append(lynch_mason_region(body, fingers, characteristic_length=rho))
+    except UnsupportedContactError as error:
+        print(f"no conservative region: {error}")
+    return regions
+
+
+def _tell_regions(regions: list[StableRegion], output: Path, model: Path) -> None:
+    """Print how large the regions are, and how tight the turns in them."""
     told(
         output=output,
         regions=[
@@ -227,7 +236,6 @@ def draw_map(
             "count on what is in both",
             file=sys.stderr,
         )
-    print(f"{', '.join(written)}: written")
 
 
 def _reaches_beyond(region: StableRegion, model: StableRegion) -> bool:

@@ -33,7 +33,8 @@ from stablepush.core import InputError, counted
 _ROUNDING = 1e-6
 
 if TYPE_CHECKING:
-    from stablepush.planning import PlanningProblem
+    from stablepush.effects import Effect
+    from stablepush.planning import PlanningProblem, PlanResult
     from stablepush.rig import Execution
 
 
@@ -98,8 +99,7 @@ def simulate(
     a list: edge (from 0), along (m, from its first vertex), direction (rad, off the inward normal), way (m), and others that
     docs/simulation.md names. Obstacles are not simulated.
     """
-    from stablepush.core import PlausibilityWarning, check_number, note_finger, note_friction, note_noise
-    from stablepush.effects import CATALOGUE, lab_effects, parse_effect
+    from stablepush.core import check_number, note_finger, note_friction, note_noise
     from stablepush.io import Noise, write_pushlog
     from stablepush.mechanics import Pusher
     from stablepush.planning import load_plan, load_scene
@@ -112,23 +112,7 @@ def simulate(
         note_finger(check_number(finger_radius, "--finger-radius", at_least=0.0), "--finger-radius")
     note_friction(mu or 0.0, "--support-mu")
     note_noise(deviations[1], deviations[2], "--noise")
-    unknown = [text for text in effect or [] if text.partition(":")[0] not in CATALOGUE]
-    of_lab = [text for text in unknown if text.partition(":")[0] in lab_effects()]
-    if of_lab:
-        raise InputError(
-            "--effect", "expected an effect of the catalogue: those of a lab are diagnosed, not simulated", of_lab[0]
-        )
-    try:
-        effects = [parse_effect(text) for text in effect or []]
-    except InputError as error:
-        place = error.place.removeprefix("effect").strip()
-        raise InputError(f"--effect{f': {place}' if place else ''}", error.expected, error.got) from None
-    for entry in effects:
-        for parameter in CATALOGUE[entry.id].parameters:
-            if any(not parameter.low <= value <= parameter.high for value in entry.values.get(parameter.name, ())):
-                found = f"rigs are found with {parameter.low:g} to {parameter.high:g} {parameter.unit}"
-                place = f"--effect: {entry.id}: {parameter.name}"
-                warnings.warn(PlausibilityWarning(place, f"{found}: it is simulated all the same"), stacklevel=2)
+    effects = _effects_of(effect or [])
     require_folder(output)
     require_files(view, read=(scene, plan_file))
     for path in (view, scene, plan_file):
@@ -170,6 +154,16 @@ def simulate(
 
         write_atomically(view, execution_html(problem, execution.pushers, execution.traces, result))
     write_pushlog(execution.log, output)
+    _tell_execution(execution, problem, result, output, view)
+    # effects other than the plan was made with may be what a simulation is about
+    if result is not None and not (asked and problem.acting_effects):
+        note_if_invalid(problem, result, plan_file)
+
+
+def _tell_execution(
+    execution: Execution, problem: PlanningProblem, result: PlanResult | None, output: Path, view: Path | None
+) -> None:
+    """Print what happened."""
     stayed = execution.log.trials["stable"]
     told(
         output=output, pushes=len(execution.log), stable=[None if v != v else bool(v) for v in stayed.tolist()],  # noqa: PLR0124
@@ -182,9 +176,31 @@ def simulate(
     if met is not None and not is_quiet():
         words = f"the slider goes into an obstacle in push {met}: a simulated run has none, and slides on as if it were not there"
         print(f"{output}: note: {words}", file=sys.stderr)
-    # effects other than the plan was made with may be what a simulation is about
-    if result is not None and not (asked and problem.acting_effects):
-        note_if_invalid(problem, result, plan_file)
+
+
+def _effects_of(texts: list[str]) -> list[Effect]:
+    """Effects of a command line; a warning tells values that no rig was found with."""
+    from stablepush.core import PlausibilityWarning
+    from stablepush.effects import CATALOGUE, lab_effects, parse_effect
+
+    unknown = [text for text in texts if text.partition(":")[0] not in CATALOGUE]
+    of_lab = [text for text in unknown if text.partition(":")[0] in lab_effects()]
+    if of_lab:
+        raise InputError(
+            "--effect", "expected an effect of the catalogue: those of a lab are diagnosed, not simulated", of_lab[0]
+        )
+    try:
+        effects = [parse_effect(text) for text in texts]
+    except InputError as error:
+        place = error.place.removeprefix("effect").strip()
+        raise InputError(f"--effect{f': {place}' if place else ''}", error.expected, error.got) from None
+    for entry in effects:
+        for parameter in CATALOGUE[entry.id].parameters:
+            if any(not parameter.low <= value <= parameter.high for value in entry.values.get(parameter.name, ())):
+                found = f"rigs are found with {parameter.low:g} to {parameter.high:g} {parameter.unit}"
+                place = f"--effect: {entry.id}: {parameter.name}"
+                warnings.warn(PlausibilityWarning(place, f"{found}: it is simulated all the same"), stacklevel=2)
+    return effects
 
 
 def _outcome(execution: Execution, problem: PlanningProblem | None) -> str:

@@ -16,6 +16,7 @@ from .arrays import (
     order_with_ties as order_with_ties,
     read_only as read_only,
 )
+from .binomial import binomial_interval as binomial_interval
 from .brief import brief as brief
 from .build_lock import BuildLock as BuildLock
 from .children import (
@@ -47,6 +48,7 @@ from .errors import (
     UnsupportedContactError as UnsupportedContactError,
 )
 from .first_build import at_first_build as at_first_build
+from .html_pictures import shown_as as shown_as
 from .json_node import Node as Node, describe as describe
 from .parallel import (
     in_threads as in_threads,
@@ -81,14 +83,12 @@ from .plausibility import (
     note_tool as note_tool,
 )
 from .plugins import load_plugin as load_plugin, plugin_names as plugin_names, what_failed as what_failed
-from .rich import shown_as as shown_as
 from .scratch import (
     ASIDE as ASIDE,
     clear_scratch as clear_scratch,
     scratch_folder as scratch_folder,
     scratch_prefix as scratch_prefix,
 )
-from .shares import binomial_interval as binomial_interval
 from .shown import shown as shown
 from .words import (
     Word as Word,

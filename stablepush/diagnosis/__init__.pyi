@@ -1,4 +1,4 @@
-from .gap_report import diagnose as diagnose, gap_reductions_with as gap_reductions_with
+from .pipeline import diagnose as diagnose, gap_reductions_with as gap_reductions_with
 from .results import (
     ChannelGap as ChannelGap,
     GapReduction as GapReduction,

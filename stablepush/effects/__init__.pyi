@@ -7,6 +7,7 @@ from .catalogue import (
     PRESSURE_SHIFT as PRESSURE_SHIFT,
 )
 from .effect import Effect as Effect, parse_effect as parse_effect
+from .identified import KnownEffect as KnownEffect, effects_from_node as effects_from_node
 from .kind import (
     FASTEST as FASTEST,
     PLACE as PLACE,
@@ -26,6 +27,5 @@ from .kinds.drift import friction_over_log as friction_over_log
 from .kinds.spatial_variation import friction_over_place as friction_over_place
 from .kinds.speed_dependence import friction_over_speed as friction_over_speed
 from .kinds.tilt import slope_over_place as slope_over_place
-from .known import KnownEffect as KnownEffect, effects_from_node as effects_from_node
 from .lab import LAB_REMEDY as LAB_REMEDY, LabEffect as LabEffect, applicable as applicable, lab_effects as lab_effects
 from .table import CREEP as CREEP, resting_share as resting_share, table_friction as table_friction, with_effects as with_effects

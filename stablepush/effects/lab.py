@@ -19,6 +19,7 @@ from stablepush.effects.kind import EffectKind, LogRows, Parameter, RigBounds, T
 
 #: What to do about an effect of a lab's own.
 LAB_REMEDY = "remove its cause, or model it in your own simulation: stablepush correct cannot take it into account"
+#: Entry points of packages, and what an effect may act on.
 _GROUP = "stablepush.effects"
 _ACTS = ("support", "sensing")
 

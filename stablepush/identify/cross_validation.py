@@ -51,7 +51,7 @@ class CrossValidation:
         return float(difference.mean()), float(1.96 * difference.std(ddof=1) / np.sqrt(len(difference)))
 
 
-def cross_validate(
+def cross_validate(  # noqa: PLR0913
     wrenches: ArrayLike | SlipPairs,
     twists: ArrayLike | None = None,
     models: Sequence[str] = ("poly4-cvx", "quadratic", "poly4"),

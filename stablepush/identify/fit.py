@@ -122,7 +122,7 @@ class Fit:
         return self.weights.get("prior", 0.0)
 
 
-def fit_limit_surface(
+def fit_limit_surface(  # noqa: PLR0913
     wrenches: ArrayLike | SlipPairs,
     twists: ArrayLike | None = None,
     model: str = "poly4-cvx",

@@ -1,4 +1,3 @@
-from .doubts import unit_doubts as unit_doubts
 from .formats import (
     contact_or_path as contact_or_path,
     contact_to_json as contact_to_json,
@@ -15,7 +14,15 @@ from .formats import (
     slider_or_path as slider_or_path,
     slider_to_json as slider_to_json,
 )
+from .frozen_sensors import (
+    dead_columns as dead_columns,
+    dead_words as dead_words,
+    frozen as frozen,
+    stopped as stopped,
+    stopped_words as stopped_words,
+)
 from .json_files import read_json as read_json
+from .log_warnings import unit_doubts as unit_doubts
 from .movingai import load_movingai_map as load_movingai_map
 from .pushlog import (
     LOG_FILES as LOG_FILES,
@@ -29,13 +36,6 @@ from .pushlog import (
     write_pushlog as write_pushlog,
 )
 from .recorded_pushes import slope_weights as slope_weights
-from .stuck import (
-    dead_columns as dead_columns,
-    dead_words as dead_words,
-    frozen as frozen,
-    stopped as stopped,
-    stopped_words as stopped_words,
-)
 from .tables import (
     IS_POSITIVE as IS_POSITIVE,
     IS_SENSE as IS_SENSE,

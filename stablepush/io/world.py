@@ -24,8 +24,9 @@ from stablepush.core import (
 )
 from stablepush.geometry import compose, contacts_on_outline, nearest_on_outline, rotate_vectors
 from stablepush.identify import SlipPairs
-from stablepush.io.doubts import covers, doubts, pushes_unseen
 from stablepush.io.force_spikes import without_spikes
+from stablepush.io.frozen_sensors import dead_or_cut_off
+from stablepush.io.log_warnings import covers, doubts, pushes_unseen
 from stablepush.io.pushlog import PushLog, Rig
 from stablepush.io.recorded_pushes import (
     LEAST_TRAVEL,
@@ -44,7 +45,6 @@ from stablepush.io.recorded_pushes import (
     window_for,
 )
 from stablepush.io.sensor_offset import zeroed
-from stablepush.io.stuck import dead_or_cut_off
 from stablepush.io.tracker_glitches import without_glitches
 from stablepush.objects import Slider
 
@@ -65,7 +65,7 @@ def _most_apart(rig: Rig) -> float:
     return 2 * (rig.slider.radius + (rig.finger_radius or 0.0))
 
 
-def log_from_arrays(
+def log_from_arrays(  # noqa: PLR0913
     rig: Rig,
     times: ArrayLike,
     poses: ArrayLike,

@@ -317,7 +317,7 @@ def push_twist(
     return PushAnswer(solution.twist, solution.load, solution.force[:count].copy(), modes, int(solution.found[0]))
 
 
-def simulate_push(
+def simulate_push(  # noqa: PLR0913
     friction: TableFriction | LimitSurface,
     slider: Slider,
     pusher: Pusher,
@@ -406,7 +406,7 @@ def rollout(
     return PushTrace(np.concatenate(((0.0,), times)), poses, pushers, moves, loads, points, modes, forces, jams)
 
 
-def final_poses(
+def final_poses(  # noqa: PLR0913
     frictions: Sequence[TableFriction | LimitSurface],
     which: np.ndarray,
     slider: Slider,

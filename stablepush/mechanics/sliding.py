@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -79,7 +80,7 @@ class Slide:
         return brief(self)
 
 
-def simulate_free_sliding(
+def simulate_free_sliding(  # noqa: PLR0913
     surface: LimitSurface,
     slider: Slider,
     twist: ArrayLike,
@@ -130,8 +131,6 @@ def simulate_free_sliding(
     -----
     Goyal, Ruina, Papadopoulos (1991), Planar sliding with dry friction, part 2.
     """
-    from scipy.integrate import solve_ivp
-
     if variant not in VARIANTS:
         raise InputError("variant", f"expected {' or '.join(VARIANTS)}", f"{variant!r}{did_you_mean(variant, VARIANTS)}")
     body = Body(check_surface(surface, "surface"), slider, mu, gravity)
@@ -159,6 +158,43 @@ def simulate_free_sliding(
             f"the body turns some {turns:.0f} times, of which {_MOST_TURNS} can be followed: "
             f"expected a time in s to cut the slide at, of at most {_MOST_TURNS / turns * min(unit_time, limit):.4g}",
         )
+
+    state = np.concatenate((scaled / speed, (0.0, 0.0), start))
+    solution = _integrated(body, turning, state, speed, unit_time, limit)
+    at_rest = len(solution.t_events[0]) > 0
+    clock = _even(solution.sol, float(solution.t[-1]), samples)
+    states = solution.sol(clock).T
+    directions = unit(states[:, :3])
+    shrink = np.exp(states[:, 3])
+    friction = body.friction(directions)
+    t = unit_time * states[:, 4]
+    t[0] = 0.0
+    twists = (speed * shrink)[:, None] * directions / body.roots
+    twists[0] = first
+    energy = 0.5 * (speed * shrink) ** 2
+    if at_rest:
+        # the rest of the path at the last deceleration
+        t[-1] += speed * shrink[-1] / float(friction[-1] @ directions[-1])
+        twists[-1], energy[-1] = 0.0, 0.0
+    last = directions[-1] / body.roots
+    rho = surface.characteristic_length
+    direction = unit(last * (1, 1, rho)) / (1, 1, rho)
+    # what turns less translates: the integration knows no better
+    cor = cor_from_twist(direction)[0] if abs(rho * direction[2]) > _TURNS else np.full(2, np.nan)
+    return Slide(t, states[:, 5:].copy(), twists, friction * body.roots, energy, direction, cor, at_rest)
+
+
+def _integrated(
+    body: Body,
+    turning: Callable[[FloatArray], FloatArray],
+    state: FloatArray,
+    speed: float,
+    unit_time: float,
+    limit: float,
+) -> Any:
+    """The solution of the slide from a state (8,): direction of the motion, logarithm of its share of the first speed (m/s), time
+    over ``unit_time`` (s), and pose; to rest, or to the ``limit`` (s)."""
+    from scipy.integrate import solve_ivp
 
     rates = 0
 
@@ -191,34 +227,13 @@ def simulate_free_sliding(
         return float(limit / unit_time - state[4])
 
     over.terminal = cut.terminal = True  # type: ignore[attr-defined]
-    state = np.concatenate((scaled / speed, (0.0, 0.0), start))
     solution = solve_ivp(
         rate, (0.0, 1e4), state, method="LSODA", rtol=_RELATIVE, atol=1e-12, events=(over, cut), dense_output=True
     )
     if solution.status != 1:
         why = solution.message if solution.status < 0 else "the body does not come to rest within the integration limit"
         raise ConvergenceError(f"free sliding: {why}")
-    at_rest = len(solution.t_events[0]) > 0
-    clock = _even(solution.sol, float(solution.t[-1]), samples)
-    states = solution.sol(clock).T
-    directions = unit(states[:, :3])
-    shrink = np.exp(states[:, 3])
-    friction = body.friction(directions)
-    t = unit_time * states[:, 4]
-    t[0] = 0.0
-    twists = (speed * shrink)[:, None] * directions / body.roots
-    twists[0] = first
-    energy = 0.5 * (speed * shrink) ** 2
-    if at_rest:
-        # the rest of the path at the last deceleration
-        t[-1] += speed * shrink[-1] / float(friction[-1] @ directions[-1])
-        twists[-1], energy[-1] = 0.0, 0.0
-    last = directions[-1] / body.roots
-    rho = surface.characteristic_length
-    direction = unit(last * (1, 1, rho)) / (1, 1, rho)
-    # what turns less translates: the integration knows no better
-    cor = cor_from_twist(direction)[0] if abs(rho * direction[2]) > _TURNS else np.full(2, np.nan)
-    return Slide(t, states[:, 5:].copy(), twists, friction * body.roots, energy, direction, cor, at_rest)
+    return solution
 
 
 def _even(state: Callable[[FloatArray], FloatArray], end: float, samples: int) -> FloatArray:

@@ -60,7 +60,7 @@ class EdgePush:
     expected: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
-    def on_edge(
+    def on_edge(  # noqa: PLR0913
         cls,
         slider: Slider,
         edge: int,

@@ -1,5 +1,5 @@
 """Verify a plan from the problem alone. Geometry, motion and margins share nothing with the planners; probabilities that a plan
-states are measured again, on scenarios of the check's own, by the same code (:mod:`stablepush.planning.success`).
+states are measured again, on scenarios of the check's own, by the same code (:mod:`stablepush.planning.chance.success`).
 
 Arcs are tested exactly: while a polygon turns about a point, contact begins where a vertex of one polygon crosses an
 edge of the other, so a start without overlap and no crossing of vertex circles with edges, both ways, means no collision.
@@ -15,10 +15,10 @@ import shapely
 
 from stablepush.core import FloatArray, InputError
 from stablepush.geometry import compose, exp, transform_points, wrap_angle
-from stablepush.planning.loads import loads_of, require_loads
+from stablepush.planning.chance.success import estimate_success
 from stablepush.planning.problem import PlanningProblem, require_problem
+from stablepush.planning.pusher_loads import loads_of, require_loads
 from stablepush.planning.result import PlanResult, Push, Transfer
-from stablepush.planning.success import estimate_success
 from stablepush.stability import StabilityOracle
 
 #: Poses and sums must agree to this (m, rad, s), and bodies may overlap by it (m): touching is no collision.

@@ -17,8 +17,8 @@ from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError,
 from stablepush.geometry import compose, exp, transform_points, twist_from_cor, wrap_angle
 from stablepush.objects import PushContact
 from stablepush.planning.collision import OVERLAP
-from stablepush.planning.loads import loads_of
 from stablepush.planning.problem import PlanningProblem
+from stablepush.planning.pusher_loads import loads_of
 from stablepush.stability import StabilityOracle, StableRegion, stable_region
 
 #: Bodies that overlap by more than this (m) are in collision for every check: twice what the check of plans allows.

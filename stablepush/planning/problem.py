@@ -122,7 +122,7 @@ class PlanningProblem:
     alternatives: tuple[Correction, ...]
     support_friction: float | None
 
-    def __init__(
+    def __init__(  # noqa: PLR0913
         self,
         slider: Slider,
         surface: LimitSurface,

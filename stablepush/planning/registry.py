@@ -26,14 +26,14 @@ from stablepush.core import (
 )
 from stablepush.geometry import normalize_twist, unit, wrap_angle
 from stablepush.planning.alignment import aligns
+from stablepush.planning.chance.success import estimate_success
 from stablepush.planning.check import check_plan
 from stablepush.planning.keep_away import keep_away
-from stablepush.planning.loads import require_loads
 from stablepush.planning.options import PlanOptions, promised_region
 from stablepush.planning.problem import PlanningProblem, require_problem
+from stablepush.planning.pusher_loads import require_loads
 from stablepush.planning.result import PlanResult, Transfer
 from stablepush.planning.search import Planner, Search
-from stablepush.planning.success import estimate_success
 
 #: Probability of success that is looked for by default: the quickest plans lie on the edge of the stable set, and the least error
 #: of surface or friction makes them lose the object.
@@ -55,7 +55,7 @@ def planner_names() -> list[str]:
     return plugin_names(_GROUP)
 
 
-def plan(
+def plan(  # noqa: PLR0913
     problem: PlanningProblem,
     planner: str = "cor-lattice",
     time_limit: float = 30.0,

@@ -8,14 +8,14 @@ from typing import NamedTuple, Protocol
 
 from stablepush.core import Deadline, StablepushError, UnavailableError, what_failed
 from stablepush.planning.alignment import aligns
-from stablepush.planning.arrived import arrived
+from stablepush.planning.chance.constrained import likely_plan
+from stablepush.planning.chance.scenarios import alignment_push
 from stablepush.planning.collision import SweptBody
 from stablepush.planning.feasibility import infeasibility
-from stablepush.planning.likely import likely_plan
 from stablepush.planning.options import PlanOptions, PushSet, promised_region
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult, Push
-from stablepush.planning.scenarios import alignment_push
+from stablepush.planning.start_at_goal import arrived
 from stablepush.stability import StableRegion
 
 

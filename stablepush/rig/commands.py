@@ -139,7 +139,7 @@ def contact_push(
     )
 
 
-def random_pushes(
+def random_pushes(  # noqa: PLR0913
     slider: Slider,
     pusher: Pusher,
     count: int = 60,

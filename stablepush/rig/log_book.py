@@ -55,7 +55,7 @@ class LogBook:
         Origin (2,) in m of the tracked frame less the centre of mass, in B; time (s) by which its poses lag.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913
         self,
         nominal: Rig,
         rng: np.random.Generator,

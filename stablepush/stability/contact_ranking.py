@@ -67,7 +67,7 @@ class RankedContact:
         return max(self.tightest_left, self.tightest_right)
 
 
-def rank_contacts(
+def rank_contacts(  # noqa: PLR0913
     slider: Slider,
     surface: LimitSurface | None,
     mu: float,

@@ -20,7 +20,7 @@ from stablepush.diagnosis.likelihood.model import Model
 from stablepush.diagnosis.likelihood.score_test import ScoreTest, statistics
 from stablepush.diagnosis.rows.observations import _rates, beyond_noise, observe, pushes_of
 from stablepush.diagnosis.search.family_wise import family_wise_p_values
-from stablepush.diagnosis.search.reshaping import _as_good_as_free
+from stablepush.diagnosis.search.shape_effects import _as_good_as_free
 from stablepush.effects import CATALOGUE, FITTED
 from stablepush.geometry.planar import point_velocity, twist_from_cor
 from stablepush.views.gap_page import gap_html

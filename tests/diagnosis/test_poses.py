@@ -7,12 +7,12 @@ import pytest
 from conftest import FORCES, LOAD, MASS, check_schema, edited, make_log, make_rig, pressure, triangle
 
 import stablepush as sp
-from stablepush.diagnosis.gap_report import gap_reductions_with
 from stablepush.diagnosis.likelihood.building import log_model
 from stablepush.diagnosis.likelihood.model import Model
 from stablepush.diagnosis.likelihood.nominal import Nominal
 from stablepush.diagnosis.likelihood.prior import MovedPressure
 from stablepush.diagnosis.likelihood.replay import _knots, friction_of, pose_errors, replays
+from stablepush.diagnosis.pipeline import gap_reductions_with
 from stablepush.diagnosis.rows.observations import observe
 from stablepush.effects import parse_effect
 from stablepush.geometry.planar import twist_from_cor

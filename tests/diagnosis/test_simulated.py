@@ -11,7 +11,7 @@ from conftest import LAB_DATA, LOAD, MASS, QUIET, check_schema, edited, one_line
 
 import stablepush as sp
 from stablepush.cli.program import main
-from stablepush.diagnosis.judge.simulated import compare
+from stablepush.diagnosis.judge.other_simulator import compare
 from stablepush.effects import parse_effect
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "diagnosis"))

@@ -11,7 +11,7 @@ from conftest import small_scene, three_feet, triangle
 import stablepush as sp
 from stablepush.geometry import compose, inverse
 from stablepush.planning.alignment import after_docking, clearance
-from stablepush.planning.scenarios import alignment_push, draw_scenarios
+from stablepush.planning.chance.scenarios import alignment_push, draw_scenarios
 
 START = (0.002, 0.03)
 
@@ -183,7 +183,7 @@ def test_three_fingers_are_planned_for_but_not_simulated():
 
 def test_ends_after_a_slip_are_where_the_slider_is():
     """On scenarios that stick, the simulated end is the planned one displaced along the edge."""
-    from stablepush.planning.success import Losses, _aside, _ends, _Stretch
+    from stablepush.planning.chance.success import Losses, _aside, _ends, _Stretch
 
     problem = uncertain((0.004, 0.0))
     result = sp.plan(problem, success=0.9, time_limit=60, refinement_budget=0)

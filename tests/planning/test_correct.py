@@ -12,7 +12,7 @@ from stablepush.cli.program import main
 from stablepush.demo import demo_pokes, demo_slider
 from stablepush.effects import KnownEffect
 from stablepush.planning import load_corrections, save_scene
-from stablepush.planning.scenarios import draw_scenarios
+from stablepush.planning.chance.scenarios import draw_scenarios
 
 SURFACE = sp.IdealLimitSurface(three_feet(), 4.0, ensemble=[(1.0, 1.0, 2.0), (1.5, 1.5, 1.0)])
 

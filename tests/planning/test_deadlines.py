@@ -7,7 +7,7 @@ from stablepush_planners.context import PlanningContext
 
 import stablepush as sp
 from stablepush.core import Deadline, OutOfTimeError
-from stablepush.planning.choice import Choice
+from stablepush.planning.chance.scenario_choice import Choice
 
 
 def many(count):

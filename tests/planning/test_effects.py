@@ -12,7 +12,7 @@ import stablepush as sp
 from stablepush.geometry import compose, exp, normalize_wrench
 from stablepush.planning import loads_of
 from stablepush.planning.check import _margin
-from stablepush.planning.loads import likely_loads
+from stablepush.planning.pusher_loads import likely_loads
 
 TILT = "tilt:slope=0.03/-0.02"
 GRAIN = "anisotropy-world:ratio=1.4,direction=0.5"

@@ -13,7 +13,7 @@ import stablepush as sp
 from stablepush.core import Deadline
 from stablepush.geometry import wrap_angle
 from stablepush.planning import PlanResult, likely, registry
-from stablepush.planning.scenarios import draw_scenarios
+from stablepush.planning.chance.scenarios import draw_scenarios
 
 SCENE = small_scene()
 NEAR, TURNED = st.floats(0.0, 0.5), st.floats(0.0, math.pi)

@@ -11,9 +11,9 @@ from conftest import RHO, one_line, small_scene, three_feet, triangle
 import stablepush as sp
 from stablepush.cli import main
 from stablepush.core import Deadline, binomial_interval
-from stablepush.planning.choice import MOST, Choice, choice_of
-from stablepush.planning.scenarios import draw_scenarios, likely_surfaces
-from stablepush.planning.success import _cause, first_losses
+from stablepush.planning.chance.scenario_choice import MOST, Choice, choice_of
+from stablepush.planning.chance.scenarios import draw_scenarios, likely_surfaces
+from stablepush.planning.chance.success import _cause, first_losses
 from stablepush.stability import Case, common_region
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stablepush.diagnosis.judge.gap_reduction import HeldOut
+from stablepush.diagnosis.judge.other_simulator import Comparison
 from stablepush.diagnosis.judge.ranking import rank
-from stablepush.diagnosis.judge.simulated import Comparison
 from stablepush.diagnosis.judge.verdicts import Judgement
 from stablepush.diagnosis.judge.where import Finding, localise, residuals
 from stablepush.diagnosis.likelihood.final_pose import FinalPoses

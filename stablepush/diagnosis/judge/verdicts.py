@@ -27,7 +27,7 @@ from stablepush.diagnosis.likelihood.robust import robust_variance
 from stablepush.diagnosis.results import ChannelGap, GapReduction, Verdict
 from stablepush.diagnosis.search.attribution import Attribution
 from stablepush.diagnosis.search.folds import folds_of, predicted
-from stablepush.diagnosis.search.slip import lost_pushes
+from stablepush.diagnosis.search.friction_from_poses import lost_pushes
 from stablepush.effects import CATALOGUE
 from stablepush.io import PushLog
 

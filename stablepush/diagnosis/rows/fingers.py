@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stablepush.core import FloatArray
+from stablepush.core import BoolArray, FloatArray
 from stablepush.geometry import compose, contacts_on_outline, inverse, transform_points
 from stablepush.io import PushLog, distinct
 
@@ -54,20 +54,7 @@ def fingers_of(
             near_by = np.abs(clearance) < _WIDEST
             radius = max(0.0, float(np.median(clearance[near_by]))) if near_by.any() else None
         clearance -= radius or 0.0
-        # fingers of a radius that is not quite the nominal one touch at the clearance that most rows have
-        near_by = np.abs(clearance) < _NEAR
-        robust_variance = float(np.median(clearance[near_by])) if near_by.any() else 0.0
-        touching = np.abs(clearance - robust_variance) < _TOUCH
-        seen = np.asarray(np.isfinite(points).all(axis=2))
-        if seen.any():
-            # a logged contact point belongs to the finger whose place is nearest; fingers without one are open
-            owned = np.zeros_like(touching)
-            for c in range(2):
-                away = np.linalg.norm(np.nan_to_num(place, nan=np.inf) - points[:, None, c], axis=2)
-                away[~np.isfinite(away)] = np.inf
-                rows_seen = np.flatnonzero(seen[:, c])
-                owned[rows_seen, away[rows_seen].argmin(axis=1)] = True
-            touching = owned & near_by
+        touching = _touching(clearance, place, points)
         for k in range(2):
             clearance[~touching[:, k], k] = np.nan
             normal[~touching[:, k], k], place[~touching[:, k], k] = np.nan, np.nan
@@ -77,7 +64,41 @@ def fingers_of(
             if there.any():
                 near, inward, _ = contacts_on_outline(outline, points[there, k])
                 normal[there, k], place[there, k] = inward, near
-    # along the outline, from the places of neighbouring rows; rolling moves the contact too, which the turn of the pusher shows
+    slip = _slip(trial, time, pose, pusher, (place, normal), radius)
+    return radius, normal, place, clearance, slip
+
+
+def _touching(clearance: FloatArray, place: FloatArray, points: FloatArray) -> BoolArray:
+    """Which fingers (n, 2) touch: those at the clearance that most rows have, or that a logged contact point belongs to."""
+    # fingers of a radius that is not quite the nominal one
+    near_by = np.abs(clearance) < _NEAR
+    usual = float(np.median(clearance[near_by])) if near_by.any() else 0.0
+    seen = np.asarray(np.isfinite(points).all(axis=2))
+    if not seen.any():
+        return np.asarray(np.abs(clearance - usual) < _TOUCH)
+    # a logged contact point belongs to the finger whose place is nearest; fingers without one are open
+    owned = np.zeros(clearance.shape, dtype=bool)
+    for c in range(2):
+        away = np.linalg.norm(np.nan_to_num(place, nan=np.inf) - points[:, None, c], axis=2)
+        away[~np.isfinite(away)] = np.inf
+        rows_seen = np.flatnonzero(seen[:, c])
+        owned[rows_seen, away[rows_seen].argmin(axis=1)] = True
+    return np.asarray(owned & near_by)
+
+
+def _slip(
+    trial: np.ndarray,
+    time: FloatArray,
+    pose: FloatArray,
+    pusher: FloatArray,
+    contact: tuple[FloatArray, FloatArray],
+    radius: float | None,
+) -> FloatArray:
+    """Slip (n,) in m/s along the outline, from the places of neighbouring rows. ``contact``: places and normals (n, 2, 2).
+
+    Rolling moves the contact, too; the turn of the pusher shows that.
+    """
+    (place, normal), slip = contact, np.full(len(pose), np.nan)
     for t in np.unique(trial):
         rows = np.flatnonzero(trial == t)
         for k in (0, 1):
@@ -92,7 +113,7 @@ def fingers_of(
                 along = along + radius * turn if np.isfinite(turn).all() else along
             # the slider slips against the finger the other way round
             slip[good] = np.where(np.isfinite(slip[good]), 0.5 * (slip[good] - along), -along)
-    return radius, normal, place, clearance, slip
+    return slip
 
 
 def fingers_off(log: PushLog, trial: np.ndarray, clearance: FloatArray) -> tuple[float, float]:

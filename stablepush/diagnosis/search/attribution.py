@@ -17,8 +17,8 @@ from stablepush.diagnosis.search.alternatives import VAGUE, exchanged
 from stablepush.diagnosis.search.contact_friction import P_SLIP, ContactFriction, slip_friction
 from stablepush.diagnosis.search.folds import folds_of, predicted
 from stablepush.diagnosis.search.plausibility import possible
-from stablepush.diagnosis.search.reshaping import held_out_of_body, reshaping
 from stablepush.diagnosis.search.screening import Screening, replicates
+from stablepush.diagnosis.search.shape_effects import held_out_of_body, reshaping
 from stablepush.diagnosis.search.steps import Search, steps
 from stablepush.effects import FINGER_FRICTION, FITTED, PRESSURE_SHIFT
 

@@ -15,6 +15,7 @@ from stablepush.effects.kind import EffectKind, Family, Parameter, RigBounds
 #: Largest size of the lobes that is fitted (friction twice as large along as across), that tables and intervals have, and that is
 #: believed: pushes in one direction show friction as a whole, a grain of any size would fit them.
 _FITTED, _MOST, _BELIEVED = 0.6, 0.9, 0.5
+#: The range of directions (rad), and terms beside the two lobes.
 _HALF = math.pi / 2
 _RATIO = Parameter("ratio", "1", 1.0, 1.0, 1.5, least=1.0)
 _WAVES = ("cos 4φ", "sin 4φ", "cos 6φ", "sin 6φ")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from stablepush.core import FloatArray, InputError
 from stablepush.geometry import rotate_vectors
-from stablepush.io.importers.mapping import mapping_of
+from stablepush.io.importers.mapping import Mapping, mapping_of
 from stablepush.io.importers.registry import Source, name_of, within
 from stablepush.io.pushlog import OF_TRIALS, PushLog
 from stablepush.io.tables import read_table
@@ -49,76 +50,98 @@ class CsvTables:
 
     def read(self, source: Source, slider: Slider | None) -> tuple[PushLog, list[str]]:
         mapping = mapping_of(source, slider, "columns", "units", "trial_columns", "force_axes")
-        node = mapping.root["columns"]
+        columns = _Columns.of(mapping)
+        required = [*columns.named.values(), *columns.of_trials.values()]
+        # a clock may count from 1970, which is more than a table of lengths and forces may hold
+        numbers = [column for name, column in columns.named.items() if name not in ("trial", "t")]
+        clock_name, trial_name = columns.named["t"], columns.named.get("trial")
+        table, lines = read_table(source.file, required=required, numbers=numbers, filled=[clock_name], stamps=True)
+        clock = np.array([_time(word, line, clock_name, source) for word, line in zip(table[clock_name], lines, strict=True)])
+        poses, tips, forces, moments = columns.streams(table)
+        if poses is None or not len(clock):
+            raise InputError("", "expected at least one row", file=source.file)
+        trials = None if trial_name is None else list(table[trial_name])
+        if trials is not None and not any(trials):
+            raise InputError(f"column {trial_name}", "expected a name in at least one row", file=source.file)
+        try:
+            log, notes = mapping.log(columns.scales["time"] * clock, poses, forces, tips, trials, moments)
+        except InputError as error:
+            place = error.place
+            for what, column in (("times[", clock_name), ("trials[", trial_name)):
+                if place.startswith(what):
+                    place = f"line {lines[int(place[len(what) : -1])]}: column {column}"
+            # what the mapping says is wrong there
+            raise InputError(place, error.expected, error.got, file=error.file or source.file) from None
+        if not columns.of_trials:
+            return log, notes
+        first = {name: rows[0] for name, rows in _rows_by_name(trials or []).items()}
+        more = {
+            name: [table[column][first[trial]] for trial in log.trials["trial"]] for name, column in columns.of_trials.items()
+        }
+        own = {**log.trials, **{name: _numbers(values) for name, values in more.items()}}
+        with within(Path(mapping.root.file)):
+            return PushLog(log.rig, own, log.samples), notes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Columns:
+    """What a mapping says of a table: columns by quantity, those of trials by their names in the log, factors to SI by what they
+    measure, and the axes in which forces are."""
+
+    named: dict[str, str]
+    of_trials: dict[str, str]
+    scales: dict[str, float]
+    force_axes: str
+
+    @classmethod
+    def of(cls, mapping: Mapping) -> _Columns:
+        """Read the columns of a mapping, and refuse those of which one is missing."""
+        root, node = mapping.root, mapping.root["columns"]
         node.expect_keys(*COLUMNS)
         named = {name: node[name].text() for name in node.object() if name in COLUMNS}
         for name in _REQUIRED:
             node[name].text()
         scales = dict.fromkeys(UNITS, 1.0)
-        units = mapping.root.get("units")
+        units = root.get("units")
         if units is not None:
             units.expect_keys(*UNITS)
             scales |= {what: UNITS[what][units[what].text(tuple(UNITS[what]))] for what in units.object() if what in UNITS}
-        axes = mapping.root.get("force_axes")
+        axes = root.get("force_axes")
         frame = "world" if axes is None else axes.text(FORCE_AXES)
         if frame != "world" and "tip_theta" not in named:
             words = f"missing key: force_axes is {frame}, which needs the heading of the tool"
-            raise InputError("columns.tip_theta", words, file=mapping.root.file)
+            raise InputError("columns.tip_theta", words, file=root.file)
         for name, needs in (*_TOGETHER, ("fx", "tip_x"), ("moment", "fx"), ("tip_theta", "tip_x")):
             if name in named and needs not in named:
-                raise InputError(f"columns.{needs}", f"missing key: {name} is given, which needs it", file=mapping.root.file)
-        # a clock may count from 1970, which is more than a table of lengths and forces may hold
-        numbers = [column for name, column in named.items() if name not in ("trial", "t")]
-        own_node = mapping.root.get("trial_columns")
+                raise InputError(f"columns.{needs}", f"missing key: {name} is given, which needs it", file=root.file)
+        own_node = root.get("trial_columns")
         own = {} if own_node is None else {name: own_node[name].text() for name in own_node.object()}
         if own and "trial" not in named:
             node["trial"]
         for name in own:
             if name in OF_TRIALS:
-                raise InputError(f"trial_columns.{name}", "expected another name: it is the log's own", file=mapping.root.file)
+                raise InputError(f"trial_columns.{name}", "expected another name: it is the log's own", file=root.file)
         if "trial" in named and named["trial"] in [column for name, column in named.items() if name != "trial"]:
-            raise InputError("columns.trial", "expected a column of its own", repr(named["trial"]), file=mapping.root.file)
-        required = [*named.values(), *own.values()]
-        table, lines = read_table(source.file, required=required, numbers=numbers, filled=[named["t"]], stamps=True)
+            raise InputError("columns.trial", "expected a column of its own", repr(named["trial"]), file=root.file)
+        return cls(named, own, scales, frame)
 
-        def values(*names: str) -> FloatArray | None:
-            if names[0] not in named:
-                return None
-            return np.column_stack([scales[COLUMNS[name]] * table[named[name]] for name in names])
+    def _values(self, table: dict[str, Any], *names: str) -> FloatArray | None:
+        if names[0] not in self.named:
+            return None
+        return np.column_stack([self.scales[COLUMNS[name]] * table[self.named[name]] for name in names])
 
-        clock = np.array([_time(word, line, named["t"], source) for word, line in zip(table[named["t"]], lines, strict=True)])
-        poses = values("x", "y", "theta")
-        tips = values("tip_x", "tip_y", *(["tip_theta"] if "tip_theta" in named else []))
-        moments, forces = values("moment"), values("fx", "fy")
-        if frame == "tip-z-down" and forces is not None:
+    def streams(self, table: dict[str, Any]) -> tuple[FloatArray | None, FloatArray | None, FloatArray | None, FloatArray | None]:
+        """Poses (n, 3), tips (n, 2) or (n, 3), forces (n, 2) and moments (n,) in W and SI; None for those that a table lacks."""
+        poses = self._values(table, "x", "y", "theta")
+        tips = self._values(table, "tip_x", "tip_y", *(["tip_theta"] if "tip_theta" in self.named else []))
+        moments, forces = self._values(table, "moment"), self._values(table, "fx", "fy")
+        if self.force_axes == "tip-z-down" and forces is not None:
             # x is the tip's, y its other side
             forces = forces * (1, -1)
             moments = None if moments is None else -moments
-        if frame != "world" and forces is not None and tips is not None:
+        if self.force_axes != "world" and forces is not None and tips is not None:
             forces = rotate_vectors(tips[:, 2], forces)
-        if poses is None or not len(clock):
-            raise InputError("", "expected at least one row", file=source.file)
-        trials = list(table[named["trial"]]) if "trial" in named else None
-        if trials is not None and not any(trials):
-            raise InputError(f"column {named['trial']}", "expected a name in at least one row", file=source.file)
-        try:
-            log, notes = mapping.log(
-                scales["time"] * clock, poses, forces, tips, trials, None if moments is None else moments[:, 0]
-            )
-        except InputError as error:
-            place = error.place
-            for what, column in (("times[", named["t"]), ("trials[", named.get("trial"))):
-                if place.startswith(what):
-                    place = f"line {lines[int(place[len(what) : -1])]}: column {column}"
-            # what the mapping says is wrong there
-            raise InputError(place, error.expected, error.got, file=error.file or source.file) from None
-        if not own:
-            return log, notes
-        first = {name: rows[0] for name, rows in _rows_by_name(trials or []).items()}
-        more = {name: [table[column][first[trial]] for trial in log.trials["trial"]] for name, column in own.items()}
-        columns = {**log.trials, **{name: _numbers(values) for name, values in more.items()}}
-        with within(Path(mapping.root.file)):
-            return PushLog(log.rig, columns, log.samples), notes
+        return poses, tips, forces, None if moments is None else moments[:, 0]
 
 
 TABLES = CsvTables()

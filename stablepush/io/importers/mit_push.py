@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from stablepush.core import FloatArray, InputError, StablepushWarning, UnavailableError, real_path
-from stablepush.io.doubts import doubts
 from stablepush.io.importers.registry import Source, name_of, within
 from stablepush.io.importers.streams import Stream, on_one_clock, without_leaps
 from stablepush.io.json_files import read_json
+from stablepush.io.log_warnings import doubts
 from stablepush.io.pushlog import PushLog, Rig
 from stablepush.io.world import centered_rig, log_from_arrays
 from stablepush.objects import Slider

@@ -302,23 +302,8 @@ def _poke_tables(pushes: list[RawPush]) -> tuple[dict[str, Any], dict[str, Any],
     """
     trials: dict[str, Any] = {key: [] for key in ("trial", "start_time", "group", "speed")}
     columns = (
-        "trial",
-        "t",
-        "x",
-        "y",
-        "theta",
-        "fx",
-        "fy",
-        "tau",
-        "vx",
-        "vy",
-        "omega",
-        "c1x",
-        "c1y",
-        "px",
-        "py",
-        "phase",
-    )
+        "trial", "t", "x", "y", "theta", "fx", "fy", "tau", "vx", "vy", "omega", "c1x", "c1y", "px", "py", "phase",
+    )  # fmt: skip
     samples: dict[str, Any] = {key: [] for key in columns}
     notes: list[str] = []
     origin = min((p.forces[0, 0] for p in pushes if len(p.forces)), default=0.0)

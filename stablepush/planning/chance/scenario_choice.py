@@ -2,7 +2,7 @@
 
 A plan whose pushes are stable in all of a chosen set of scenarios sticks in each of them, whatever its number of pushes: scenario
 optimisation with discarded constraints (Campi and Garatti, 2011). A chosen set is optimistic about itself; what it is worth is
-measured on scenarios that no choice was made on (:mod:`stablepush.planning.success`).
+measured on scenarios that no choice was made on (:mod:`stablepush.planning.chance.success`).
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 
 from stablepush.core import BoolArray, Deadline, FloatArray
 from stablepush.geometry import normalize_wrench, unit
-from stablepush.planning.loads import PushLoads, loads_of
+from stablepush.planning.chance.scenarios import Scenarios, alignment_push, draw_scenarios
 from stablepush.planning.problem import PlanningProblem
-from stablepush.planning.scenarios import Scenarios, alignment_push, draw_scenarios
+from stablepush.planning.pusher_loads import PushLoads, loads_of
 from stablepush.stability import BOUNDARY_SLACK, Case, StabilityOracle, StableRegion, common_region
 
 #: Scenarios that a choice is made among, and the most that are drawn for one.

@@ -20,8 +20,8 @@ from stablepush.geometry import normalize_wrench, unit
 from stablepush.identify import PressureSampler
 from stablepush.objects import PushContact, Slider, SupportDistribution
 from stablepush.planning.alignment import after_docking, aligns, clearance, straight_pushes
-from stablepush.planning.loads import PushLoads, likely_loads
 from stablepush.planning.problem import PlanningProblem
+from stablepush.planning.pusher_loads import PushLoads, likely_loads
 from stablepush.planning.result import Push
 from stablepush.stability import BOUNDARY_SLACK
 from stablepush.surfaces import IdealLimitSurface, LimitSurface

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from stablepush.core import Deadline, OutOfTimeError
-from stablepush.planning.choice import CHOICE, choice_of
+from stablepush.planning.chance.scenario_choice import CHOICE, choice_of
+from stablepush.planning.chance.scenarios import draw_scenarios
+from stablepush.planning.chance.success import first_losses
 from stablepush.planning.options import PushSet
 from stablepush.planning.problem import PlanningProblem
 from stablepush.planning.result import PlanResult
-from stablepush.planning.scenarios import draw_scenarios
-from stablepush.planning.success import first_losses
 from stablepush.stability import StableRegion
 
 #: Fresh scenarios on which a level counts as met.

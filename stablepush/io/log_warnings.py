@@ -10,10 +10,10 @@ import shapely
 
 from stablepush.core import FloatArray, some_of
 from stablepush.geometry import contacts_on_outline, rotate_vectors, transform_points
+from stablepush.io.frozen_sensors import dead_columns, dead_words, stopped, stopped_words
 from stablepush.io.pushlog import PushLog
 from stablepush.io.recorded_pushes import largest_step
 from stablepush.io.sensor_offset import LEAST_REST
-from stablepush.io.stuck import dead_columns, dead_words, stopped, stopped_words
 
 #: While it pushes the tip is at most so far (share of the slider's radius, and m) from where its own radius puts it; largest
 #: radius (m) of a finger where it is not known.

@@ -11,10 +11,10 @@ import numpy as np
 from stablepush.core import BoolArray, FloatArray
 from stablepush.geometry import compose, exp, inverse, transform_points, transport_twist, wrap_angle
 from stablepush.mechanics import Pusher, TableFriction, final_poses
-from stablepush.planning.loads import steps_along
+from stablepush.planning.chance.scenarios import Scenarios, across_of, draw_scenarios
 from stablepush.planning.problem import PlanningProblem
+from stablepush.planning.pusher_loads import steps_along
 from stablepush.planning.result import PlanResult, Push, Success
-from stablepush.planning.scenarios import Scenarios, across_of, draw_scenarios
 from stablepush.stability import BOUNDARY_SLACK
 from stablepush.surfaces import LimitSurface
 

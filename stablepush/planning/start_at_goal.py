@@ -10,8 +10,8 @@ from stablepush.core import FloatArray, InputError
 from stablepush.geometry import normalize_wrench, unit
 from stablepush.planning.check import check_plan
 from stablepush.planning.feasibility import starts_at_goal
-from stablepush.planning.loads import loads_of
 from stablepush.planning.problem import PlanningProblem
+from stablepush.planning.pusher_loads import loads_of
 from stablepush.planning.result import PlanResult, Push
 from stablepush.stability import StabilityOracle
 

@@ -12,7 +12,7 @@ from stablepush.core import InputError, PlausibilityWarning, one_blas_thread
 from stablepush.diagnosis.judge.diagnosis import Case, Diagnosis, diagnosis_of
 from stablepush.diagnosis.judge.gap_reduction import HeldOut, hold_out, reductions
 from stablepush.diagnosis.judge.negligible import negligible_causes
-from stablepush.diagnosis.judge.simulated import Comparison, compare, less_simulated
+from stablepush.diagnosis.judge.other_simulator import Comparison, compare, less_simulated
 from stablepush.diagnosis.judge.verdicts import judge, leaves_lost_pushes, stands_clear
 from stablepush.diagnosis.likelihood.building import log_model
 from stablepush.diagnosis.likelihood.experiment import log_rows
@@ -25,7 +25,7 @@ from stablepush.diagnosis.rows.observations import Observations, observe
 from stablepush.diagnosis.rows.stopped_sensors import without_stopped
 from stablepush.diagnosis.search.attribution import Attribution, attribute
 from stablepush.diagnosis.search.contact_friction import slip_friction
-from stablepush.diagnosis.search.slip import friction_from_poses, without_contradiction
+from stablepush.diagnosis.search.friction_from_poses import friction_from_poses, without_contradiction
 from stablepush.diagnosis.telling.one_push import of_one_push
 from stablepush.diagnosis.telling.report import GapReport, without_causes
 from stablepush.diagnosis.telling.telling import report_of
