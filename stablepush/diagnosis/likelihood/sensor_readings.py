@@ -7,7 +7,10 @@ import math
 from stablepush.core import compiled, inner
 from stablepush.effects import FASTEST, PLACE, SLOWEST
 from stablepush.geometry.kernels import exp_of
-from stablepush.mechanics.kernels import joint_anisotropy, share_at_place, share_at_speed
+from stablepush.mechanics.kernels import friction_at, joint_anisotropy
+
+#: Square of the speed (m/s) of a point below which its friction goes with its speed: far below any that moves.
+_CREEP = 1e-18
 
 
 @inner
@@ -76,7 +79,7 @@ def read(  # type: ignore[no-untyped-def]
         ox, oy = theta[17] + late * theta[51], theta[18] + late * theta[52]
         x, y = x - c * ox + s * oy, y - s * ox - c * oy
         vx, vy = vx + w * oy, vy - w * ox
-        mxx, mxy, myy = joint_anisotropy(table, body, c, s)
+        m = joint_anisotropy(table, body, c, s)
         hump = 4 * order[i] * (1.0 - order[i])
         scale = 1.0 + theta[7] * order[i] + hump * (theta[37] + 4 * late * (theta[38] + 2 * late * theta[39]))
         waves_w = theta[20] != 0.0 or theta[21] != 0.0 or theta[22] != 0.0 or theta[23] != 0.0
@@ -94,31 +97,24 @@ def read(  # type: ignore[no-untyped-def]
             px = center[0] + (1.0 + theta[10]) * (points[k, 0] - center[0]) + theta[8]
             py = center[1] + (1.0 + theta[10]) * (points[k, 1] - center[1]) + theta[9]
             ux, uy = vx - w * py, vy + w * px
-            speed = math.sqrt(ux * ux + uy * uy + 1e-18)
-            ex, ey = ux / speed, uy / speed
-            nx, ny = ex, ey
-            if not isotropic:
-                mx, my = mxx * nx + mxy * ny, mxy * nx + myy * ny
-                size = math.sqrt(max(1e-12, nx * mx + ny * my))
-                ex, ey = mx / size, my / size
+            at_x, at_y = x + c * px - s * py, y + s * px + c * py
+            ex, ey, share = friction_at(ux, uy, at_x, at_y, m, isotropic, (theta[5], theta[6]), theta[4], reference, _CREEP)
+            # terms of families, which no simulation has
+            speed = math.sqrt(ux * ux + uy * uy + _CREEP)
             if waves_w:
                 # from B into W the angle is greater by the heading
-                mx, my = _waves(nx, ny, c, -s, theta, 20)
-                ex, ey = ex + mx, ey + my
+                mx, my = _waves(ux / speed, uy / speed, c, -s, theta, 20)
+                ex, ey = ex + share * mx, ey + share * my
             if waves_b:
-                mx, my = _waves(nx, ny, 1.0, 0.0, theta, 24)
-                ex, ey = ex + mx, ey + my
-            share = scale
-            if theta[4] != 0.0:
-                share *= share_at_speed(speed, theta[4], reference)
+                mx, my = _waves(ux / speed, uy / speed, 1.0, 0.0, theta, 24)
+                ex, ey = ex + share * mx, ey + share * my
+            more = scale
             if theta[28] != 0.0 or theta[29] != 0.0:
                 u = min(FASTEST, max(SLOWEST, math.log(speed / reference)))
-                share *= max(0.05, 1.0 + u * u * (theta[28] + theta[29] * u))
-            if theta[5] != 0.0 or theta[6] != 0.0:
-                share *= share_at_place(x + c * px - s * py, y + s * px + c * py, theta[5], theta[6])
+                more *= max(0.05, 1.0 + u * u * (theta[28] + theta[29] * u))
             if over_place:
-                share *= max(0.05, 1.0 + _share_over_place(x + c * px - s * py, y + s * px + c * py, theta))
-            ex, ey = share * ex, share * ey
+                more *= max(0.05, 1.0 + _share_over_place(at_x, at_y, theta))
+            ex, ey = more * ex, more * ey
             if split:
                 matrix[i, 0, k], matrix[i, 1, k], matrix[i, 2, k] = ex, ey, px * ey - py * ex
             else:

@@ -93,6 +93,27 @@ def joint_anisotropy(world, body, c, s):  # type: ignore[no-untyped-def]
 
 
 @inner
+def friction_at(ux, uy, x, y, m, isotropic, gradient, slope, reference, creep):  # type: ignore[no-untyped-def]
+    """The force of a point of unit friction, in B, and the share of it that place and speed leave. The rig, plans and the diagnosis
+    have it from here.
+
+    ``(ux, uy)``: its velocity over the table (m/s) in B; ``(x, y)``: its place in W; ``m``: entries ``xx, xy, yy`` of the joint
+    anisotropy in B (:func:`joint_anisotropy`); ``creep``: square of a speed below which friction goes with the speed.
+    """
+    share = 1.0
+    if gradient[0] != 0.0 or gradient[1] != 0.0:
+        share = share_at_place(x, y, gradient[0], gradient[1])
+    square = ux * ux + uy * uy
+    if slope != 0.0:
+        share *= share_at_speed(math.sqrt(square), slope, reference)
+    if not isotropic:
+        square = m[0] * ux * ux + 2 * m[1] * ux * uy + m[2] * uy * uy
+        ux, uy = m[0] * ux + m[1] * uy, m[1] * ux + m[2] * uy
+    size = share / math.sqrt(square + creep)
+    return size * ux, size * uy, share
+
+
+@inner
 def _friction_of_points(table, at, vx, vy, w):  # type: ignore[no-untyped-def]
     """Load of the points, with all that changes their friction."""
     fx = fy = tau = 0.0
@@ -104,27 +125,19 @@ def _friction_of_points(table, at, vx, vy, w):  # type: ignore[no-untyped-def]
     if fastest == 0.0:
         return 0.0, 0.0, 0.0
     creep = fastest * (_CREEP * _CREEP)
-    plain = table.isotropic
-    mxx, mxy, myy = 1.0, 0.0, 1.0
-    if not plain:
-        mxx, mxy, myy = joint_anisotropy(table.world_anisotropy, table.body_anisotropy, at.cos, at.sin)
+    m = (1.0, 0.0, 1.0)
+    if not table.isotropic:
+        m = joint_anisotropy(table.world_anisotropy, table.body_anisotropy, at.cos, at.sin)
     for k in range(n):
         x, y = table.points[k, 0], table.points[k, 1]
-        px, py = vx - w * y, vy + w * x
-        share = table.loads[k]
-        if table.gradient[0] != 0.0 or table.gradient[1] != 0.0:
-            at_x, at_y = at.x + at.cos * x - at.sin * y, at.y + at.sin * x + at.cos * y
-            share *= share_at_place(at_x, at_y, table.gradient[0], table.gradient[1])
-        if table.slope != 0.0:
-            share *= share_at_speed(math.sqrt(px * px + py * py), table.slope, table.reference)
-        if plain:
-            share /= math.sqrt(px * px + py * py + creep)
-        else:
-            px, py, square = mxx * px + mxy * py, mxy * px + myy * py, mxx * px * px + 2 * mxy * px * py + myy * py * py
-            share /= math.sqrt(square + creep)
-        fx += share * px
-        fy += share * py
-        tau += share * (x * py - y * px)
+        at_x, at_y = at.x + at.cos * x - at.sin * y, at.y + at.sin * x + at.cos * y
+        ex, ey, _ = friction_at(
+            vx - w * y, vy + w * x, at_x, at_y, m, table.isotropic, table.gradient, table.slope, table.reference, creep
+        )
+        ex, ey = table.loads[k] * ex, table.loads[k] * ey
+        fx += ex
+        fy += ey
+        tau += x * ey - y * ex
     return fx, fy, tau
 
 
