@@ -94,8 +94,8 @@ def joint_anisotropy(world, body, c, s):  # type: ignore[no-untyped-def]
 
 @inner
 def friction_at(ux, uy, x, y, m, isotropic, gradient, slope, reference, creep):  # type: ignore[no-untyped-def]
-    """The force of a point of unit friction, in B, and the share of it that place and speed leave. The rig, plans and the diagnosis
-    have it from here.
+    """The force of a point of unit friction, in B, and the share of it that place and speed leave. The rig, plans and the
+    diagnosis have it from here.
 
     ``(ux, uy)``: its velocity over the table (m/s) in B; ``(x, y)``: its place in W; ``m``: entries ``xx, xy, yy`` of the joint
     anisotropy in B (:func:`joint_anisotropy`); ``creep``: square of a speed below which friction goes with the speed.
