@@ -9,38 +9,33 @@ from __future__ import annotations
 import math
 import sys
 import warnings
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from stablepush.core.errors import PlausibilityWarning
 
-#: Largest radius (m) of an object: 5 mm, taken for metres, is beyond.
-_LARGEST_RADIUS = 3.0
-#: Farthest that an object is pushed, in its radii, and largest coordinates (m) of a place to push in.
-_FARTHEST, _LARGEST_SCENE = 200.0, 500.0
-#: Longest tool (m).
-_LONGEST_TOOL = 5.0
+#: Farthest that an object is pushed, in its radii.
+_FARTHEST = 200.0
 #: A tolerance of the position is no more than this, in radii of the slider.
 _LOOSE = 5.0
 #: Parts that belong to an object (pusher, support, contacts) are no farther from its origin than this, in its radii.
 _NEAR = 10.0
 #: Largest mass (kg/m²) over an area: 0.4 m of steel has 3,100.
 _LARGEST_AREAL_MASS = 4_000.0
-#: Largest speeds (m/s, rad/s): of a push, which is to be quasi-static, and of a thrown body.
-_FASTEST_PUSH, _FASTEST_SLIDE, _FASTEST_TURN = 2.0, 20.0, 60.0
+#: Largest speeds (m/s, rad/s) of a thrown body.
+_FASTEST_SLIDE, _FASTEST_TURN = 20.0, 60.0
 #: Largest heading (rad): two turns.
 _LARGEST_HEADING = 4 * math.pi
 #: Largest tolerance and margin (rad).
 _LARGEST_TOLERANCE, _LARGEST_MARGIN = 1.0, math.pi / 2
 #: Share of the slider's radius that the centre of pressure may be from the centre of mass: feet are never quite even.
 _ASIDE = 0.2
-#: Largest standard deviations of a row: position (m), angle (rad); longest trial (s).
-_NOISY_POSITION, _NOISY_ANGLE, _LONGEST_TRIAL = 0.02, 0.1, 3600.0
+#: Largest standard deviations of a row: position (m), angle (rad).
+_NOISY_POSITION, _NOISY_ANGLE = 0.02, 0.1
 #: Largest coefficient of friction; beyond, it is an angle.
 _LARGEST_FRICTION = 5.0
-#: Largest radius (m) of a finger.
-_LARGEST_FINGER = 0.5
 #: Longest delay (s) of a sensor.
 _LONGEST_DELAY = 5.0
 #: Rotation centres farther than this many characteristic lengths are all but translations; a list has few of them.
@@ -50,30 +45,38 @@ _LEAST_DEPTH = 5e-4
 _FAR_COR, _TRANSLATION = 100.0, 1e4
 
 
-def note_size(radius: float, place: str) -> None:
-    """Doubt the distance (m) from the origin to the farthest point of an object."""
-    if radius > _LARGEST_RADIUS:
-        _note(place, f"a radius of {radius:.4g} m looks like millimetres ({radius / 1000:.4g} m)")
+class _Limit(NamedTuple):
+    """The largest plausible value (of arrays: the largest size), its unit, and the unit that a larger one is likely in."""
+
+    most: float
+    unit: str
+    likely: str
+    factor: float
+    what: str = ""
+
+    def __call__(self, value: ArrayLike, place: str) -> None:
+        """Doubt a value beyond the limit."""
+        size = float(np.abs(value).max(initial=0.0))
+        if size > self.most:
+            _note(place, f"{self.what}{size:.4g} {self.unit} looks like {self.likely} ({size * self.factor:.4g} {self.unit})")
+
+
+#: The radius of an object (5 mm, taken for metres, is beyond), coordinates in the world, the distance from a flange to its
+#: fingers, the radius of a finger, the speed of a quasi-static push, the longest time in a trial, and the angle at which a sensor
+#: is mounted, which is no more than half a turn.
+note_size = _Limit(3.0, "m", "millimetres", 1e-3, "a radius of ")
+note_scene = _Limit(500.0, "m", "millimetres", 1e-3)
+note_tool = _Limit(5.0, "m", "millimetres", 1e-3)
+note_finger = _Limit(0.5, "m", "millimetres", 1e-3)
+note_push_speed = _Limit(2.0, "m/s", "millimetres per second", 1e-3)
+note_time = _Limit(3600.0, "s", "milliseconds", 1e-3)
+note_mounting = _Limit(math.pi, "rad", "degrees", math.pi / 180)
 
 
 def note_mass(mass: float, area: float, place: str) -> None:
     """Doubt a mass (kg) over the area (m²) that it stands on."""
     if mass > _LARGEST_AREAL_MASS * area:
         _note(place, f"{mass:.4g} kg looks like grams ({mass / 1000:.4g} kg)")
-
-
-def note_scene(lengths: ArrayLike, place: str) -> None:
-    """Doubt coordinates (m) in the world."""
-    largest = float(np.abs(lengths).max(initial=0.0))
-    if largest > _LARGEST_SCENE:
-        _note(place, f"{largest:.4g} m looks like millimetres ({largest / 1000:.4g} m)")
-
-
-def note_tool(lengths: ArrayLike, place: str) -> None:
-    """Doubt how far (m) a flange is from the fingers that it holds, or these are over the table."""
-    largest = float(np.abs(lengths).max(initial=0.0))
-    if largest > _LONGEST_TOOL:
-        _note(place, f"{largest:.4g} m looks like millimetres ({largest / 1000:.4g} m)")
 
 
 def note_distance(distance: float, radius: float, place: str) -> None:
@@ -123,12 +126,6 @@ def note_heading(theta: float, place: str, largest: float = _LARGEST_HEADING) ->
         _note_degrees(theta, place)
 
 
-def note_mounting(angle: float, place: str) -> None:
-    """Doubt an angle (rad) at which a sensor is mounted: none is more than half a turn."""
-    if abs(angle) > math.pi:
-        _note_degrees(angle, place)
-
-
 def note_tolerance(distance: float, angle: float, radius: float, place: str) -> None:
     """Doubt tolerances of the position (m) of a slider of a radius (m), and of its heading (rad): degrees are mostly whole."""
     if distance > _LOOSE * radius:
@@ -147,22 +144,10 @@ def note_noise(position: float, angle: float, place: str) -> None:
         _note(place, f"an angle known to {angle:.4g} rad looks like degrees ({math.radians(angle):.4g} rad)")
 
 
-def note_time(longest: float, place: str) -> None:
-    """Doubt the longest time (s) in a trial."""
-    if longest > _LONGEST_TRIAL:
-        _note(place, f"{longest:.4g} s looks like milliseconds ({longest / 1000:.4g} s)")
-
-
 def note_margin(margin: float, place: str) -> None:
     """Doubt a margin (rad); none is above a right angle."""
     if margin > _LARGEST_MARGIN:
         _note_degrees(margin, place)
-
-
-def note_push_speed(speed: float, place: str) -> None:
-    """Doubt the speed (m/s) of a push."""
-    if speed > _FASTEST_PUSH:
-        _note(place, f"{speed:.4g} m/s looks like millimetres per second ({speed / 1000:.4g} m/s)")
 
 
 def note_slide(twist: ArrayLike, place: str) -> None:
@@ -178,12 +163,6 @@ def note_friction(mu: float, place: str) -> None:
     """Doubt a coefficient of friction."""
     if _LARGEST_FRICTION < mu < 90.0:
         _note(place, f"a coefficient of {mu:.4g} looks like degrees (its coefficient is {math.tan(math.radians(mu)):.3g})")
-
-
-def note_finger(radius: float, place: str) -> None:
-    """Doubt the radius (m) of a finger."""
-    if radius > _LARGEST_FINGER:
-        _note(place, f"{radius:.4g} m looks like millimetres ({radius / 1000:.4g} m)")
 
 
 def note_gravity(gravity: float, place: str) -> None:

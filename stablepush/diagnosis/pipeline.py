@@ -32,7 +32,7 @@ from stablepush.diagnosis.telling.telling import report_of
 from stablepush.effects import CATALOGUE, FINGER_FRICTION, LabEffect, applicable, lab_effects
 from stablepush.io import PushLog, unit_doubts
 
-#: Forces are turned round if this share of pushes has forces that oppose the motion, of so many at least.
+#: Forces are turned round if this share of pushes has forces that oppose the motion, of this many at least.
 _OPPOSED, _FEWEST = 0.8, 3
 #: The note on forces that, over all rows, do work like those of a motor.
 _DRIVEN = (

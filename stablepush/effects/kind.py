@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 REFERENCE_SPEED = 0.02
 #: Unit (m) of places in the terms of families, and logarithms of speed beyond which terms do not grow further, below and above.
 PLACE, SLOWEST, FASTEST = 0.15, -2.5, 1.5
-#: Terms of families are found within so many times half of their plausible range: a bound that fits may run against.
+#: Bound on the terms of families in fits, over half of their plausible range.
 _FAR = 4.0
 #: Steps of differences by the terms of a family, over half of their plausible range: small beside it, large beside rounding.
 SMALL_TERM = 0.05

@@ -275,7 +275,7 @@ _UNITS = {"wrench": "N", "twist": "rad", "pose": "m", "stability": "1"}
 
 
 def reductions(held: HeldOut) -> list[GapReduction]:
-    """Return gap reduction, channel by channel, as ``diagnosis/1`` has it."""
+    """Return gap reduction, channel by channel, for ``diagnosis/1``."""
     return [
         _reduction(channel, unit, held.trials[channel], held.squares[channel], held.floors[channel])
         for channel, unit in _UNITS.items()
@@ -316,7 +316,7 @@ def _reduction(channel: str, unit: str, trial: np.ndarray, squares: dict[str, Fl
 
 
 def gap(likelihood: Likelihood, held: HeldOut) -> list[ChannelGap]:
-    """Return the size of the gap, channel by channel, as ``diagnosis/1`` has it."""
+    """Return the size of the gap, channel by channel, for ``diagnosis/1``."""
     entries: list[ChannelGap] = []
     for channel, unit in _UNITS.items():
         if channel not in held.squares:

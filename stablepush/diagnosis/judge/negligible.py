@@ -10,7 +10,7 @@ from stablepush.diagnosis.search.attribution import Attribution
 from stablepush.effects import FINGER_FRICTION
 from stablepush.io import PushLog
 
-#: Share of the mean square of every channel below which a reduction is none. Effects that acted reduced that of some channel by
+#: Reductions below this share of the mean square count as zero. Effects that acted reduced that of some channel by
 #: 3 % at least on 112 logs of simulated rigs.
 _NEXT_TO_NOTHING = 0.015
 

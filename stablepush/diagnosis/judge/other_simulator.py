@@ -24,16 +24,16 @@ from stablepush.io import Noise, PushLog, Rig
 
 #: Outlines that differ by no more (m) are one slider's.
 _SAME_OUTLINE = 1e-3
-#: A simulated slider that moves by less than this share of the way of the real one was not touched; one that goes so many times
+#: A simulated slider that moves by less than this share of the way of the real one was not touched; one that goes this many times
 #: as far has flown off. Ways (m) below the last count as none.
 _UNTOUCHED, _FLOWN, _NO_WAY = 0.1, 3.0, 1e-3
 #: A turn (rad) between two rows that no slider makes.
 _JUMP = np.pi / 2
 #: Share of trials that must be comparable for causes to be looked for.
 _MOST = 0.5
-#: A last pose is from the end of a trial if it is among so many rows, or this share of the time, before its end.
+#: A last pose is from the end of a trial if it is within this many rows, or this share of the time, of its end.
 _LAST_ROWS, _END = 3, 0.1
-#: Final poses that differ by so many times what repeats scatter, with so small a p-value, are off; scatter below a share is none.
+#: Final poses are off from this multiple of the scatter of repeats, with a p-value below this; scatter below a share is zero.
 _CLEARLY, _SIGNIFICANT, _NO_SCATTER = 1.5, 0.05, 1e-9
 
 

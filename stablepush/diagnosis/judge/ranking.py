@@ -123,7 +123,7 @@ def _of_fit(id: str, found: Attribution, effects: list[str]) -> Entry:
 
 
 def _believed(kind: EffectKind, experiment: Experiment) -> float:
-    """What of the rig an effect is a change of; 0 if it is none."""
+    """The rig's value that an effect changes; 0 if it changes none."""
     if kind.by_slip:
         return experiment.mu
     return (experiment.observations.finger_radius or 0.0) if kind.acts == "contact" else 0.0

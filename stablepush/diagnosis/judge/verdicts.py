@@ -34,14 +34,14 @@ from stablepush.io import PushLog
 #: Share of the gap of some channel that named effects must explain on left-out pushes. On 75 logs of simulated rigs those that
 #: acted explained 0.84 at least, 0.46 where the stated noise is too small; stand-ins for a wrong scale of the tracker 0.39.
 _LITTLE = 0.4
-#: Residuals count up to so many times their noise.
+#: Residuals count up to this multiple of their noise.
 _MOST_OVER_NOISE = 10.0
 #: Mean square of a channel over its floor from which a share of the gap is known.
 _WELL = 2.0
 #: The verdict is "unknown" if place, heading, order or speed explain so much of the residuals, with so small a p-value, and the
-#: residuals are so many times the noise.
+#: residuals are this multiple of the noise.
 _UNKNOWN_SHARE, _UNKNOWN_P, _UNKNOWN_SIZE = 0.25, 0.03, 1.3
-#: Residuals so many times the noise are no fit, whatever they depend on.
+#: Residuals of this multiple of the noise are no fit, whatever they depend on.
 _NO_FIT = 4.0
 #: Nor are means of trials so large over the noise, in mean square, if repeats of a push share them with so small a p-value.
 _COMMON, _P_COMMON = 8.0, 1e-3
@@ -49,13 +49,13 @@ _COMMON, _P_COMMON = 8.0, 1e-3
 _WAVES = 4
 #: So many pushes whose fingers slip though the nominal simulation calls them stable are not "none".
 _SLIPPING = 2
-#: A p-value as small is significant. Pose errors are if they are also so many times their floor.
+#: Largest significant p-value; pose errors must also be this multiple of their floor.
 _SIGNIFICANT, _OFF = 0.01, 2.0
-#: Final poses are spoilt if they become so many times as wrong, by an interval of their gap reduction that ends below this.
+#: Final poses are spoilt if their error grows by this factor, and the interval of their gap reduction ends below this.
 _SPOILT, _SURELY_WORSE = 1.4, -1.0
-#: A channel stands clear of its floor if that is significant, or if it is so many times as large because of a few pushes.
+#: A channel stands clear of its floor if that is significant, or at this multiple of it, because of a few pushes.
 _FAR = 3.0
-#: A refit that leaves so many times the noise is no fit; nor one that leaves this share of the mean square gap of the wrench.
+#: A refit that leaves this multiple of the noise is no fit; nor one that leaves this share of the mean square gap of the wrench.
 _MISFIT, _LEFT_OF_GAP = 1.5, 0.25
 #: Shares of a gap that effects may leave of what a refit without them leaves, and of what the nominal simulation leaves.
 _LEAVES_OF_REFIT, _LEAVES = 0.5, 0.1

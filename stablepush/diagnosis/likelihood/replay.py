@@ -41,7 +41,7 @@ _STEP, _STEP_SHARE = 2e-3, 0.04
 _THIN = 1e-4
 #: Largest number of pieces of constant twist that stand for a logged path, but for one in which the pusher stands at its end.
 _MOST_PIECES = 16
-#: A final pose is told if noise of the first pose moves it by no more than so many times that noise.
+#: A final pose can be predicted if noise of the first pose moves it by no more than this multiple of that noise.
 AMPLIFIED = 10.0
 #: Least rows of a stretch of a push, and noise of poses where none is stated: what it is does not matter, how it grows does.
 _FEWEST_ROWS, _NOISE = 4, Noise(0.0, 1e-4, 1e-3)

@@ -11,7 +11,7 @@ from stablepush.io import PushLog, distinct
 #: Fingers farther (m) than this from where fingers usually are, beside the outline, do not touch it; nor do those that are
 #: farther from it than the other length. Where contact points are logged, they decide, and the other length alone counts.
 _TOUCH, _NEAR = 3e-3, 8e-3
-#: Only one finger is off if its clearance differs from zero, and from that of the other finger, by so many standard errors, and
+#: Only one finger is off if its clearance differs from zero, and from that of the other finger, by this many standard errors, and
 #: the clearance of the other is less than this share of its own.
 _ONE, _OTHER = 6.0, 0.2
 #: And by at least this (m).

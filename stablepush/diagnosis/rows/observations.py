@@ -32,7 +32,7 @@ _FALLEN = 0.5
 _AT_END = (math.sqrt(2), math.sqrt(3.5), math.sqrt(3))
 #: Rows slower than this share of the median speed do not move.
 _REST = 0.05
-#: Differences of poses of so many standard deviations are none.
+#: Differences of poses below this many standard deviations count as zero.
 _STANDS = 5.0
 #: Share of a moment that is rounding: no sensor of moments agrees with the forces so well in all rows.
 _ROUNDING = 1e-3

@@ -17,11 +17,11 @@ from stablepush.diagnosis.search.steps import ALIKE, ERRORS, MOST, Search, neede
 
 #: Alternatives are looked at if they gain at least this share of what the chosen effect gains.
 _CONFOUNDED_GAIN = 0.5
-#: An alternative that needs values beyond this many times half of their plausible range is none.
+#: Largest size of an alternative, over half of its plausible range.
 _MOST_PLAUSIBLE = 1.5
 #: A cause that explains the log clearly better than a chosen one may have a family-wise p-value as large as this.
 _P_BETTER = 0.05
-#: An effect that is not so many of its standard errors from none is not named.
+#: Least size of a named effect, in its standard errors.
 VAGUE = 2.0
 
 

@@ -26,8 +26,8 @@ _AT_EDGE, _CREEPING, _BEYOND, _ANY = 0.9, 0.3, 0.02, 0.05
 #: Friction, its change over the log and its scatter between trials as they are before any force is seen: medians (of the first it
 #: is what the rig has, else this), and standard deviations, of logarithms but for that of the change.
 _FRICTION, _CHANGE, _SCATTER = (0.5, 0.7), 0.3, (0.025, 0.7)
-#: Values that are tried of friction (and up to so many times the largest ratio that is seen, and the rig's), change and scatter,
-#: and how often the grid about the best is made finer.
+#: The first grid: friction from the lowest to the highest, and up to a multiple of the largest ratio and of the rig's friction;
+#: change and scatter; and refinements of the grid about the best.
 _LOWEST, _HIGHEST, _HIGHER = 0.005, 1.6, 2.0
 _CHANGES, _SCATTERS = np.linspace(-1.2, 1.2, 13), np.geomspace(0.006, 0.12, 6)
 _FINER = 6
@@ -35,12 +35,12 @@ _FINER = 6
 _NARROWER, _NEGLIGIBLE, _FINE = 3, -9.0, (41, 15, 9)
 #: Least friction of a straight line.
 _LEAST = 0.002
-#: A trial informs if it raises the log density by so much. So many must, and this many times as many as speak against it; of a
-#: change so many must, over this share of the log.
+#: A trial informs if it raises the log density by this. Least number of those that do, and their multiple of those that speak
+#: against it; for a change, their least number and the share of the log that they span.
 _INFORMS, _FEWEST_TRIALS, _AGAINST, _FEWEST_OF_CHANGE, _OVER = 1.0, 3, 3, 5, 0.3
 #: Friction opposes true slip: where it does in a smaller share of the trials, the slip is noise.
 _OPPOSED = 0.8
-#: So many trials whose fingers slip decide by their median: one within so many standard errors of the rig's friction is that.
+#: Least slipping trials that decide by their median; within this many standard errors of the rig's friction it is that.
 _DECIDE, _NEAR = 5, 2.0
 #: Standard error, over itself, of a friction at which a few fingers moved.
 _FEW_ERROR = 0.05

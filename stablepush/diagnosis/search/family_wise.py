@@ -17,7 +17,7 @@ def family_wise_p_values(tests: Mapping[str, ScoreTest], seed: int = 0) -> dict[
 
     The scores are linearised at the fit; trials keep their errors but for the sign, the same for all effects (the least
     p-value of Westfall and Young 1993 by the score bootstrap of Kline and Santos 2012). The signs of ``n`` trials that carry the
-    information have ``2^(n-1)`` patterns apart from a common sign: no p-value is less than one of so many.
+    information have ``2^(n-1)`` patterns apart from a common sign: no p-value is less than one over their number.
     """
     trials = max((len(test.scores) for test in tests.values()), default=0)
     signs = np.random.default_rng(seed).choice((-1.0, 1.0), (_DRAWS, trials))

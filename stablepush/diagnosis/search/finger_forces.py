@@ -10,7 +10,7 @@ import numpy as np
 from stablepush.core import BoolArray, FloatArray
 from stablepush.diagnosis.likelihood.likelihood import Fitted, Likelihood
 
-#: Slip counts from so many of its own standard errors, and from this share of the speed.
+#: Least slip: in its standard errors, and over the speed.
 _SLIPS, _SLIP_SHARE = 4.0, 0.2
 #: Fingers creep if they slip by this share of the way of a push. Trials give the same friction if none is off by the other share.
 _CREEP, SAME = 0.02, 0.15
@@ -68,7 +68,7 @@ class FingerForces:
         """Return the friction at which fingers moved although ``nominal`` friction would have held them, for plans to be safe.
 
         It is the largest ratio of trials whose fingers slip or creep, if no sticking one has a much greater ratio. None if that
-        is not clearly less than ``nominal``, or if so many move that they can be tested instead.
+        is not clearly less than ``nominal``, or if enough move for a test.
         """
         if self.moving.sum() >= _TESTABLE:
             return None

@@ -24,14 +24,14 @@ from stablepush.effects import FINGER_FRICTION
 #: Friction that the forces of few trials show must differ by so much, and leave less than this share of the squares; and its
 #: standard error over itself.
 _CLEARLY, _AGREES, _ROUGHLY = 0.1, 0.5, 0.05
-#: Coefficients that are tried, and how often the grid about the best is made finer, of so many.
+#: Coefficients of the first grid, number of refinements about the best, and values of each finer grid.
 _TRIED = np.geomspace(0.05, 1.5, 18)
 _ROUNDS, _FINER = 3, 5
-#: Surfaces of a model's ensemble with which friction is scanned, of so many values up to so many times the best and below it.
+#: Members of a model's ensemble with which friction is scanned, values of each scan, and its reach as a factor on the best.
 _MEMBERS, _SEARCHED, _FARTHER = 6, 7, 1.8
-#: Friction near that of the forces: within so many of its standard errors, and so many values of it.
+#: Scan about the friction that forces show: reach in its standard errors, and number of values.
 _REACH, _NEAR = 3.0, 25
-#: A final pose is off if it is so many times as far off as noise makes it, and as what the friction of the table may be wrong by,
+#: A final pose is off from this multiple of its noise, with what a wrong friction of the table makes of it,
 #: a share of the slider's radius.
 _OFF, _WRONG = 5.0, 0.02
 #: So many pushes must be off, of which friction must leave less than this share of the squares; no push may get much worse.

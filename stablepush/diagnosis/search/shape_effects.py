@@ -19,9 +19,10 @@ OF_BODY = tuple(id for id, kind in CATALOGUE.items() if kind.reshapes)
 #: another form than the catalogue's has the second and more, a surface that the nominal pressure cannot have leaves half or less.
 #: Beside a nominal surface that was fitted to pokes, whose errors look alike, and for a grain it is the first.
 _ALL_BUT, _ALL_BUT_OF_PRESSURE = 0.9, 0.75
-#: Where a free surface, of many parameters, gains nothing clear, an effect in the body frame must do so many times what one must.
+#: Where a free surface, of many parameters, gains nothing clear, an effect in the body frame must pass
+#: this multiple of the demands.
 _ALONE = 15.0
-#: The centre of pressure has moved if it is off by so many standard deviations, and that does this share of what a refit does.
+#: The centre of pressure has moved if it is off by this many standard deviations, and brings this share of a refit's gain.
 _MOVED, _MOST_OF = 8.0, 0.4
 
 

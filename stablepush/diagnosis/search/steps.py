@@ -24,7 +24,7 @@ MOST, _TRIED = 4, 4
 ALIKE = 1e-6
 #: Mean square of the residual clearances of the fingers, over their noise, from which two effects may hide each other.
 _LACK = 4.0
-#: Two effects at once must do so many times what one must.
+#: Multiple of the demands on one effect that two at once must pass.
 _TWO = 2.0
 #: A further cause must gain this share of what those before it explain: what an effect of another form leaves is not another's.
 #: The latter share where one of those has shown that its form is another than the catalogue's.

@@ -43,7 +43,7 @@ _UNSIZED = (
     "state the support friction (friction: support) and the mass of the slider, rough values do, and diagnose again: without "
     "these or forces no corrected surface is made"
 )
-#: A channel is predicted worse by a correction that leaves so many times what there was, and what noise leaves.
+#: A correction predicts a channel worse if it leaves this multiple of the error before, and of the floor.
 _WORSE, _BEYOND = 1.5, 1.1
 #: Causes that are less probable than this need no further experiment.
 _UNLIKELY = 0.05

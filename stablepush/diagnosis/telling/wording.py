@@ -26,7 +26,7 @@ from stablepush.io import PushLog, Rig
 
 #: Trials and effects that a sentence lists at most, and the least probability of an effect that one lists.
 _LISTED, _LIKELY = 3, 0.005
-#: A sentence compares a size with the noise if it is so many times as large: means over pushes may be off by less.
+#: Least ratio of a size to the noise for a sentence to compare them: means over pushes may be off by less.
 _LARGER = 1.2
 #: A share below this goes without saying.
 _TOLD_SHARE = 0.05
@@ -44,7 +44,7 @@ _REPORTED = 0.05
 _NEARER = 1.02
 #: A refitted surface does much of what a correction does from this share of it.
 _MUCH = 0.5
-#: What a correction leaves is told from so many times the noise.
+#: Least ratio of what a correction leaves to the floor, to be reported.
 _LEFT = 2.0
 #: An interval whose middle is so far from the estimate, over its half width, is told by its ends.
 _LOPSIDED = 0.2
@@ -60,7 +60,7 @@ _ERRORS_OF = {
     "wrench": "the error of the wrench", "twist": "the error of the direction of motion",
     "pose": "the error of the final pose, push by push,", "stability": "the share of wrong labels of stability",
 }  # fmt: skip
-#: Change of the friction (%) that is none.
+#: Changes of the friction below this (%) count as zero.
 _ALIKE = 0.5
 #: Units of parameters as people say them: factor and unit.
 _SHOWN = {
@@ -398,7 +398,7 @@ def _outliers(found: Attribution) -> np.ndarray:
 
 
 def still_note(names: Sequence[str], pushes: int) -> str:
-    """Which of so many pushes did not move the object."""
+    """Which pushes, of the number of all, did not move the object."""
     return (
         f"the object does not move in {len(names)} of {pushes} pushes ({some_of(names)}), which are left out: "
         "if a plan was carried out, it had lost the object before"
@@ -423,7 +423,7 @@ def suspicion_note(friction: float, nominal: float) -> str:
 
 
 def slipping_note(names: Sequence[str], pushes: int) -> str:
-    """Which of so many pushes slipped though the nominal simulation calls them stable."""
+    """Which pushes, of the number of all, slipped though the nominal simulation calls them stable."""
     return (
         f"fingers slipped in {len(names)} of {pushes} pushes that the nominal simulation calls stable ({some_of(names)}): "
         "the friction of the fingers is wrong, or the contact misplaced"
