@@ -12,7 +12,8 @@ from stablepush_planners.context import goal_ends
 import stablepush as sp
 from stablepush.core import Deadline
 from stablepush.geometry import wrap_angle
-from stablepush.planning import PlanResult, likely, registry
+from stablepush.planning import PlanResult, registry
+from stablepush.planning.chance import constrained
 from stablepush.planning.chance.scenarios import draw_scenarios
 
 SCENE = small_scene()
@@ -88,7 +89,7 @@ def asked_of(problem, limit, effort):
         found = sp.plan(problem.with_changes(contacts=problem.contacts[:1]), success=0, refinement_budget=0, time_limit=60)
         return replace(found, message="")
 
-    likely.likely_plan(problem, 0.5, attempt, Deadline(limit), limit, effort, 0)
+    constrained.likely_plan(problem, 0.5, attempt, Deadline(limit), limit, effort, 0)
     return asked
 
 
