@@ -20,6 +20,7 @@ from .kind import (
     PushSetup as PushSetup,
     RigBounds as RigBounds,
     TouchingRows as TouchingRows,
+    in_order as in_order,
 )
 from .kinds.anisotropy import friction_over_direction as friction_over_direction, principal as principal
 from .kinds.contact_friction import friction_change as friction_change

@@ -7,7 +7,7 @@ they are two lobes, of a size a difference.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -27,7 +27,7 @@ PLACE, SLOWEST, FASTEST = 0.15, -2.5, 1.5
 #: Bound on the terms of families in fits, over half of their plausible range.
 _FAR = 4.0
 #: Steps of differences by the terms of a family, over half of their plausible range: small beside it, large beside rounding.
-SMALL_TERM = 0.05
+_SMALL_TERM = 0.05
 #: Effects count from this share of half of their plausible range.
 _LEAST = 0.03
 
@@ -178,12 +178,16 @@ class EffectKind:
     reshapes : str
         ``"pressure"`` for effects that a refitted pressure takes in, ``"body"`` for others that only change the shape of the
         limit surface, else blank.
+    pulls : bool
+        Whether it pulls the slider, along the numbers (2,) of its parameter in W.
     on_points : bool
         Whether it changes the friction of points under the slider.
-    moves_center, moves_tracker, two_lobed, depends_on_speed, by_slip, of_lab, per_log, varies : bool
+    moves_center, moves_tracker, two_lobed, depends_on_speed, by_slip, of_radius, of_axes, of_lab, per_log, varies : bool
         A pressure whose centre moves; a tracked origin that does; friction that depends on direction, or on speed; friction of
-        the fingers, which shows where they slip; effect of a lab's own; one that each of several logs has of its own; one that
-        may differ between logs.
+        the fingers, which shows where they slip; their radius; axes of the force sensor; effect of a lab's own; one that each of
+        several logs has of its own; one that may differ between logs.
+    rank : int
+        Of effects that act on one thing those of lower rank act first (:func:`in_order`).
     systematic : float
         Share of an estimate that it may be off beside its scatter, since rows are means over parts of pushes.
     curve : str
@@ -227,6 +231,10 @@ class EffectKind:
     two_lobed: bool = False
     depends_on_speed: bool = False
     by_slip: bool = False
+    rank: int = 0
+    pulls: bool = False
+    of_radius: bool = False
+    of_axes: bool = False
     of_lab: bool = False
     per_log: bool = False
     varies: bool = False
@@ -240,6 +248,12 @@ class EffectKind:
     not_in_models: tuple[str, ...] = ()
     needs_weight: bool = False
 
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"an effect never changes: {name} of {self.id}")
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.id}>"
+
     @property
     def changes_plans(self) -> bool:
         """Whether other pushes may be stable with it. Effects of the sensors leave them as they are."""
@@ -248,7 +262,12 @@ class EffectKind:
     @property
     def in_loads(self) -> bool:
         """Whether it changes the loads that are read."""
-        return self.slots is not None or self.of_lab
+        return self.slots is not None or self.reads_otherwise
+
+    @property
+    def reads_otherwise(self) -> bool:
+        """Whether :meth:`wrench` says what it changes of the loads, where no compiled reading does."""
+        return type(self).wrench is not EffectKind.wrench
 
     @property
     def description(self) -> dict[str, Any]:
@@ -338,7 +357,7 @@ class EffectKind:
         if k < self.size and self.small:
             return self.small
         plausible = self.family.plausible if k >= self.size and self.family is not None else self.plausible
-        return SMALL_TERM * plausible
+        return _SMALL_TERM * plausible
 
     def estimates(self, value: FloatArray, errors: FloatArray) -> dict[str, tuple[Any, Any, Any]]:
         """Return estimate, lower and upper end of the 95 % interval of each parameter; ``errors``: standard errors of the fit."""
@@ -359,3 +378,8 @@ class EffectKind:
     def import_value(self, estimates: Mapping[str, Any], was: Any) -> str:
         """Return what to write for :attr:`import_key`, which ``was`` that (None: nothing) when the log was imported."""
         return ""
+
+
+def in_order(kinds: Iterable[EffectKind]) -> list[EffectKind]:
+    """Return effects in the order in which they act."""
+    return sorted(kinds, key=lambda kind: kind.rank)

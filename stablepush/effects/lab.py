@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ _GROUP = "stablepush.effects"
 _ACTS = ("support", "sensing")
 
 
-class LabEffect(EffectKind):
+class LabEffect:
     """An effect that the catalogue does not have.
 
     Derive from it, set the attributes, and say what the effect changes: the loads that are read, the clearances between fingers
@@ -44,38 +44,54 @@ class LabEffect(EffectKind):
         What to do once it is named; if it is not given, to remove its cause.
     """
 
+    id: str
+    what: str
+    needs: str
     parameter: Parameter
-    of_lab = in_clearances = True
+    acts: str = "support"
+    remedy: str = ""
 
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        return (self.parameter,)
-
-    @property
-    def size(self) -> int:  # type: ignore[override]
-        return self.parameter.size
-
-    @property
-    def unseen(self) -> str:  # type: ignore[override]
-        return self.needs
-
-    @property
-    def description(self) -> dict[str, Any]:
-        words = {"what": f"{self.what}; of an installed package", "remedy": self.remedy or LAB_REMEDY}
-        return {**super().description, **words, "parameters": [asdict(self.parameter) | {"nominal": 0.0}]}
+    def wrench(self, rows: LogRows, wrench: FloatArray, value: FloatArray) -> FloatArray:
+        """Return the loads (n, 3) that are read in the tracked frame, of those without the effect; linear in these, but for a
+        constant."""
+        return wrench
 
     def clearance(self, rows: LogRows, finger: int, value: FloatArray) -> FloatArray:
         """Return how much (n,) in m the clearance of finger 0 or 1 is changed: its centre's distance from the outline less its
         radius; NaN where that is unknown. Linear in the value."""
         return np.zeros(len(rows.time))
 
+
+class _OfLab(EffectKind):
+    """A lab's effect as one that is fitted like those of the catalogue: whatever else its class holds is its own."""
+
+    of_lab = in_clearances = True
+    _effect: LabEffect
+
+    def __init__(self, effect: LabEffect) -> None:
+        parameter = replace(effect.parameter, nominal=0.0)
+        own: dict[str, Any] = {
+            "id": effect.id, "what": effect.what, "acts": effect.acts, "needs": effect.needs, "unseen": effect.needs,
+            "remedy": effect.remedy, "parameters": (parameter,), "size": parameter.size,
+            # half of the range in which its parameter is found
+            "plausible": (parameter.high - parameter.low) / 2,
+        }  # fmt: skip
+        vars(self).update(own, _effect=effect)
+
     @property
-    def plausible(self) -> float:  # type: ignore[override]
-        """Half of the range in which its parameter is found."""
-        return (self.parameter.high - self.parameter.low) / 2
+    def description(self) -> dict[str, Any]:
+        words = {"what": f"{self.what}; of an installed package", "remedy": self.remedy or LAB_REMEDY}
+        return {key: value for key, value in (super().description | words).items() if key != "says"}
 
     def limited(self, value: FloatArray, bounds: RigBounds) -> FloatArray:
-        return np.clip(value, self.parameter.least, self.parameter.most)
+        return np.clip(value, self.parameters[0].least, self.parameters[0].most)
+
+    def wrench(self, rows: LogRows, wrench: FloatArray, value: FloatArray) -> FloatArray:
+        return self._effect.wrench(rows, wrench, value)
+
+    def clearance(self, rows: LogRows, finger: int, value: FloatArray) -> FloatArray:
+        """Return how much (n,) in m the effect changes the clearance of finger 0 or 1."""
+        return self._effect.clearance(rows, finger, value)
 
     def clearance_slope(self, touch: TouchingRows, value: FloatArray) -> FloatArray:
         units = np.eye(self.size)
@@ -83,13 +99,13 @@ class LabEffect(EffectKind):
         return np.nan_to_num(np.column_stack(changes))
 
 
-def lab_effects(given: Sequence[LabEffect] = ()) -> dict[str, LabEffect]:
+def lab_effects(given: Sequence[LabEffect] = ()) -> dict[str, _OfLab]:
     """Return effects by id: those that packages registered, and those that are given.
 
     Raises :class:`InputError` for one that is given and is none, has no name of its own, or nothing to be fitted. One that a
     package registered is then left out, and so is one that cannot be loaded: a :class:`StablepushWarning` says which.
     """
-    found: dict[str, LabEffect] = {}
+    found: dict[str, _OfLab] = {}
     for name in plugin_names(_GROUP):
         try:
             entry = load_plugin(_GROUP, name)
@@ -100,15 +116,16 @@ def lab_effects(given: Sequence[LabEffect] = ()) -> dict[str, LabEffect]:
             warnings.warn(StablepushWarning(f"the registered effect {name} is left out: {words}"), stacklevel=2)
         else:
             found[effect.id] = effect
-    own: dict[str, LabEffect] = {}
-    for number, effect in enumerate(given):
-        own[effect.id] = _checked(effect, f"effects[{number}]", own)
+    own: dict[str, _OfLab] = {}
+    for number, one in enumerate(given):
+        effect = _checked(one, f"effects[{number}]", own)
+        own[effect.id] = effect
     # what is given takes the place of what is installed under the same id
     return found | own
 
 
-def _checked(effect: object, place: str, others: Mapping[str, LabEffect]) -> LabEffect:
-    """The effect, if it is one."""
+def _checked(effect: object, place: str, others: Mapping[str, _OfLab]) -> _OfLab:
+    """The effect as it is fitted, if it is one."""
     if not isinstance(effect, LabEffect):
         got = "a class, not an object of it" if isinstance(effect, type) else type(effect).__name__
         raise InputError(place, "expected a LabEffect", got)
@@ -116,34 +133,32 @@ def _checked(effect: object, place: str, others: Mapping[str, LabEffect]) -> Lab
     if not id or id in CATALOGUE or id in others:
         raise InputError(place, "expected an id of its own", repr(id))
     for name in ("what", "needs", "remedy"):
-        if not isinstance(getattr(effect, name, None), str) or not (getattr(effect, name) or name == "remedy"):
+        if not isinstance(getattr(effect, name, None), str):
             raise InputError(place, f"expected {name}, in words", "none")
     if not isinstance(getattr(effect, "parameter", None), Parameter):
         raise InputError(place, "expected a parameter, a stablepush.effects.Parameter", "none")
     if effect.acts not in _ACTS:
         raise InputError(place, f"expected acts {' or '.join(_ACTS)}", repr(effect.acts))
-    if not effect.plausible > 0:
+    if not effect.parameter.low < effect.parameter.high:
         raise InputError(place, "expected a parameter with a range, low < high")
     if not effect.parameter.least <= 0 <= effect.parameter.most:
         raise InputError(place, "expected a parameter that may be 0, which is no effect")
-    return effect
+    return _OfLab(effect)
 
 
-def applicable(
-    effects: Mapping[str, LabEffect], rows: LogRows, asked: Sequence[str]
-) -> tuple[dict[str, LabEffect], dict[str, str]]:
+def applicable(effects: Mapping[str, _OfLab], rows: LogRows, asked: Sequence[str]) -> tuple[dict[str, _OfLab], dict[str, str]]:
     """Return the effects that a log can be asked about, and what it lacks for others. Those that packages registered are
     left out, with a :class:`StablepushWarning` if that is not for want of a column.
 
     Raises :class:`InputError` for one that was asked for, if the log lacks a column that it reads, or if what it returns has
     another shape, is not finite where the log is, or changes anything at 0.
     """
-    found: dict[str, LabEffect] = {}
+    found: dict[str, _OfLab] = {}
     lacking: dict[str, str] = {}
     known = np.isfinite(rows.wrench).all(axis=1)
     wrench = np.nan_to_num(rows.wrench)
     for id, effect in effects.items():
-        small, got, missing = np.full(effect.parameter.size, 0.01 * effect.plausible), "", False
+        small, got, missing = np.full(effect.size, 0.01 * effect.plausible), "", False
         try:
             read, without = (np.asarray(effect.wrench(rows, wrench.copy(), value)) for value in (small, 0 * small))
             touch = [np.asarray(effect.clearance(rows, finger, 0 * small)) for finger in (0, 1)]

@@ -11,7 +11,7 @@ import numpy as np
 from stablepush.core import EffectError, FloatArray, InputError
 from stablepush.effects.catalogue import CATALOGUE
 from stablepush.effects.effect import Effect
-from stablepush.effects.kind import REFERENCE_SPEED
+from stablepush.effects.kind import REFERENCE_SPEED, in_order
 from stablepush.geometry import rotate_vectors, unit
 from stablepush.mechanics import TableFriction
 from stablepush.objects import Slider, SupportDistribution
@@ -36,10 +36,9 @@ def with_effects(
     """
     points = surface.support.points
     fields: dict[str, Any] = {}
-    # what scales about the nominal centre comes before what moves it
-    for id in sorted(acting, key=lambda id: -CATALOGUE[id].number):
-        points = CATALOGUE[id].pressed(points, center, acting[id])
-        fields |= CATALOGUE[id].table_fields(acting[id], weight, gyration)
+    for kind in in_order(CATALOGUE[id] for id in acting):
+        points = kind.pressed(points, center, acting[kind.id])
+        fields |= kind.table_fields(acting[kind.id], weight, gyration)
     if points is surface.support.points:
         return surface, fields
     support = SupportDistribution(points, surface.support.weights)

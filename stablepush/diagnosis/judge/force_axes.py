@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from stablepush.diagnosis.results import RankedEffect
+from stablepush.effects import CATALOGUE
 
 #: Least half difference of the gains, over their mean, and how many half widths of its 95 % interval it must be.
 _LEAST, _CLEAR = 0.02, 2.0
@@ -39,7 +40,7 @@ def uneven_axes(entry: RankedEffect | None) -> ForceAxes | None:
     ``S = r ((cos 2φ, sin 2φ), (sin 2φ, -cos 2φ))`` beside a rotation has the gains ``1 ± r``, the larger one along
     ``φ + angle/2`` of the readings.
     """
-    if entry is None or entry.effect != "force-rotation" or entry.form is None or "angle" not in entry.parameters:
+    if entry is None or not CATALOGUE[entry.effect].of_axes or entry.form is None or "angle" not in entry.parameters:
         return None
     stretch, shear = entry.form["coefficients"][:2]
     size = math.hypot(stretch, shear)

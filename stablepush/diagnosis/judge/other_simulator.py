@@ -14,9 +14,10 @@ import numpy as np
 from scipy.stats import t as student
 
 from stablepush.core import FloatArray, InputError, some_of
-from stablepush.diagnosis.likelihood.building import log_model
+from stablepush.diagnosis.likelihood.experiment import experiment_of
 from stablepush.diagnosis.likelihood.nominal import nominal_of
 from stablepush.diagnosis.likelihood.replay import Replay, friction_of, pose_errors, replays
+from stablepush.diagnosis.likelihood.wrench import Wrench
 from stablepush.diagnosis.results import ChannelGap, GapReduction
 from stablepush.diagnosis.rows.observations import Observations, observe
 from stablepush.geometry import compose, exp, inverse, wrap_angle
@@ -321,10 +322,9 @@ def less_simulated(comparison: Comparison, observations: Observations, pushes: l
     }
     wrench = np.full_like(observations.wrench, np.nan)
     if o.has_wrench.any() and observations.has_wrench.any():
-        likelihood = log_model(o, rig, []).likelihood
-        there, channel = likelihood.experiment.observations, likelihood.wrench
-        assert channel is not None
-        beyond = there.wrench - channel.predict(likelihood.prior.nominal, {})
+        experiment = experiment_of(o, rig)
+        there, channel = experiment.observations, Wrench(experiment, experiment.believed.loads_on(experiment.points))
+        beyond = there.wrench - channel.predict(channel.nominal, {})
         wrench = observations.wrench - _at(observations, there, beyond, partners)
     clearance = observations.clearance - np.nan_to_num(_at(observations, o, o.clearance, partners))
     believed = nominal_of(rig)

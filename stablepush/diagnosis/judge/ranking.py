@@ -126,7 +126,7 @@ def _believed(kind: EffectKind, experiment: Experiment) -> float:
     """The rig's value that an effect changes; 0 if it changes none."""
     if kind.by_slip:
         return experiment.mu
-    return (experiment.observations.finger_radius or 0.0) if kind.acts == "contact" else 0.0
+    return (experiment.observations.finger_radius or 0.0) if kind.of_radius else 0.0
 
 
 def _deviations(found: Attribution, id: str) -> FloatArray:

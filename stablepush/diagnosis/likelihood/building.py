@@ -91,7 +91,7 @@ def _least_scale(rig: Rig) -> float:
 def _nuisance(experiment: Experiment, clearance: Clearance) -> tuple[str, ...]:
     """Effects on what the rig does not state."""
     unknown = experiment.rig.finger_radius is None and clearance.is_seen
-    return tuple(id for id, kind in CATALOGUE.items() if unknown and kind.acts == "contact" and kind.in_clearances)
+    return tuple(id for id, kind in CATALOGUE.items() if unknown and kind.of_radius)
 
 
 def _of_poses(observations: Observations, rig: Rig, replays: Sequence[Replay]) -> LogModel:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
 
 import numpy as np
 
@@ -18,12 +17,10 @@ class Channel(ABC):
 
     Attributes
     ----------
-    name : str
     trial : array of int, shape (m,)
         The trial of each whitened row.
     """
 
-    name: ClassVar[str]
     trial: np.ndarray
 
     @abstractmethod
@@ -34,9 +31,10 @@ class Channel(ABC):
     def columns(self, id: str, loads: FloatArray, values: Values, size: int) -> FloatArray:
         """Return derivatives (m, size) of the prediction over the noise by the first numbers of an effect."""
 
-    @abstractmethod
     def by_loads(self, values: Values, directions: FloatArray | None, count: int) -> FloatArray:
-        """Return derivatives (m, q) by the loads, along ``directions`` (k, q); by each of ``count`` loads if there are none."""
+        """Return derivatives (m, q) by the loads, along ``directions`` (k, q); by each of ``count`` loads if there are none. Zero
+        for rows that do not depend on the friction under the slider."""
+        return np.zeros((len(self.trial), count if directions is None else directions.shape[1]))
 
     def about(self, loads: FloatArray, values: Values) -> Channel:
         """Return the channel with derivatives about other loads and effects; itself if it has them exactly."""
@@ -45,10 +43,3 @@ class Channel(ABC):
     def tells(self, id: str) -> BoolArray:
         """Return which rows (m,) count as evidence for an effect. The effect itself changes all rows."""
         return np.ones(len(self.trial), dtype=bool)
-
-
-class WithoutLoads(Channel):
-    """Rows that do not depend on the friction under the slider."""
-
-    def by_loads(self, values: Values, directions: FloatArray | None, count: int) -> FloatArray:
-        return np.zeros((len(self.trial), count if directions is None else directions.shape[1]))

@@ -8,14 +8,14 @@ from functools import cached_property
 import numpy as np
 
 from stablepush.core import FloatArray
-from stablepush.diagnosis.likelihood.channel import Values, WithoutLoads
+from stablepush.diagnosis.likelihood.channel import Channel, Values
 from stablepush.diagnosis.likelihood.experiment import Experiment
 from stablepush.diagnosis.likelihood.robust import robust_variance
 from stablepush.diagnosis.rows.observations import contact_velocity, rows_of
 from stablepush.effects import EffectKind, TouchingRows
 
 
-class Clearance(WithoutLoads):
+class Clearance(Channel):
     """Rows finger by finger, where one touches.
 
     Attributes
@@ -27,8 +27,6 @@ class Clearance(WithoutLoads):
     noise : float
         In m.
     """
-
-    name = "touch"
 
     def __init__(self, experiment: Experiment) -> None:
         o, noise = experiment.observations, experiment.noise

@@ -123,6 +123,11 @@ class Experiment:
                 found[id] = np.concatenate((own[k], terms[k]))
         return found
 
+    def loads_of(self, loads: FloatArray, k: int) -> FloatArray:
+        """Return the friction loads (points, ...) of one log, of those of all logs one behind the other."""
+        points = len(self.points)
+        return loads[k * points : (k + 1) * points] if len(loads) > points else loads
+
     def clipped(self, id: str, value: FloatArray) -> FloatArray:
         """Return numbers of an effect within what this rig can have: no delay outlasts a push, no offset leaves it."""
         kind = self.effects[id]

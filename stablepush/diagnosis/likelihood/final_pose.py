@@ -35,8 +35,6 @@ class FinalPoses:
     lost : list of Replay
         Others: the final pose of a push whose finger just passes a corner cannot be predicted. ``lost_noise`` (m, 3) in m is
         larger; an object that is lost is farther off than that.
-    left_out : int
-        Pushes that are not in ``pushes``.
     """
 
     experiment: Experiment
@@ -45,7 +43,6 @@ class FinalPoses:
     noise: FloatArray
     lost: list[Replay]
     lost_noise: FloatArray
-    left_out: int
     _nominal_errors: dict[Replay, FloatArray] = field(repr=False)
 
     def errors(self, pushes: Sequence[Replay], loads: FloatArray, values: Values, believed: Nominal | None = None) -> FloatArray:
@@ -80,7 +77,7 @@ class FinalPoses:
 def final_poses_of(experiment: Experiment, prior: Prior, pushes: Sequence[Replay]) -> FinalPoses:
     """Return the pushes whose final poses can be told, with their noise: what noise of the first pose makes of them."""
     none = np.zeros((0, 3))
-    without = FinalPoses(experiment, prior, [], none, [], none, len({push.trial for push in pushes}), {})
+    without = FinalPoses(experiment, prior, [], none, [], none, {})
     if not prior.has_surface or not pushes:
         return without
     noise, rho = experiment.noise, experiment.rho
@@ -96,7 +93,6 @@ def final_poses_of(experiment: Experiment, prior: Prior, pushes: Sequence[Replay
         noise=np.hypot(moved[kept], own),
         lost=[push for push, out in zip(pushes, left, strict=True) if out],
         lost_noise=np.hypot(moved[left], own),
-        left_out=len({push.trial for push in pushes} - {push.trial for push in told}),
         _nominal_errors=dict(zip(pushes, nominal, strict=True)),
     )
 
@@ -114,8 +110,6 @@ class FinalPose(Channel):
     base: tuple[FloatArray, Values]
     _slopes: dict[str, FloatArray] = field(default_factory=dict, repr=False)
     _found: dict[object, FloatArray] = field(default_factory=dict, repr=False)
-
-    name = "pose"
 
     @classmethod
     def of(cls, poses: FinalPoses) -> FinalPose:

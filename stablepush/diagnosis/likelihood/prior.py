@@ -57,7 +57,7 @@ class Prior(ABC):
 
     @abstractmethod
     def moved_center(self, loads: FloatArray, changes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return how far (2,) in m the centre of the pressure is from the nominal one, and its standard deviations (2,).
+        """Return how far (2,) in m the centre of the last log's pressure is from the nominal one, and standard deviations (2,).
 
         ``changes``: of the loads, by one standard deviation each.
         """
@@ -84,7 +84,7 @@ class PointLoads(Prior):
             return np.zeros((len(self.nominal), 0)), np.zeros((0, 0))
         if self.experiment.logs == 1:
             return self._of_one(self.nominal, free)
-        each = [self._of_one(self._part(self.nominal, k), free) for k in range(self.experiment.logs)]
+        each = [self._of_one(self.experiment.loads_of(self.nominal, k), free) for k in range(self.experiment.logs)]
         precision = block_diag(*(p for _, p in each))
         return None if free else block_diag(*(d for d, _ in each)), precision
 
@@ -99,23 +99,20 @@ class PointLoads(Prior):
         precision = (np.eye(len(along)) - np.outer(along, along)) / (_SPREAD * total) ** 2
         return None, precision + np.outer(along, along) / (_SCALE * size) ** 2
 
-    def _part(self, loads: FloatArray, k: int) -> FloatArray:
-        points = len(self.experiment.points)
-        return loads[k * points : (k + 1) * points] if len(loads) > points else loads
-
     def of_last(self, loads: FloatArray) -> FloatArray:
-        return self._part(loads, self.experiment.last)
+        return self.experiment.loads_of(loads, self.experiment.last)
 
     def surface(self, loads: FloatArray) -> IdealLimitSurface:
         return self._surface(self.of_last(loads))
 
     def surfaces(self, loads: FloatArray) -> tuple[IdealLimitSurface, ...]:
-        return tuple(self._surface(self._part(loads, k)) for k in range(self.experiment.logs))
+        return tuple(self._surface(self.experiment.loads_of(loads, k)) for k in range(self.experiment.logs))
 
     def moved_center(self, loads: FloatArray, changes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        points = self.experiment.points
+        points, nominal = self.experiment.points, self.of_last(self.nominal)
+        loads, changes = self.of_last(loads), self.of_last(changes)
         center = loads @ points / loads.sum()
-        off = center - self.nominal @ points / self.nominal.sum()
+        off = center - nominal @ points / nominal.sum()
         spread = (changes.T @ points - np.outer(changes.sum(axis=0), center)) / loads.sum()
         return off, np.sqrt((spread**2).sum(axis=0))
 
@@ -133,7 +130,7 @@ class PointLoads(Prior):
             positive, _ = nnls(rows, rows @ loads)
         if (positive > 0).sum() < 2:
             # a log that carries no information on the pressure: a little of the nominal one keeps it a surface
-            positive = positive + 1e-6 * np.abs(self._part(self.nominal, self.experiment.last))
+            positive = positive + 1e-6 * np.abs(self.experiment.loads_of(self.nominal, self.experiment.last))
         carrying = positive > 0
         return IdealLimitSurface(SupportDistribution(points[carrying], positive[carrying]), float(positive.sum()), rho)
 

@@ -14,7 +14,7 @@ from stablepush.core import BoolArray, ConvergenceError, FloatArray, InputError,
 from stablepush.diagnosis.likelihood.nominal import Nominal, nominal_of
 from stablepush.diagnosis.rows.fingers import finger_places
 from stablepush.diagnosis.rows.observations import Observations
-from stablepush.effects import CATALOGUE, EffectKind, PushSetup, with_effects
+from stablepush.effects import CATALOGUE, EffectKind, PushSetup, in_order, with_effects
 from stablepush.geometry import (
     compose,
     contacts_on_outline,
@@ -312,7 +312,7 @@ def carried(
 
 def carry_out(replay: Replay, table: Any, slider: Slider, mu: float, values: Mapping[str, FloatArray]) -> FloatArray:
     """Return the pose (3,) of the tracked frame where a push ends, on a table as compiled; NaN where it cannot be simulated."""
-    moving = _moving(values)
+    moving = in_order(_moving(values))
     setup = PushSetup(replay.start, replay.pusher, mu)
     for kind in moving:
         setup = kind.at_start(setup, replay, values[kind.id])
@@ -321,7 +321,6 @@ def carry_out(replay: Replay, table: Any, slider: Slider, mu: float, values: Map
     except (InputError, ConvergenceError):
         return np.full(3, np.nan)
     end = trace.poses[-1]
-    # what is read late is of the tracked origin, too
-    for kind in reversed(moving):
+    for kind in moving:
         end = kind.at_end(end, trace, replay, values[kind.id])
     return end

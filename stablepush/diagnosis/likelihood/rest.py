@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from stablepush.core import FloatArray
-from stablepush.diagnosis.likelihood.channel import Values, WithoutLoads
+from stablepush.diagnosis.likelihood.channel import Channel, Values
 from stablepush.diagnosis.likelihood.experiment import Experiment
 
 
-class Rest(WithoutLoads):
+class Rest(Channel):
     """Forces in W of readings at rest: those are offsets of the sensor."""
-
-    name = "rest"
 
     def __init__(self, experiment: Experiment) -> None:
         o = experiment.observations

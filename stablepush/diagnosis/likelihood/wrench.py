@@ -46,14 +46,12 @@ class Wrench(Channel):
         facets of points.
     """
 
-    name = "wrench"
-
     def __init__(self, experiment: Experiment, loads: FloatArray) -> None:
         o, slider = experiment.observations, experiment.rig.slider
         self._experiment = experiment
         self.beyond_points = experiment.believed.beyond_points(o.twist)
         self._rows = [np.flatnonzero(experiment.log[o.trial] == k) for k in range(experiment.logs)]
-        own = {id: kind for id, kind in experiment.effects.items() if kind.of_lab}
+        own = {id: kind for id, kind in experiment.effects.items() if kind.reads_otherwise}
         self._models = [
             ForwardModel(
                 rows_of(o, rows), experiment.points, experiment.weight, slider.radius_of_gyration**2, experiment.center,
@@ -133,16 +131,11 @@ class Wrench(Channel):
         """Return the effects that change loads."""
         return {id: v for id, v in values.items() if self._experiment.effects[id].in_loads}
 
-    def _part(self, loads: FloatArray, k: int) -> FloatArray:
-        """Loads of one log, along the first axis."""
-        points = len(self._experiment.points)
-        return loads[k * points : (k + 1) * points] if len(loads) > points else loads
-
     def predict(self, loads: FloatArray, values: Values) -> FloatArray:
         """Return the wrenches (n, 3) for friction loads (k,) and the effects that change loads."""
         acting, result = self.acting(values), np.empty_like(self.beyond_points)
         for k, (rows, model) in enumerate(zip(self._rows, self._models, strict=True)):
-            result[rows] = model.predict(self._part(loads, k), self._experiment.values_of(acting, k))
+            result[rows] = model.predict(self._experiment.loads_of(loads, k), self._experiment.values_of(acting, k))
         return result
 
     def matrix(self, values: Values) -> tuple[FloatArray, FloatArray]:

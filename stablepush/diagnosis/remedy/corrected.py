@@ -110,7 +110,7 @@ def _correction(
     others = [id for id in effects if not (_folded(kinds[id]) or kinds[id].of_lab) and known[id].parameters]
     radius, offset = None, None
     for id in (id for id in effects if id in values):
-        if kinds[id].in_clearances and kinds[id].acts == "contact" and all(experiment.observations.off):
+        if kinds[id].of_radius and all(experiment.observations.off):
             radius = max(0.0, (experiment.observations.finger_radius or 0.0) + float(values[id][0]))
         if kinds[id].moves_tracker:
             offset = values[id][:2]

@@ -12,6 +12,7 @@ from stablepush.core import BoolArray, FloatArray
 from stablepush.diagnosis.likelihood.likelihood import Fitted, Likelihood
 from stablepush.diagnosis.likelihood.robust import robust_scale, student_density, student_weights
 from stablepush.diagnosis.search.folds import folds_of
+from stablepush.effects import in_order
 from stablepush.objects import SupportDistribution
 from stablepush.surfaces import IdealLimitSurface, LimitSurface
 
@@ -66,8 +67,7 @@ def corrected_surface(likelihood: Likelihood, base: Base, refit: Base | None = N
     center = likelihood.experiment.center
     points = likelihood.experiment.points[carrying]
     moved = [kind for id, kind in likelihood.experiment.effects.items() if kind.reshapes == "pressure" and id in fitted.values]
-    # what scales about the nominal centre comes before what moves it
-    for kind in reversed(moved):
+    for kind in in_order(moved):
         points = kind.pressed(points, center, kind.numbers(fitted.values[kind.id]))
     best, members = best[carrying], members[:, carrying]
     ensemble = members if np.ptp(members, axis=0).any() else None

@@ -42,7 +42,7 @@ def remedy_of(diagnosis: Diagnosis) -> Remedy:
     # a rig has fingers of one radius
     one_alone = not all(diagnosis.case.observations.off)
     kinds = experiment.effects
-    of_rig = [id for id in found.named if not (one_alone and kinds[id].acts == "contact" and kinds[id].in_clearances)]
+    of_rig = [id for id in found.named if not (one_alone and kinds[id].of_radius)]
     effects = {
         entry.effect: of_last_log(entry, experiment)
         for entry in ranking
@@ -80,7 +80,7 @@ def _completed(rig: Rig, found: Attribution) -> Rig:
         if kind.by_slip and mu is None:
             mu = max(0.0, experiment.mu + float(value[0]))
         seen = experiment.observations.finger_radius
-        if kind.acts == "contact" and kind.in_clearances and radius is None and seen is not None:
+        if kind.of_radius and radius is None and seen is not None:
             radius = max(0.0, seen + float(value[0]))
     # an estimate has no more digits than these
     return replace(rig, contact_friction=_rounded(mu), finger_radius=_rounded(radius))

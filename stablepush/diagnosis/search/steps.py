@@ -73,7 +73,7 @@ def steps(likelihood: Likelihood, aside: frozenset[str], progress: Callable[[str
             break
         fit, model = candidates[first_least([-fit.score for fit, _ in candidates], ALIKE)]
         added = [id for id in model.effects if id not in at.model.effects]
-        explained = at.explained + sum(at.screened[id].gain for id in added if id in at.screened)
+        explained = at.explained + sum(at.screened[id].gain for id in added)
         likelihood = at.likelihood.beginning_at(fit)
         at = _with_families(replace(at, likelihood=likelihood, model=model, fit=likelihood.fit(model), explained=explained))
     return needed(at)

@@ -97,10 +97,10 @@ def _remedies(diagnosis: Diagnosis) -> dict[str, str]:
 
 
 def _level(found: Attribution) -> float | None:
-    """Friction of a fit over the believed one; None where none is believed, or of several logs."""
+    """Friction of a fit over the believed one; None where none is believed, or without forces."""
     likelihood, loads = found.likelihood, found.final.loads
     nominal: FloatArray = likelihood.prior.nominal
-    if likelihood.wrench is None or not likelihood.experiment.known_scale or loads.shape != nominal.shape:
+    if likelihood.wrench is None or not likelihood.experiment.known_scale:
         return None
     return float(loads.sum() / nominal.sum())
 

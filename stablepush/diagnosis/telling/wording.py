@@ -197,7 +197,7 @@ def _cause(likelihood: Likelihood, entry: RankedEffect) -> str:
         return f"{id}: {kind.what}{form}"
     words = kind.says.format(**{p.name: estimate_in_words(p, entry.parameters[p.name]) for p in kind.parameters})
     rig = experiment.rig
-    believed = rig.contact_friction if kind.by_slip else rig.finger_radius if kind.acts == "contact" else None
+    believed = rig.contact_friction if kind.by_slip else rig.finger_radius if kind.of_radius else None
     if believed is not None:
         factor, unit = _SHOWN[kind.parameters[0].unit.partition(" ")[0]]
         words += f", where {factor * believed:.3g}{unit} was assumed"
@@ -356,7 +356,7 @@ def _notes_on_causes(found: Attribution, effects: list[str]) -> list[str]:
             f"extra terms fitted for {', '.join(formed)} are in the ranking, but in no corrected rig or scene, because they are "
             "not simulated"
         )
-    if not all(off) and any(kinds[id].acts == "contact" and kinds[id].in_clearances for id in effects):
+    if not all(off) and any(kinds[id].of_radius for id in effects):
         side = ("left", "right")[off.index(1.0)]
         notes.append(
             f"the radius is that of the {side} finger alone, seen along the push: the other is as in rig.json; "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stablepush.core import FloatArray
-from stablepush.effects.kind import EffectKind, Family, Parameter, PushSetup, ReplayedPush
+from stablepush.effects.kind import EffectKind, Parameter, PushSetup, ReplayedPush
 
 
 def friction_change(value: FloatArray, order: float) -> float:
@@ -27,7 +27,6 @@ class ContactFriction(EffectKind):
     size, plausible, pose_step = 1, 0.4, 0.03
     by_slip = True
     shows_in, curve = "pose", "fingers"
-    family: Family | None = None
     instead = "friction of the fingers is mu of the contacts"
     engines = ("mujoco", "drake")
 

@@ -19,7 +19,7 @@ class ContactGeometry(EffectKind):
     parameters = (Parameter("radius", "m", None, 0.0, 0.02, least=0.0, most=1.0),)
     size, plausible, pose_step = 1, 0.01, 5e-4
     family = Family("place o of the push in the log", ("o - 1/2",), "m", 0.01)
-    in_clearances = True
+    in_clearances = of_radius = True
     shows_in = "pose"
     instead = "the fingers are finger_radius and the points of the contacts"
     engines = ("mujoco", "drake")

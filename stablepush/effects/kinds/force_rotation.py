@@ -23,6 +23,7 @@ class ForceRotation(EffectKind):
         "axes of the sensor, and place o of the push in the log", ("stretch along x", "shear", "turn (o - 1/2)"), "1", 0.3
     )
     slots, term_slots = (16, 17), (47, 50)
+    of_axes = True
     import_key = "force_angle"
     engines = ("mujoco", "drake")
 

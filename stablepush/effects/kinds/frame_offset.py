@@ -33,6 +33,8 @@ class FrameOffset(EffectKind):
     family = Family("place o of the push in the log", (f"({_HALF}) along x", f"({_HALF}) along y"), "m", 0.01)
     slots, term_slots = (17, 19), (51, 53)
     in_clearances = moves_tracker = True
+    # what is read late is of the tracked origin, too
+    rank = 1
     shows_in, import_key = "pose", "body_pose"
     engines = ("mujoco", "drake")
 

@@ -29,6 +29,8 @@ class PressureShift(EffectKind):
     # feet and fingers that give make half of it
     least = 0.08
     moves_center = True
+    # a spread scales about the nominal centre
+    rank = 1
     slots = (8, 10)
     reshapes, on_points, planned, varies = "pressure", True, True, True
     engines = ("mujoco", "drake")

@@ -34,7 +34,7 @@ class Tilt(EffectKind):
     size, plausible, small, pose_step = 2, 0.05, 1e-3, 5e-3
     family = Family("place x, y in W over 0.15 m", ("x along x", "y along x and x along y", "y along y"), "rad", 0.05)
     slots, term_slots = (11, 13), (40, 43)
-    planned = needs_weight = True
+    pulls = planned = needs_weight = True
     engines, not_in_models = ("mujoco", "drake"), ("drake",)
 
     def table_fields(self, numbers: Mapping[str, Sequence[float]], weight: float, gyration: float) -> dict[str, Any]:

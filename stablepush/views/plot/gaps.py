@@ -77,9 +77,9 @@ def plot_residuals(report: GapReport, ax: Axes | None = None) -> Axes:
     title = f"Measured less predicted force, 1 N {1000 * scale:.3g} mm long"
     axes = _draw_over_table(report, places, np.stack([places] * len(forces)), scale * np.stack(forces), title, ax)
     for entry in report.ranking:
-        slope = entry.estimates.get("slope")
-        if entry.effect in report.named and isinstance(slope, list) and entry.form is None:
-            _draw_downhill(axes, np.asarray(slope))
+        kind = CATALOGUE.get(entry.effect)
+        if kind is not None and kind.pulls and entry.effect in report.named and entry.estimates and entry.form is None:
+            _draw_downhill(axes, np.asarray(entry.estimates[kind.parameters[0].name]))
     return axes
 
 
